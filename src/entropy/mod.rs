@@ -1,0 +1,16 @@
+//! Entropy coding: an adaptive binary range coder, adaptive bit models and logistic mixing of several of them.
+
+pub mod model;
+pub mod range_coder;
+
+pub use model::{BitModel, Number};
+pub use range_coder::{RangeDecoder, RangeEncoder};
+
+/// Where the bits of a model go: the encoder writes the given bit, the decoder returns the one it read.
+/// With it every model is written once for both directions.
+pub trait BitCoder {
+    /// Codes one bit whose probability of being 1 is `probability_of_one / 65536`, in `1..=65535`.
+    fn bit(&mut self, probability_of_one: u32, bit: bool) -> bool;
+    /// True where the caller's bits are ignored and the returned ones count.
+    const DECODES: bool;
+}

@@ -1,0 +1,137 @@
+//! Binary range coder: 32-bit interval, 16-bit probabilities, bytes shifted out as soon as they are settled.
+//!
+//! The interval is `[low, high]`, both 32-bit and inclusive. A bit splits it at
+//! `middle = low + floor((high - low) * p / 65536)`; a 1 takes `[low, middle]`, a 0 takes `[middle + 1, high]`.
+//! While the top bytes of `low` and `high` agree that byte is written and both are shifted by 8 bits.
+
+use super::BitCoder;
+
+/// Writes bits.
+#[derive(Debug, Clone)]
+pub struct RangeEncoder {
+    low: u32,
+    high: u32,
+    bytes: Vec<u8>,
+}
+
+impl Default for RangeEncoder {
+    fn default() -> Self {
+        RangeEncoder { low: 0, high: u32::MAX, bytes: Vec::new() }
+    }
+}
+
+impl RangeEncoder {
+    /// An empty stream.
+    pub fn new() -> Self {
+        Self::default()
+    }
+    /// Ends the stream with as few bytes as tell its last interval. Zero bytes at the end are dropped: the decoder reads
+    /// zeros past the end.
+    pub fn finish(mut self) -> Vec<u8> {
+        // The shortest byte string which, followed by zeros, lies in [low, high].
+        for count in 0..=4u32 {
+            let unit = 1u64 << (32 - 8 * count);
+            let value = (self.low as u64).div_ceil(unit) * unit;
+            if value <= self.high as u64 {
+                for k in 0..count {
+                    self.bytes.push((value >> (24 - 8 * k)) as u8);
+                }
+                break;
+            }
+        }
+        while self.bytes.last() == Some(&0) {
+            self.bytes.pop();
+        }
+        self.bytes
+    }
+    /// Bytes written so far, the pending interval not counted.
+    pub fn len(&self) -> usize {
+        self.bytes.len()
+    }
+    /// True before the first settled byte.
+    pub fn is_empty(&self) -> bool {
+        self.bytes.is_empty()
+    }
+}
+
+impl BitCoder for RangeEncoder {
+    const DECODES: bool = false;
+    #[inline(always)]
+    fn bit(&mut self, probability_of_one: u32, bit: bool) -> bool {
+        let middle = split(self.low, self.high, probability_of_one);
+        if bit {
+            self.high = middle;
+        } else {
+            self.low = middle + 1;
+        }
+        while (self.low ^ self.high) >> 24 == 0 {
+            self.bytes.push((self.high >> 24) as u8);
+            self.low <<= 8;
+            self.high = self.high << 8 | 0xff;
+        }
+        bit
+    }
+}
+
+/// Reads bits from a byte slice; past its end it reads zeros, and counts them.
+#[derive(Debug, Clone)]
+pub struct RangeDecoder<'a> {
+    low: u32,
+    high: u32,
+    code: u32,
+    bytes: &'a [u8],
+    position: usize,
+}
+
+impl<'a> RangeDecoder<'a> {
+    /// Starts at the first byte.
+    pub fn new(bytes: &'a [u8]) -> Self {
+        let mut decoder = RangeDecoder { low: 0, high: u32::MAX, code: 0, bytes, position: 0 };
+        for _ in 0..4 {
+            decoder.code = decoder.code << 8 | decoder.next_byte();
+        }
+        decoder
+    }
+    #[inline(always)]
+    fn next_byte(&mut self) -> u32 {
+        let byte = self.bytes.get(self.position).copied().unwrap_or(0);
+        self.position += 1;
+        byte as u32
+    }
+    /// True when the decoder has asked for more bytes than a well-formed stream of this length may need:
+    /// the stream was cut or is not one of ours. Loops over untrusted streams check this now and then.
+    pub fn is_exhausted(&self) -> bool {
+        // An encoder settles a byte at least every 2^24 of interval; dropped trailing zeros may be any number,
+        // but each costs at least 1/65536 bit, so callers bound the symbols themselves.
+        self.position > self.bytes.len() + (1 << 16)
+    }
+    /// True when every byte has been consumed, as it must be at the end of a stream.
+    pub fn reached_end(&self) -> bool {
+        self.position >= self.bytes.len()
+    }
+}
+
+impl BitCoder for RangeDecoder<'_> {
+    const DECODES: bool = true;
+    #[inline(always)]
+    fn bit(&mut self, probability_of_one: u32, _bit: bool) -> bool {
+        let middle = split(self.low, self.high, probability_of_one);
+        let bit = self.code <= middle;
+        if bit {
+            self.high = middle;
+        } else {
+            self.low = middle + 1;
+        }
+        while (self.low ^ self.high) >> 24 == 0 {
+            self.low <<= 8;
+            self.high = self.high << 8 | 0xff;
+            self.code = self.code << 8 | self.next_byte();
+        }
+        bit
+    }
+}
+
+#[inline(always)]
+fn split(low: u32, high: u32, probability_of_one: u32) -> u32 {
+    low + (((high - low) as u64 * probability_of_one as u64) >> 16) as u32
+}

@@ -1,0 +1,74 @@
+//! What can go wrong, named after who is at fault.
+
+use std::path::{Path, PathBuf};
+
+/// Result of every fallible function of this crate.
+pub type Result<T, E = Error> = std::result::Result<T, E>;
+
+/// An error that names its actor: the system, the file, this build, the limits or the caller.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// The operating system refused to read or write.
+    #[error("{path}: {source}", path = path.display())]
+    Io {
+        /// The file, or `-` for a stream.
+        path: PathBuf,
+        /// What the system said.
+        #[source]
+        source: std::io::Error,
+    },
+    /// A `.tsuya` file is wrong: which section, at which byte of it, and what the specification asks for.
+    #[error("section {section}, byte {offset}: {message}")]
+    Format {
+        /// Four letters of the section, or `file` for what stands outside sections.
+        section: String,
+        /// Offset within the section (within the file for `file`).
+        offset: u64,
+        /// What is wrong and what was expected.
+        message: String,
+    },
+    /// An input file (photograph, mesh, capture description) is wrong.
+    #[error("{path}: {message}", path = path.display())]
+    Input {
+        /// The file.
+        path: PathBuf,
+        /// Where in it, what is wrong, and what to do.
+        message: String,
+    },
+    /// Valid, but not by this build or this version.
+    #[error("not supported: {0}")]
+    Unsupported(String),
+    /// The input asks for more than its [`crate::Limits`] allow.
+    #[error("limit exceeded: {what} asks for {asked}, {allowed} allowed; raise the limit if the file is trusted")]
+    Limits {
+        /// The limited thing.
+        what: &'static str,
+        /// What the input asked for.
+        asked: u64,
+        /// What is left of the limit.
+        allowed: u64,
+    },
+    /// The caller asked for something impossible.
+    #[error("{0}")]
+    Parameter(String),
+}
+
+impl Error {
+    /// An I/O error with its file.
+    pub fn io(path: impl AsRef<Path>, source: std::io::Error) -> Self {
+        Error::Io { path: path.as_ref().to_owned(), source }
+    }
+    /// An error in a section of a `.tsuya` file.
+    pub fn format(section: impl Into<String>, offset: impl TryInto<u64>, message: impl Into<String>) -> Self {
+        Error::Format { section: section.into(), offset: offset.try_into().unwrap_or(u64::MAX), message: message.into() }
+    }
+    /// An error in an input file.
+    pub fn input(path: impl AsRef<Path>, message: impl Into<String>) -> Self {
+        Error::Input { path: path.as_ref().to_owned(), message: message.into() }
+    }
+    /// An error of the caller.
+    pub fn parameter(message: impl Into<String>) -> Self {
+        Error::Parameter(message.into())
+    }
+}

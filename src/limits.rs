@@ -1,0 +1,62 @@
+//! Bounds on what a file may ask for, and the one account they are charged to.
+
+use crate::error::{Error, Result};
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// Bounds on what decoding may use. Everything a file sizes is charged to them before it is allocated.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Limits {
+    /// Bytes of memory for everything that the file sizes, together.
+    pub memory_bytes: u64,
+    /// Frames (captured photographs).
+    pub frames: u32,
+    /// Width or height of a picture, in pixels.
+    pub picture_side: u32,
+    /// Vertices or triangles of the mesh.
+    pub mesh_elements: u32,
+}
+
+impl Default for Limits {
+    fn default() -> Self {
+        Limits { memory_bytes: 4 << 30, frames: 65_536, picture_side: 32_768, mesh_elements: 1 << 26 }
+    }
+}
+
+/// What is left of the memory limit. Shared by all threads of one decode.
+#[derive(Debug)]
+pub struct Budget {
+    limits: Limits,
+    left: AtomicU64,
+}
+
+impl Budget {
+    /// A fresh account.
+    pub fn new(limits: Limits) -> Self {
+        Budget { limits, left: AtomicU64::new(limits.memory_bytes) }
+    }
+    /// The limits of this account.
+    pub fn limits(&self) -> &Limits {
+        &self.limits
+    }
+    /// Charges `bytes` for `what`; an error when they are not there.
+    pub fn charge(&self, what: &'static str, bytes: u64) -> Result<()> {
+        self.left
+            .fetch_update(Ordering::Relaxed, Ordering::Relaxed, |left| left.checked_sub(bytes))
+            .map(|_| ())
+            .map_err(|left| Error::Limits { what, asked: bytes, allowed: left })
+    }
+    /// Charges `count` items of `size` bytes.
+    pub fn charge_items(&self, what: &'static str, count: u64, size: usize) -> Result<()> {
+        let bytes = count.checked_mul(size as u64).unwrap_or(u64::MAX);
+        self.charge(what, bytes)
+    }
+    /// Gives back what was charged for something that is freed again.
+    pub fn release(&self, bytes: u64) {
+        self.left.fetch_add(bytes, Ordering::Relaxed);
+    }
+}
+
+/// Checks a count that the file claims against its limit.
+pub fn check(what: &'static str, asked: u64, allowed: u64) -> Result<()> {
+    if asked > allowed { Err(Error::Limits { what, asked, allowed }) } else { Ok(()) }
+}
