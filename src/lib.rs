@@ -8,6 +8,7 @@ pub mod error;
 pub mod image;
 pub mod limits;
 pub mod surface;
+pub mod transform;
 
 pub use error::{Error, Result};
 pub use limits::{Budget, Limits};
