@@ -7,8 +7,10 @@ pub mod entropy;
 pub mod error;
 pub mod image;
 pub mod limits;
+pub mod residual;
 pub mod surface;
 pub mod transform;
+pub mod tuned;
 
 pub use error::{Error, Result};
 pub use limits::{Budget, Limits};

@@ -1,0 +1,4 @@
+//! Residual: what is left of a photograph when its prediction is known.
+
+pub mod coefficients;
+pub mod gains;
