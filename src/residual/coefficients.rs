@@ -106,8 +106,8 @@ impl Magnitudes {
 #[inline(always)]
 fn class_12(value: u32) -> u32 {
     const TABLE: [u8; 40] = [
-        0, 1, 2, 3, 4, 5, 5, 6, 6, 7, 7, 7, 8, 8, 8, 8, 9, 9, 9, 9, 9, 9, 9, 10, 10, 10, 10, 10, 10, 10, 10, 10, 10, 10,
-        10, 10, 10, 11, 11, 11,
+        0, 1, 2, 3, 4, 5, 5, 6, 6, 7, 7, 7, 8, 8, 8, 8, 9, 9, 9, 9, 9, 9, 9, 10, 10, 10, 10, 10, 10, 10, 10, 10, 10,
+        10, 10, 10, 10, 11, 11, 11,
     ];
     TABLE[value.min(39) as usize] as u32
 }
@@ -203,7 +203,12 @@ pub fn code<C: BitCoder>(
                         None => (0.0, 0),
                     };
                     let context = Context::new(
-                        &here, at, &hints, predicted.is_some(), hint, colour,
+                        &here,
+                        at,
+                        &hints,
+                        predicted.is_some(),
+                        hint,
+                        colour,
                         parent.map_or(0, |p| {
                             let m: &Magnitudes = &magnitudes[p];
                             m.values[m.index(x / 2, y / 2)][colour] as u32
@@ -349,7 +354,8 @@ fn choose(wanted: f32, quantiser: &Quantiser, choice: Choice, mixer: &Mixer, con
         let probability = mixer.probability(&slots, &selectors);
         if index >= lowest || index == ESCAPE {
             let candidate = if index == ESCAPE { nearest } else { index };
-            let rate = bits + if candidate < ESCAPE { cost(probability, false) } else { 0.0 } + (candidate > 0) as u32 as f32;
+            let rate =
+                bits + if candidate < ESCAPE { cost(probability, false) } else { 0.0 } + (candidate > 0) as u32 as f32;
             let error = magnitude - quantiser.dequantise(candidate as i32, 1.0);
             let value = error * error + choice.lambda * rate;
             if value < best.0 {

@@ -2,3 +2,4 @@
 
 pub mod coefficients;
 pub mod gains;
+pub mod mask;

@@ -287,12 +287,7 @@ fn fill_ring(pixels: &mut [Pixel], known: &mut [bool], wanted: &[usize], width: 
 #[inline(always)]
 fn catmull_rom(t: f32) -> [f32; 4] {
     let (t2, t3) = (t * t, t * t * t);
-    [
-        -0.5 * t + t2 - 0.5 * t3,
-        1.0 - 2.5 * t2 + 1.5 * t3,
-        0.5 * t + 2.0 * t2 - 1.5 * t3,
-        0.5 * t3 - 0.5 * t2,
-    ]
+    [-0.5 * t + t2 - 0.5 * t3, 1.0 - 2.5 * t2 + 1.5 * t3, 0.5 * t + 2.0 * t2 - 1.5 * t3, 0.5 * t3 - 0.5 * t2]
 }
 
 /// Predicts the target's mask pixels from up to two references, each with its sources and its share.

@@ -24,8 +24,9 @@ impl ColourSums {
     /// Orthonormal rotation to the principal axes, strongest first, rows in 1/16384. Each axis points to brighter colours.
     pub fn rotation(&self) -> [[i16; 3]; 3] {
         let n = self.count.max(1.0);
-        let mut a: [[f64; 3]; 3] =
-            std::array::from_fn(|i| std::array::from_fn(|j| self.product[i][j] / n - self.sum[i] * self.sum[j] / (n * n)));
+        let mut a: [[f64; 3]; 3] = std::array::from_fn(|i| {
+            std::array::from_fn(|j| self.product[i][j] / n - self.sum[i] * self.sum[j] / (n * n))
+        });
         let mut v = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
         // Cyclic Jacobi rotations; a 3 x 3 matrix is diagonal after a few sweeps.
         for _ in 0..12 {

@@ -5,12 +5,17 @@
 
 #[cfg(feature = "encode")]
 pub mod colour;
+pub mod decode;
+#[cfg(feature = "encode")]
+pub mod encode;
+pub mod header;
 pub mod order;
-pub mod picture;
+mod picture;
 
 use crate::asset::{Mesh, View};
 use crate::image::Mask;
 use crate::residual::coefficients::{Models, Quantiser};
+use crate::residual::mask::MaskModels;
 use crate::surface::warp::{Geometry, Reference, Source, Surface, find};
 use crate::transform::shape_adaptive::{Pixel, Plan};
 use order::Step;
@@ -57,22 +62,49 @@ impl ComponentCoding {
     }
 }
 
-/// What every picture of a file is coded with.
+/// How masks are stored.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum MaskCoding {
+    /// A view's mask is what the mesh covers in it; no bits.
+    Coverage = 0,
+    /// Each view's mask is coded, given what the mesh covers.
+    Coded = 1,
+}
+
+/// How all pictures of a file are coded.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PlaneCoding {
+    /// Per component.
+    pub components: Vec<ComponentCoding>,
+    /// How masks are stored.
+    pub masks: MaskCoding,
+}
+
+/// The mesh and the views that every picture is predicted with.
 #[derive(Debug)]
 pub struct Scene<'a> {
     surface: Surface<'a>,
     views: &'a [View],
-    masks: &'a [Mask],
 }
 
 /// A view made ready: where its pixels are and what they see.
 #[derive(Debug)]
 pub struct Stage {
     geometry: Geometry,
-    /// Transform of its mask.
+    /// Pixels that show the object.
+    pub mask: Mask,
+    /// Transform of the mask.
     pub plan: Plan,
-    /// Row-major indices of its mask's pixels.
+    /// Row-major indices of the mask's pixels.
     pub pixels: Vec<u32>,
+}
+
+/// Adaptive state that one view hands to those coded after it.
+#[derive(Debug, Clone, Default)]
+pub struct ViewModels {
+    mask: MaskModels,
+    /// Per component.
+    components: Vec<Models>,
 }
 
 /// A view that later ones may be predicted from.
@@ -81,21 +113,22 @@ pub struct DecodedView {
     stage: Stage,
     /// Per component.
     references: Vec<Reference>,
-    models: Vec<Models>,
+    models: ViewModels,
 }
 
 impl<'a> Scene<'a> {
-    /// `views` and `masks` are parallel; a mask has its view's size.
-    pub fn new(mesh: &'a Mesh, views: &'a [View], masks: &'a [Mask]) -> Self {
-        Scene { surface: Surface::new(mesh), views, masks }
+    /// A mesh seen by views.
+    pub fn new(mesh: &'a Mesh, views: &'a [View]) -> Self {
+        Scene { surface: Surface::new(mesh), views }
     }
 
-    fn stage(&self, view: usize) -> Stage {
-        let mask = &self.masks[view];
+    /// Draws a view; `mask` gives its mask from what the mesh covers.
+    fn stage(&self, view: usize, mask: impl FnOnce(Mask) -> Mask) -> Stage {
         let mut geometry = Geometry::new(&self.surface, &self.views[view]);
-        geometry.extend(mask);
+        let mask = mask(geometry.coverage());
+        geometry.extend(&mask);
         let pixels = (0..mask.data.len() as u32).filter(|&i| mask.data[i as usize]).collect();
-        Stage { geometry, plan: Plan::new(mask), pixels }
+        Stage { geometry, plan: Plan::new(&mask), pixels, mask }
     }
 }
 
@@ -118,3 +151,55 @@ impl<'d> Sources<'d> {
         Sources { of }
     }
 }
+
+/// Runs `work` for every item, side by side where threads are there; results in order.
+fn for_each<T: Send>(count: usize, work: impl Fn(usize) -> T + Sync + Send) -> Vec<T> {
+    #[cfg(feature = "parallel")]
+    {
+        use rayon::prelude::*;
+        (0..count).into_par_iter().map(work).collect()
+    }
+    #[cfg(not(feature = "parallel"))]
+    (0..count).map(work).collect()
+}
+
+/// Runs `work` for the given steps of the order, wave by wave, and puts what later ones need into place; views that no
+/// later step needs are dropped at once.
+fn run_waves<T: Send>(
+    order: &[Step],
+    steps: &[usize],
+    views: usize,
+    work: impl Fn(usize, &[Option<DecodedView>]) -> crate::Result<(T, DecodedView)> + Sync + Send,
+) -> crate::Result<Vec<(usize, T)>> {
+    let needs = |step: &Step| step.references.iter().map(|r| r.0).chain(step.parent).collect::<Vec<_>>();
+    let mut wanted = vec![0usize; views];
+    for &index in steps {
+        for view in needs(&order[index]) {
+            wanted[view] += 1;
+        }
+    }
+    let mut decoded: Vec<Option<DecodedView>> = (0..views).map(|_| None).collect();
+    let mut results = Vec::with_capacity(steps.len());
+    for wave in order::waves(order, steps) {
+        let done = for_each(wave.len(), |k| work(wave[k], &decoded));
+        for (&index, done) in wave.iter().zip(done) {
+            let (result, view) = done?;
+            results.push((index, result));
+            let step = &order[index];
+            if wanted[step.view] > 0 {
+                decoded[step.view] = Some(view);
+            }
+            for view in needs(step) {
+                wanted[view] -= 1;
+                if wanted[view] == 0 {
+                    decoded[view] = None;
+                }
+            }
+        }
+    }
+    results.sort_by_key(|r| r.0);
+    Ok(results)
+}
+
+#[cfg(all(test, feature = "encode", feature = "parallel"))]
+mod tests;

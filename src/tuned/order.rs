@@ -1,7 +1,5 @@
 //! In which order views are coded, and from which others each is predicted.
 
-use crate::asset::View;
-
 /// One view of the coding order.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Step {
@@ -13,99 +11,110 @@ pub struct Step {
     pub parent: Option<usize>,
 }
 
-/// Most references of a view.
+/// Most references of a view. Part of the format.
 pub const MOST_REFERENCES: usize = 2;
-/// Views farther apart than this (radians, light included) do not predict each other.
-const FARTHEST: f64 = 1.1;
-/// Weight of the change of light against the change of view.
-const LIGHT_WEIGHT: f64 = 0.35;
+#[cfg(feature = "encode")]
+pub use planning::coarse_to_fine;
 
-/// Unit directions from the object's centre to a view's camera and light.
-struct Place {
-    eye: [f64; 3],
-    light: Option<[f64; 3]>,
-}
+#[cfg(feature = "encode")]
+mod planning {
+    use super::Step;
+    use crate::asset::View;
 
-fn direction(from: [f64; 3], to: [f64; 3]) -> [f64; 3] {
-    let d: [f64; 3] = std::array::from_fn(|k| to[k] - from[k]);
-    let length = (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt().max(f64::MIN_POSITIVE);
-    d.map(|v| v / length)
-}
+    /// Views farther apart than this (radians, light included) do not predict each other.
+    const FARTHEST: f64 = 1.1;
+    /// Weight of the change of light against the change of view.
+    const LIGHT_WEIGHT: f64 = 0.35;
 
-fn angle(a: [f64; 3], b: [f64; 3]) -> f64 {
-    (a[0] * b[0] + a[1] * b[1] + a[2] * b[2]).clamp(-1.0, 1.0).acos()
-}
-
-impl Place {
-    fn distance(&self, other: &Place) -> f64 {
-        let light = match (self.light, other.light) {
-            (Some(a), Some(b)) => angle(a, b),
-            _ => 0.0,
-        };
-        angle(self.eye, other.eye) + LIGHT_WEIGHT * light
+    /// Unit directions from the object's centre to a view's camera and light.
+    struct Place {
+        eye: [f64; 3],
+        light: Option<[f64; 3]>,
     }
-}
 
-/// Orders the views from coarse to fine: each next one is the farthest from all before it, and is predicted from the
-/// nearest of those and a second one, near and on another side. `centre` is the object's.
-///
-/// A prefix of the order covers the object evenly, and a view depends on few others.
-pub fn coarse_to_fine(views: &[View], centre: [f64; 3]) -> Vec<Step> {
-    let places: Vec<Place> = views
-        .iter()
-        .map(|view| Place {
-            eye: direction(centre, view.camera.centre()),
-            light: view.light.map(|light| direction(centre, light.position)),
-        })
-        .collect();
-    let mut nearest = vec![f64::INFINITY; views.len()];
-    let mut order: Vec<Step> = Vec::with_capacity(views.len());
-    for _ in 0..views.len() {
-        let coded = |view: usize| nearest[view] == f64::NEG_INFINITY;
-        let farthest = (0..views.len()).filter(|&v| !coded(v)).max_by(|&a, &b| {
-            // Ties go to the first view; differences below a billionth are ties.
-            let key = |v: usize| (nearest[v].min(9.0) * 1e9) as i64;
-            key(a).cmp(&key(b)).then(b.cmp(&a))
-        });
-        let Some(view) = farthest else { break };
-        let here = &places[view];
-        let mut near: Vec<(usize, f64)> =
-            order.iter().map(|s| (s.view, here.distance(&places[s.view]))).filter(|&(_, d)| d < FARTHEST).collect();
-        near.sort_by(|a, b| a.1.total_cmp(&b.1).then(a.0.cmp(&b.0)));
-        let mut references: Vec<(usize, f64)> = near.iter().take(1).copied().collect();
-        if let Some(&(first, _)) = near.first() {
-            let side = |other: usize| direction(here.eye, places[other].eye);
-            let same_side = |other: usize| {
-                let (a, b) = (side(first), side(other));
-                a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+    fn direction(from: [f64; 3], to: [f64; 3]) -> [f64; 3] {
+        let d: [f64; 3] = std::array::from_fn(|k| to[k] - from[k]);
+        let length = (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt().max(f64::MIN_POSITIVE);
+        d.map(|v| v / length)
+    }
+
+    fn angle(a: [f64; 3], b: [f64; 3]) -> f64 {
+        (a[0] * b[0] + a[1] * b[1] + a[2] * b[2]).clamp(-1.0, 1.0).acos()
+    }
+
+    impl Place {
+        fn distance(&self, other: &Place) -> f64 {
+            let light = match (self.light, other.light) {
+                (Some(a), Some(b)) => angle(a, b),
+                _ => 0.0,
             };
-            let score = |&(other, distance): &(usize, f64)| distance * (1.5 + same_side(other));
-            references.extend(near[1..].iter().copied().min_by(|a, b| score(a).total_cmp(&score(b))));
+            angle(self.eye, other.eye) + LIGHT_WEIGHT * light
         }
-        let closeness: f64 = references.iter().map(|&(_, d)| 1.0 / d.max(0.01)).sum();
-        order.push(Step {
-            view,
-            parent: references.first().map(|r| r.0).or(order.first().map(|s| s.view)),
-            references: references
-                .into_iter()
-                .map(|(other, d)| (other, (255.0 / d.max(0.01) / closeness).round() as u8))
-                .collect(),
-        });
-        nearest[view] = f64::NEG_INFINITY;
-        for other in 0..views.len() {
-            if nearest[other] != f64::NEG_INFINITY {
-                nearest[other] = nearest[other].min(here.distance(&places[other]));
+    }
+
+    /// Orders the views from coarse to fine: each next one is the farthest from all before it, and is predicted from the
+    /// nearest of those and a second one, near and on another side. `centre` is the object's.
+    ///
+    /// A prefix of the order covers the object evenly, and a view depends on few others.
+    pub fn coarse_to_fine(views: &[View], centre: [f64; 3]) -> Vec<Step> {
+        let places: Vec<Place> = views
+            .iter()
+            .map(|view| Place {
+                eye: direction(centre, view.camera.centre()),
+                light: view.light.map(|light| direction(centre, light.position)),
+            })
+            .collect();
+        let mut nearest = vec![f64::INFINITY; views.len()];
+        let mut order: Vec<Step> = Vec::with_capacity(views.len());
+        for _ in 0..views.len() {
+            let coded = |view: usize| nearest[view] == f64::NEG_INFINITY;
+            let farthest = (0..views.len()).filter(|&v| !coded(v)).max_by(|&a, &b| {
+                // Ties go to the first view; differences below a billionth are ties.
+                let key = |v: usize| (nearest[v].min(9.0) * 1e9) as i64;
+                key(a).cmp(&key(b)).then(b.cmp(&a))
+            });
+            let Some(view) = farthest else { break };
+            let here = &places[view];
+            let mut near: Vec<(usize, f64)> =
+                order.iter().map(|s| (s.view, here.distance(&places[s.view]))).filter(|&(_, d)| d < FARTHEST).collect();
+            near.sort_by(|a, b| a.1.total_cmp(&b.1).then(a.0.cmp(&b.0)));
+            let mut references: Vec<(usize, f64)> = near.iter().take(1).copied().collect();
+            if let Some(&(first, _)) = near.first() {
+                let side = |other: usize| direction(here.eye, places[other].eye);
+                let same_side = |other: usize| {
+                    let (a, b) = (side(first), side(other));
+                    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+                };
+                let score = |&(other, distance): &(usize, f64)| distance * (1.5 + same_side(other));
+                references.extend(near[1..].iter().copied().min_by(|a, b| score(a).total_cmp(&score(b))));
+            }
+            let closeness: f64 = references.iter().map(|&(_, d)| 1.0 / d.max(0.01)).sum();
+            order.push(Step {
+                view,
+                parent: references.first().map(|r| r.0).or(order.first().map(|s| s.view)),
+                references: references
+                    .into_iter()
+                    .map(|(other, d)| (other, (255.0 / d.max(0.01) / closeness).round() as u8))
+                    .collect(),
+            });
+            nearest[view] = f64::NEG_INFINITY;
+            for other in 0..views.len() {
+                if nearest[other] != f64::NEG_INFINITY {
+                    nearest[other] = nearest[other].min(here.distance(&places[other]));
+                }
             }
         }
+        order
     }
-    order
 }
 
-/// The steps that may run side by side: wave `n + 1` needs only what waves `0..=n` have coded. Indices into `order`.
-pub fn waves(order: &[Step]) -> Vec<Vec<usize>> {
+/// Which of `steps` may run side by side: wave `n + 1` needs only what waves `0..=n` have coded. `steps` are indices into
+/// `order`, ascending, and hold all that they need ([`closure`]).
+pub fn waves(order: &[Step], steps: &[usize]) -> Vec<Vec<usize>> {
     let mut wave_of_view = std::collections::HashMap::new();
     let mut waves: Vec<Vec<usize>> = Vec::new();
-    for (index, step) in order.iter().enumerate() {
+    for &index in steps {
+        let step = &order[index];
         let needs = step.references.iter().map(|r| r.0).chain(step.parent);
         let wave = needs.filter_map(|view| wave_of_view.get(&view)).max().map_or(0, |w| w + 1);
         wave_of_view.insert(step.view, wave);
@@ -135,10 +144,10 @@ pub fn closure(order: &[Step], wanted: impl Fn(usize) -> bool) -> Vec<usize> {
     steps
 }
 
-#[cfg(test)]
+#[cfg(all(test, feature = "encode"))]
 mod tests {
     use super::*;
-    use crate::asset::Camera;
+    use crate::asset::{Camera, View};
 
     #[test]
     fn a_ring_is_halved_again_and_again() {
@@ -166,6 +175,6 @@ mod tests {
         for view in 0..36 {
             assert!(closure(&order, |v| v == view).len() <= 8);
         }
-        assert!(waves(&order).len() <= 8);
+        assert!(waves(&order, &(0..36).collect::<Vec<_>>()).len() <= 8);
     }
 }

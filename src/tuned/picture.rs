@@ -1,113 +1,120 @@
-//! One view: from its prediction and its stream to pixels, and back.
+//! One view: from its prediction and its streams to pixels, and back.
 
 use super::order::Step;
-use super::{ComponentCoding, DecodedView, Scene, Sources, Stage};
-use crate::entropy::{RangeDecoder, RangeEncoder};
+use super::{ComponentCoding, DecodedView, MaskCoding, PlaneCoding, Scene, Sources, Stage, ViewModels, for_each};
+use crate::entropy::{BitCoder, RangeDecoder};
 use crate::image::Mask;
-use crate::residual::coefficients::{self, Choice, Models};
+use crate::residual::coefficients::{self, Models};
+use crate::residual::mask;
 use crate::surface::warp::{Reference, predict};
 use crate::transform::shape_adaptive::Pixel;
 
 /// A picture's signal: the sqrt domain, rotated, row-major, 0 outside the mask.
 pub type Signal = Vec<Pixel>;
 
-/// Codes a view: the stream of each component, the decoded signals, and what later views need.
+/// One view's streams.
+#[cfg(feature = "encode")]
+#[derive(Debug, Clone, Default)]
+pub struct Streams {
+    /// The mask; empty where masks are not coded.
+    pub mask: Vec<u8>,
+    /// Each component.
+    pub components: Vec<Vec<u8>>,
+}
+
+/// Codes a view: its streams, the decoded signals, and what later views need.
 #[cfg(feature = "encode")]
 pub fn encode(
     scene: &Scene,
-    step: &Step,
-    scale: u8,
-    components: &[ComponentCoding],
-    signals: &[Signal],
+    (step, scale): (&Step, u8),
+    coding: &PlaneCoding,
+    wanted_mask: &Mask,
+    signals: impl Fn(usize) -> Signal + Sync + Send,
     decoded: &[Option<DecodedView>],
     lambda: f32,
-) -> (Vec<Vec<u8>>, Vec<Signal>, DecodedView) {
-    let (stage, models, parts) = prepare(scene, step, components.len(), decoded, |stage, sources, index, mut models| {
-        let coding = &components[index];
-        let mut encoder = RangeEncoder::new();
-        let predicted = prediction(scene, step, stage, sources, index, coding.shaded);
-        let target = stage.plan.forward(&signals[index]);
-        let coefficients = coefficients::code(
-            &mut encoder,
-            &mut models,
-            &stage.plan,
-            &coding.quantiser(scale),
-            predicted.as_deref(),
-            Some((&target, Choice { lambda })),
-        );
-        (models, (encoder.finish(), finish(stage, coding, &coefficients)))
+) -> (Streams, Vec<Signal>, DecodedView) {
+    let mut coder = crate::entropy::RangeEncoder::new();
+    let (stage, mask_models) = stage(scene, step, coding, &mut coder, Some(wanted_mask), decoded);
+    let mask = coder.finish();
+    let parts = code_components(&stage, step, coding, decoded, |index, predicted, mut models| {
+        let component = &coding.components[index];
+        let mut coder = crate::entropy::RangeEncoder::new();
+        let target = stage.plan.forward(&signals(index));
+        let target = Some((&target[..], coefficients::Choice { lambda }));
+        let quantiser = component.quantiser(scale);
+        let decoded = coefficients::code(&mut coder, &mut models, &stage.plan, &quantiser, predicted, target);
+        (models, (coder.finish(), finish(&stage, component, &decoded)))
     });
+    let (components, parts): (Vec<_>, Vec<_>) = parts.into_iter().unzip();
     let (streams, signals): (Vec<_>, Vec<Signal>) = parts.into_iter().unzip();
-    let view = decoded_view(stage, &scene.masks[step.view], &signals, models);
-    (streams, signals, view)
+    let view = decoded_view(stage, &signals, ViewModels { mask: mask_models, components });
+    (Streams { mask, components: streams }, signals, view)
 }
 
-/// Decodes a view from the stream of each component.
+/// Decodes a view from the stream of its mask and of each component.
 pub fn decode(
     scene: &Scene,
-    step: &Step,
-    scale: u8,
-    components: &[ComponentCoding],
-    streams: &[&[u8]],
+    (step, scale): (&Step, u8),
+    coding: &PlaneCoding,
+    mask: &[u8],
+    components: &[&[u8]],
     decoded: &[Option<DecodedView>],
-) -> (Vec<Signal>, DecodedView) {
-    let (stage, models, signals) = prepare(scene, step, components.len(), decoded, |stage, sources, index, mut models| {
-        let coding = &components[index];
-        let predicted = prediction(scene, step, stage, sources, index, coding.shaded);
-        let coefficients = coefficients::code(
-            &mut RangeDecoder::new(streams[index]),
-            &mut models,
-            &stage.plan,
-            &coding.quantiser(scale),
-            predicted.as_deref(),
-            None,
-        );
-        (models, finish(stage, coding, &coefficients))
+) -> (Vec<Signal>, Mask, DecodedView) {
+    let (stage, mask_models) = stage(scene, step, coding, &mut RangeDecoder::new(mask), None, decoded);
+    let parts = code_components(&stage, step, coding, decoded, |index, predicted, mut models| {
+        let component = &coding.components[index];
+        let mut coder = RangeDecoder::new(components[index]);
+        let quantiser = component.quantiser(scale);
+        let decoded = coefficients::code(&mut coder, &mut models, &stage.plan, &quantiser, predicted, None);
+        (models, finish(&stage, component, &decoded))
     });
-    let view = decoded_view(stage, &scene.masks[step.view], &signals, models);
-    (signals, view)
+    let (components, signals): (Vec<_>, Vec<Signal>) = parts.into_iter().unzip();
+    let mask = stage.mask.clone();
+    let view = decoded_view(stage, &signals, ViewModels { mask: mask_models, components });
+    (signals, mask, view)
 }
 
-/// Draws the view, finds it in its references and runs `code` for each component, side by side where threads are there.
-fn prepare<T: Send>(
+/// Draws the view and codes its mask.
+fn stage<C: BitCoder>(
     scene: &Scene,
     step: &Step,
-    components: usize,
+    coding: &PlaneCoding,
+    coder: &mut C,
+    wanted: Option<&Mask>,
     decoded: &[Option<DecodedView>],
-    code: impl Fn(&Stage, &Sources, usize, Models) -> (Models, T) + Sync,
-) -> (Stage, Vec<Models>, Vec<T>) {
-    let stage = scene.stage(step.view);
-    let sources = Sources::new(&stage, step, decoded);
-    let parent = step.parent.and_then(|view| decoded.get(view)?.as_ref());
-    let run = |index: usize| {
-        let models = parent.map_or_else(Models::default, |view| view.models[index].clone());
-        code(&stage, &sources, index, models)
-    };
-    #[cfg(feature = "parallel")]
-    let results: Vec<(Models, T)> = {
-        use rayon::prelude::*;
-        (0..components).into_par_iter().map(run).collect()
-    };
-    #[cfg(not(feature = "parallel"))]
-    let results: Vec<(Models, T)> = (0..components).map(run).collect();
-    drop(sources);
-    let (models, parts) = results.into_iter().unzip();
-    (stage, models, parts)
+) -> (Stage, mask::MaskModels) {
+    let mut models = parent(step, decoded).map(|view| view.models.mask.clone()).unwrap_or_default();
+    let stage = scene.stage(step.view, |coverage| match coding.masks {
+        MaskCoding::Coverage => coverage,
+        MaskCoding::Coded => mask::code(coder, &mut models, &coverage, wanted),
+    });
+    (stage, models)
 }
 
-/// Coefficients of the prediction, if the view has references.
-fn prediction(
-    scene: &Scene,
-    step: &Step,
+fn parent<'d>(step: &Step, decoded: &'d [Option<DecodedView>]) -> Option<&'d DecodedView> {
+    decoded.get(step.parent?)?.as_ref()
+}
+
+/// Predicts the view from its references and runs `code` for each component.
+fn code_components<T: Send>(
     stage: &Stage,
-    sources: &Sources,
-    component: usize,
-    shaded: bool,
-) -> Option<Vec<Signal>> {
-    let references: Vec<_> =
-        sources.of.iter().map(|(view, sources, share)| (&view.references[component], &sources[..], *share)).collect();
-    (!references.is_empty())
-        .then(|| stage.plan.forward(&predict(&scene.masks[step.view], &stage.pixels, &references, shaded)))
+    step: &Step,
+    coding: &PlaneCoding,
+    decoded: &[Option<DecodedView>],
+    code: impl Fn(usize, Option<&[Signal]>, Models) -> T + Sync + Send,
+) -> Vec<T> {
+    let sources = Sources::new(stage, step, decoded);
+    let parent = parent(step, decoded);
+    for_each(coding.components.len(), |index| {
+        let models = parent.map_or_else(Models::default, |view| view.models.components[index].clone());
+        let references: Vec<_> =
+            sources.of.iter().map(|(view, sources, share)| (&view.references[index], &sources[..], *share)).collect();
+        let predicted = (!references.is_empty()).then(|| {
+            let shaded = coding.components[index].shaded;
+            stage.plan.forward(&predict(&stage.mask, &stage.pixels, &references, shaded))
+        });
+        code(index, predicted.as_deref(), models)
+    })
 }
 
 /// Pixels of decoded coefficients; radiance below zero is cut where the component has none.
@@ -124,7 +131,7 @@ fn finish(stage: &Stage, coding: &ComponentCoding, coefficients: &[Signal]) -> S
     signal
 }
 
-fn decoded_view(stage: Stage, mask: &Mask, signals: &[Signal], models: Vec<Models>) -> DecodedView {
-    let references = signals.iter().map(|signal| Reference::new(signal.clone(), mask)).collect();
+fn decoded_view(stage: Stage, signals: &[Signal], models: ViewModels) -> DecodedView {
+    let references = signals.iter().map(|signal| Reference::new(signal.clone(), &stage.mask)).collect();
     DecodedView { stage, references, models }
 }
