@@ -3,6 +3,8 @@
 //! The way of the data is told by the conductors, [`encoder`] and [`decoder`]; every other module is one stage of it.
 
 pub mod asset;
+#[cfg(feature = "encode")]
+pub mod capture;
 pub mod entropy;
 pub mod error;
 pub mod image;
@@ -11,6 +13,9 @@ pub mod residual;
 pub mod surface;
 pub mod transform;
 pub mod tuned;
+pub mod mesh;
+#[cfg(feature = "encode")]
+pub mod separate;
 
 pub use error::{Error, Result};
 pub use limits::{Budget, Limits};
