@@ -3,10 +3,12 @@
 //! The way of the data is told by the conductors, [`encoder`] and [`decoder`]; every other module is one stage of it.
 
 pub mod asset;
+pub mod container;
 pub mod entropy;
 pub mod error;
 pub mod image;
 pub mod limits;
+pub mod mesh;
 
 pub use error::{Error, Result};
 pub use limits::{Budget, Limits};

@@ -1,0 +1,3 @@
+//! Meshes: reading, cleaning, coding.
+
+pub mod code;
