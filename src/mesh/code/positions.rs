@@ -1,7 +1,7 @@
 //! Positions: each vertex is predicted from the triangles around it that are already known. Specified in `spec/mesh.md`.
 
 use super::connectivity::NONE;
-use crate::entropy::{BitCoder, BitModel, Number};
+use crate::entropy::{BitCoder, Number};
 
 /// Lattice positions.
 pub(super) type Lattice = [i32; 3];
@@ -101,115 +101,242 @@ impl Order {
     }
 }
 
-pub(super) struct Models {
-    numbers: Vec<Number>,
-    sign: [BitModel; 3],
+
+/// Numbers of parallelograms, and of triangles around a vertex beyond them, that are told apart.
+const PARALLELOGRAMS: usize = 4;
+const MISSING: usize = 10;
+/// Half octaves of expected magnitude.
+const MAGNITUDES: usize = 30;
+const FEATURES: usize = 3;
+
+/// Weights that are learned by least squares as the vertices come.
+#[derive(Clone)]
+struct Weights {
+    /// Sums of products of the features, and of each feature with the truth.
+    squares: [[f64; FEATURES]; FEATURES],
+    products: [f64; FEATURES],
+    prior: [f64; FEATURES],
+    /// Sums of residuals and of edge lengths.
+    errors: [f64; 2],
+    lengths: f64,
 }
 
-const BUCKETS: usize = 12;
-
-impl Models {
-    pub(super) fn new() -> Self {
-        Models { numbers: vec![Number::default(); 3 * 3 * BUCKETS], sign: Default::default() }
+impl Weights {
+    fn new(prior: [f64; FEATURES]) -> Self {
+        Weights { squares: Default::default(), products: [0.0; FEATURES], prior, errors: [0.5, 0.25], lengths: 1.0 }
     }
+    /// Solves the normal equations, held near the prior by `ridge`.
+    fn solve(&self, ridge: f64) -> [f64; FEATURES] {
+        let mut m = self.squares;
+        let mut b = self.products;
+        for k in 0..FEATURES {
+            m[k][k] += ridge;
+            b[k] += ridge * self.prior[k];
+        }
+        for k in 0..FEATURES {
+            for i in k + 1..FEATURES {
+                let factor = m[i][k] / m[k][k];
+                for j in k..FEATURES {
+                    m[i][j] -= factor * m[k][j];
+                }
+                b[i] -= factor * b[k];
+            }
+        }
+        let mut x = [0.0; FEATURES];
+        for k in (0..FEATURES).rev() {
+            let mut rest = b[k];
+            for j in k + 1..FEATURES {
+                rest -= m[k][j] * x[j];
+            }
+            x[k] = rest / m[k][k];
+        }
+        x
+    }
+    fn learn(&mut self, features: &[[f64; 3]; FEATURES], truth: [f64; 3]) {
+        for i in 0..FEATURES {
+            for j in 0..FEATURES {
+                for k in 0..3 {
+                    self.squares[i][j] += features[i][k] * features[j][k];
+                }
+            }
+            for k in 0..3 {
+                self.products[i] += features[i][k] * truth[k];
+            }
+        }
+    }
+}
+
+fn env(name: &str, default: f64) -> f64 { std::env::var(name).ok().and_then(|x| x.parse().ok()).unwrap_or(default) }
+
+fn subtract(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    std::array::from_fn(|k| a[k] - b[k])
+}
+fn add(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    std::array::from_fn(|k| a[k] + b[k])
+}
+fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+fn scale(a: [f64; 3], by: f64) -> [f64; 3] {
+    a.map(|x| x * by)
+}
+fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
 /// Codes all positions; in decoding those given are ignored and replaced.
 pub(super) fn code<C: BitCoder>(coder: &mut C, surface: &Surface, positions: &mut [Lattice], largest: i32) -> Result<(), ()> {
     let vertices = positions.len();
-    let mut models = Models::new();
+    let shrink = [0.05, 0.05, 0.24, 0.38, 0.5, 0.6, 0.68, 0.77, 0.8, 0.8];
+    let mut weights: Vec<Weights> = (0..(PARALLELOGRAMS + 1) * MISSING).map(|c| Weights::new([shrink[c % MISSING]; 3])).collect();
+    let mut slopes: Vec<Weights> = (0..(PARALLELOGRAMS + 1) * MISSING).map(|_| Weights::new([0.5, 0.5, 0.0])).collect();
+    let mut numbers = vec![Number::default(); 3 * MAGNITUDES];
     let mut order = Order::new(surface, vertices);
-    let mut magnitudes: Vec<[u32; 3]> = vec![[0; 3]; vertices];
+    // Magnitude of what was coded at each vertex: along the surface, and off it.
+    let mut magnitudes: Vec<[f64; 2]> = vec![[0.0; 2]; vertices];
+    let mut normals: Vec<[f64; 3]> = vec![[0.0; 3]; vertices];
     let mut last: Lattice = [0; 3];
     let mut stats = [[0f64; 3]; 4];
-    let mut hist = std::collections::HashMap::<(usize, usize, i32), u32>::new();
+    let mut counts = [0; 4];
+    let (wn, wc, ridge_n, ridge_s) = (env("WN", 0.5), env("WC", 0.5), env("RN", 3.0), env("RS", 3.0));
     for _ in 0..vertices {
         let v = order.pop();
-        let mut sum = [0i64; 3];
-        let mut count = 0i64;
-        let mut normal = [0i64; 3];
-        let mut single: Option<u32> = None;
-        let mut near = [0u32; 3];
-        let mut near_count = 0;
+        let known = |u: u32| order.known[u as usize];
+        let place = |u: u32| positions[u as usize].map(|x| x as f64);
+        let mut count = 0;
+        let (mut perpendicular, mut shear, mut middle) = ([0.0; 3], [0.0; 3], [0.0; 3]);
+        let (mut normal, mut wide) = ([0.0; 3], [0.0; 3]);
+        let (mut neighbours, mut neighbour_count, mut length) = ([0.0; 3], 0.0, 0.0);
+        let mut near = [0.0; 2];
         for &corner in surface.corners_of(v) {
             let edge = Surface::turn(corner);
-            let x = surface.vertex(edge);
-            let y = surface.vertex(Surface::turn(edge));
-            if order.known[x as usize] { single = Some(x); }
-            if order.known[y as usize] { single = Some(y); }
+            let (x, y) = (surface.vertex(edge), surface.vertex(Surface::turn(edge)));
+            for u in [x, y] {
+                if known(u) {
+                    neighbours = add(neighbours, place(u));
+                    wide = add(wide, normals[u as usize]);
+                    neighbour_count += 1.0;
+                    for k in 0..2 {
+                        near[k] += magnitudes[u as usize][k];
+                    }
+                }
+            }
             let other = surface.opposite[edge as usize];
-            if other == NONE || !order.known[x as usize] || !order.known[y as usize] {
+            if other == NONE || !known(x) || !known(y) {
                 continue;
             }
             let c = surface.vertex(Surface::turn(Surface::turn(other)));
-            if !order.known[c as usize] || c == v {
+            if !known(c) {
                 continue;
             }
-            let [px, py, pc] = [x, y, c].map(|k| positions[k as usize].map(|z| z as i64));
-            for k in 0..3 {
-                sum[k] += px[k] + py[k] - pc[k];
-            }
-            for u in [x, y, c] {
-                for k in 0..3 {
-                    near[k] += magnitudes[u as usize][k];
-                }
-                near_count += 1;
-            }
-            let (e, f): (Vec<i64>, Vec<i64>) = ((0..3).map(|k| px[k] - pc[k]).collect(), (0..3).map(|k| py[k] - pc[k]).collect());
-            normal[0] += e[1] * f[2] - e[2] * f[1];
-            normal[1] += e[2] * f[0] - e[0] * f[2];
-            normal[2] += e[0] * f[1] - e[1] * f[0];
+            let (px, py, pc) = (place(x), place(y), place(c));
+            let along = subtract(py, px);
+            let half = scale(add(px, py), 0.5);
+            let across = subtract(half, pc);
+            let square = dot(along, along);
+            let part = if square > 0.0 { scale(along, dot(across, along) / square) } else { [0.0; 3] };
+            shear = add(shear, part);
+            perpendicular = add(perpendicular, subtract(across, part));
+            middle = add(middle, half);
+            normal = add(normal, cross(subtract(px, pc), subtract(py, pc)));
+            length += square.sqrt();
             count += 1;
         }
-        let mut predicted: Lattice = if count > 0 {
-            sum.map(|s| ((2 * s + count).div_euclid(2 * count)).clamp(0, largest as i64) as i32)
-        } else if let Some(x) = single {
-            positions[x as usize]
-        } else {
-            last
-        };
-        let third = (0..3).max_by_key(|&k| (normal[k].abs(), k)).unwrap_or(2);
-        let axes = [(third + 1) % 3, (third + 2) % 3, third];
-        let class = (count as usize).min(2);
-        let mut position = positions[v as usize];
-        let mut moved = 0i64;
-        let mut signed_first = 0;
-        for (place, &axis) in axes.iter().enumerate() {
-            if place == 2 && count > 0 && normal[third] != 0 {
-                let slope = -(normal[axes[0]] * (position[axes[0]] - predicted[axes[0]]) as i64
-                    + normal[axes[1]] * (position[axes[1]] - predicted[axes[1]]) as i64);
-                let n = normal[third];
-                let shift = (2 * slope + n).div_euclid(2 * n);
-                predicted[third] = (predicted[third] as i64 + shift).clamp(0, largest as i64) as i32;
+        let missing = (surface.corners_of(v).len() - count).min(MISSING - 1);
+        let class = count.min(PARALLELOGRAMS) * MISSING + missing;
+        let base = if neighbour_count > 0.0 { scale(neighbours, 1.0 / neighbour_count) } else { last.map(|x| x as f64) };
+        let mut features = [[0.0; 3]; FEATURES];
+        let mut guess = base;
+        if count > 0 {
+            let share = 1.0 / count as f64;
+            features = [scale(perpendicular, share), scale(shear, share), subtract(scale(middle, share), base)];
+            length *= share;
+            let solution = weights[class].solve(ridge_n * length * length);
+            for (feature, weight) in features.iter().zip(solution) {
+                guess = add(guess, scale(*feature, weight));
             }
-            let expect = if near_count > 0 { if place == 2 { near[2] * 2 / near_count } else { (near[0] + near[1]) / near_count } } else { 0 };
-            let expect = expect as i64 + if place == 0 { 0 } else { moved / 2 };
-            let bucket = (64 - (expect as u64).leading_zeros() as usize).min(BUCKETS - 1);
-            let residual = models.numbers[((place.min(2)) * 3 + class) * BUCKETS + bucket].code_signed(coder, position[axis] - predicted[axis]);
-            let value = predicted[axis] as i64 + residual as i64;
+        }
+        let third = (0..3).max_by(|&a, &b| normal[a].abs().total_cmp(&normal[b].abs())).unwrap_or(2);
+        let axes = [(third + 1) % 3, (third + 2) % 3, third];
+        let clamp = |x: f64| (x + 0.5).floor().clamp(0.0, largest as f64) as i32;
+        let near = near.map(|sum| if neighbour_count > 0.0 { sum / neighbour_count } else { 0.0 });
+        let expected: [f64; 2] = std::array::from_fn(|k| {
+            let own = weights[class].errors[k] / weights[class].lengths * length;
+            if count > 0 { wn * near[k] + wc * own } else { largest as f64 / 16.0 }
+        });
+        let mut position = positions[v as usize];
+        let mut residuals = [0i32; 3];
+        let mut planes = [[0.0; 3]; FEATURES];
+        for (turn, &axis) in axes.iter().enumerate() {
+            let mut wanted = guess[axis];
+            let mut expect = expected[0];
+            if turn == 1 {
+                expect = 0.75 * expect + 0.25 * residuals[0].abs() as f64;
+            }
+            if turn == 2 {
+                expect = expected[1];
+                if count > 0 {
+                    // Heights over the mean of the neighbours by the planes of both normals.
+                    let (du, dv) = (position[axes[0]] as f64 - base[axes[0]], position[axes[1]] as f64 - base[axes[1]]);
+                    for (plane, n) in planes.iter_mut().zip([normal, wide]) {
+                        if n[axis] != 0.0 {
+                            let height = -(n[axes[0]] * du + n[axes[1]] * dv) / n[axis];
+                            let bound = 4.0 * length;
+                            plane[0] = height.clamp(-bound, bound);
+                        }
+                    }
+                    let (gu, gv) = (guess[axes[0]] - base[axes[0]], guess[axes[1]] - base[axes[1]]);
+                    if normal[axis] != 0.0 {
+                        planes[2][0] = guess[axis] - base[axis] + (normal[axes[0]] * gu + normal[axes[1]] * gv) / normal[axis];
+                        planes[2][0] = planes[2][0].clamp(-4.0 * length, 4.0 * length);
+                    }
+                    let solution = slopes[class].solve(ridge_s * length * length);
+                    wanted = base[axis] + planes[0][0] * solution[0] + planes[1][0] * solution[1] + planes[2][0] * solution[2];
+                }
+            }
+            let predicted = clamp(wanted);
+            let bucket = {
+                let squared = (expect * expect * 4.0) as u64;
+                (64 - squared.leading_zeros() as usize).min(MAGNITUDES - 1)
+            };
+            let residual = numbers[turn * MAGNITUDES + bucket].code_signed(coder, position[axis].wrapping_sub(predicted));
+            let value = predicted as i64 + residual as i64;
             if !(0..=largest as i64).contains(&value) {
                 return Err(());
             }
             position[axis] = value as i32;
-            magnitudes[v as usize][place] = residual.unsigned_abs();
-            moved += residual.unsigned_abs() as i64;
-            signed_first = residual;
-            stats[class][place] += residual.abs() as f64;
-            *hist.entry((class, place, residual)).or_default() += 1;
+            residuals[turn] = residual;
+            stats[count.min(3)][turn] += residual.abs() as f64;
         }
-        let _ = signed_first;
+        counts[count.min(3)] += 1;
         positions[v as usize] = position;
         last = position;
+        magnitudes[v as usize] = [(residuals[0].abs() + residuals[1].abs()) as f64 * 0.5, residuals[2].abs() as f64];
+        if count > 0 {
+            let truth = subtract(position.map(|x| x as f64), base);
+            let class = &mut weights[class];
+            class.learn(&features, truth);
+            class.errors[0] += magnitudes[v as usize][0];
+            class.errors[1] += magnitudes[v as usize][1];
+            class.lengths += length;
+            let class = count.min(PARALLELOGRAMS) * MISSING + missing;
+            slopes[class].learn(&planes, [truth[axes[2]], 0.0, 0.0]);
+        }
         order.learn(surface, v);
-    }
-    if !C::DECODES && std::env::var("MESH_STATS").is_ok() {
-        for class in 0..3 {
-            for place in 0..3 {
-                let n: u32 = hist.iter().filter(|(k, _)| k.0 == class && k.1 == place).map(|(_, n)| n).sum();
-                let h: f64 = hist.iter().filter(|(k, _)| k.0 == class && k.1 == place).map(|(_, &c)| -(c as f64) * (c as f64 / n as f64).log2()).sum();
-                println!("  class {class} place {place}: n {n} mean |r| {:.2} entropy0 {:.2}", stats[class][place] / n as f64, h / n as f64);
+        // Normals of the triangles that became known.
+        for &corner in surface.corners_of(v) {
+            let corners = surface.triangles[corner as usize / 3];
+            if corners.iter().all(|&u| order.known[u as usize]) {
+                let [a, b, c] = corners.map(|u| positions[u as usize].map(|x| x as f64));
+                let n = cross(subtract(b, a), subtract(c, a));
+                for u in corners {
+                    normals[u as usize] = add(normals[u as usize], n);
+                }
             }
         }
+    }
+    if !C::DECODES && std::env::var("MESH_STATS").is_ok() {
+        for c in 0..4 { println!("  class {c}: n {} mean |r| {:?}", counts[c], stats[c].map(|x| (x * 10.0 / counts[c] as f64).round() / 10.0)); }
     }
     Ok(())
 }
