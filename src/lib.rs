@@ -5,6 +5,7 @@
 pub mod asset;
 #[cfg(feature = "encode")]
 pub mod capture;
+pub mod container;
 pub mod entropy;
 pub mod error;
 pub mod image;
@@ -16,6 +17,7 @@ pub mod tuned;
 pub mod mesh;
 #[cfg(feature = "encode")]
 pub mod separate;
+pub mod mesh;
 
 pub use error::{Error, Result};
 pub use limits::{Budget, Limits};

@@ -4,3 +4,6 @@
 pub mod clean;
 #[cfg(feature = "encode")]
 pub mod read;
+//! Meshes: reading, cleaning, coding.
+
+pub mod code;
