@@ -8,6 +8,10 @@ pub mod error;
 pub mod image;
 pub mod limits;
 pub mod surface;
+<<<<<<< HEAD
+=======
+pub mod transform;
+>>>>>>> main
 
 pub use error::{Error, Result};
 pub use limits::{Budget, Limits};

@@ -1,5 +1,6 @@
 //! Entropy coding: an adaptive binary range coder, adaptive bit models and logistic mixing of several of them.
 
+pub mod mixer;
 pub mod model;
 pub mod range_coder;
 

@@ -1,7 +1,9 @@
-//! Between photographs and surface: charts, the atlas they are packed into, texels.
+//! Between photographs and surface: which surface point each pixel sees, and from one view to another through the mesh;
+//! charts, the atlas they are packed into, texels.
 
 pub mod atlas;
 pub mod charts;
 #[cfg(feature = "encode")]
 mod layout;
+pub mod raster;
 pub mod texels;

@@ -1,0 +1,207 @@
+//! Logistic mixing: several adaptive predictions of one bit are weighed in the log-odds domain (Mahoney 2005).
+//!
+//! All tables follow from the 49 numbers of [`LOGISTIC`] by integer arithmetic and the mixing uses `f32` with `+ - *` in
+//! the order written, so every platform reaches the same probabilities (normative, `spec/entropy.md`).
+
+use super::BitCoder;
+use std::sync::LazyLock;
+
+/// `2^20 / (1 + e^(-k / 4))`, k = 0..=48, rounded. Part of the format.
+const LOGISTIC: [u32; 49] = [
+    524288, 589485, 652696, 712170, 766570, 815058, 857289, 893337, 923583, 948595, 969033, 985571, 998846, 1009436,
+    1017840, 1024482, 1029716, 1033829, 1037055, 1039582, 1041558, 1043102, 1044308, 1045249, 1045983, 1046556, 1047002,
+    1047350, 1047621, 1047832, 1047996, 1048125, 1048224, 1048302, 1048363, 1048410, 1048447, 1048475, 1048498, 1048515,
+    1048528, 1048539, 1048547, 1048554, 1048558, 1048562, 1048565, 1048568, 1048570,
+];
+/// Log-odds are counted in 1/256; this is the largest.
+const LARGEST: i32 = 3071;
+
+/// The tables between probabilities and log-odds.
+struct Tables {
+    /// Probability in 1/65536 at log-odds `index - LARGEST`.
+    squash: Vec<u16>,
+    /// Log-odds of the probability `(index + 0.5) / 4096`.
+    stretch: Vec<f32>,
+    /// `65536 / (n + 1.5)`, rounded down.
+    reciprocal: [u32; 256],
+}
+
+static TABLES: LazyLock<Tables> = LazyLock::new(|| {
+    let positive = |x: i32| {
+        let (knot, part) = ((x / 64) as usize, (x % 64) as u32);
+        (LOGISTIC[knot] * (64 - part) + LOGISTIC[(knot + 1).min(48)] * part) >> 10
+    };
+    let squash: Vec<u16> = (-LARGEST..=LARGEST)
+        .map(|x| if x >= 0 { positive(x) } else { 65536 - positive(-x) }.clamp(2, 65534) as u16)
+        .collect();
+    let mut stretch = Vec::with_capacity(4096);
+    let mut x = 0;
+    for index in 0..4096u32 {
+        while x + 1 < squash.len() && (squash[x] as u32) < index * 16 + 8 {
+            x += 1;
+        }
+        stretch.push((x as i32 - LARGEST) as f32 / 256.0);
+    }
+    Tables { squash, stretch, reciprocal: std::array::from_fn(|n| 2 * 65536 / (2 * n as u32 + 3)) }
+});
+
+/// An adaptive probability: 22 bits of probability above 10 bits of count.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Slot(u32);
+
+impl Slot {
+    const NEW: Slot = Slot(1 << 31);
+    #[inline(always)]
+    fn probability_12(self) -> usize {
+        (self.0 >> 20) as usize
+    }
+    #[inline(always)]
+    fn update(&mut self, bit: bool, reciprocal: &[u32; 256], slowest: u32) {
+        let (probability, count) = (self.0 >> 10, self.0 & 1023);
+        let target = if bit { (1 << 22) - 1 } else { 0 };
+        let step = ((target - probability as i32) as i64 * reciprocal[count as usize & 255] as i64) >> 16;
+        self.0 = ((probability as i32 + step as i32) as u32) << 10 | (count + 1).min(slowest);
+    }
+}
+
+/// Number of predictions that are mixed. Part of the format.
+pub const INPUTS: usize = 8;
+/// Number of weight vectors, each chosen by a context of its own, whose results are averaged.
+pub const SELECTORS: usize = 2;
+/// The n-th update of a slot moves it by `1 / (n + 1.5)`, no slower than this n.
+const SLOWEST: u32 = 250;
+
+/// Predicts bits of one kind from [`INPUTS`] contexts and [`SELECTORS`] weight choices.
+#[derive(Debug, Clone)]
+pub struct Mixer {
+    slots: [Vec<Slot>; INPUTS],
+    weights: [Vec<[f32; INPUTS]>; SELECTORS],
+    rates: [Vec<f32>; SELECTORS],
+}
+
+/// Learning rate of a weight vector: starts at FAST and falls by DECAY a bit towards SLOW.
+const FAST: f32 = 0.02;
+const SLOW: f32 = 0.002;
+const DECAY: f32 = 0.01;
+
+impl Mixer {
+    /// A mixer for contexts below `contexts[k]` and weight choices below `selectors[k]`.
+    pub fn new(contexts: [usize; INPUTS], selectors: [usize; SELECTORS]) -> Self {
+        Mixer {
+            slots: contexts.map(|n| vec![Slot::NEW; n]),
+            weights: selectors.map(|n| vec![[0.3; INPUTS]; n]),
+            rates: selectors.map(|n| vec![FAST; n]),
+        }
+    }
+
+    /// Probability of a 1 in 1/65536, without learning.
+    #[inline(always)]
+    pub fn probability(&self, contexts: &[u32; INPUTS], selectors: &[u32; SELECTORS]) -> u32 {
+        let tables = &*TABLES;
+        let inputs: [f32; INPUTS] =
+            std::array::from_fn(|k| tables.stretch[self.slots[k][contexts[k] as usize].probability_12()]);
+        self.mix(tables, &inputs, selectors).0
+    }
+
+    #[inline(always)]
+    fn mix(&self, tables: &Tables, inputs: &[f32; INPUTS], selectors: &[u32; SELECTORS]) -> (u32, [u32; SELECTORS]) {
+        let mut sum = 0.0;
+        let each = std::array::from_fn(|s| {
+            let weights = &self.weights[s][selectors[s] as usize];
+            let lanes: [f32; 4] = std::array::from_fn(|k| weights[k] * inputs[k] + weights[k + 4] * inputs[k + 4]);
+            let odds = (lanes[0] + lanes[2]) + (lanes[1] + lanes[3]);
+            sum += odds;
+            squash(tables, odds)
+        });
+        (squash(tables, sum * (1.0 / SELECTORS as f32)), each)
+    }
+
+    /// Codes one bit and learns from it.
+    #[inline(always)]
+    pub fn code<C: BitCoder>(
+        &mut self,
+        coder: &mut C,
+        contexts: &[u32; INPUTS],
+        selectors: &[u32; SELECTORS],
+        bit: bool,
+    ) -> bool {
+        let tables = &*TABLES;
+        let inputs: [f32; INPUTS] =
+            std::array::from_fn(|k| tables.stretch[self.slots[k][contexts[k] as usize].probability_12()]);
+        let (probability, each) = self.mix(tables, &inputs, selectors);
+        let bit = coder.bit(probability, bit);
+        let target = if bit { 65536.0 } else { 0.0 };
+        for s in 0..SELECTORS {
+            let rate = &mut self.rates[s][selectors[s] as usize];
+            let step = *rate * ((target - each[s] as f32) * (1.0 / 65536.0));
+            *rate += DECAY * (SLOW - *rate);
+            let weights = &mut self.weights[s][selectors[s] as usize];
+            for k in 0..INPUTS {
+                weights[k] += step * inputs[k];
+            }
+        }
+        for k in 0..INPUTS {
+            self.slots[k][contexts[k] as usize].update(bit, &tables.reciprocal, SLOWEST);
+        }
+        bit
+    }
+}
+
+#[inline(always)]
+fn squash(tables: &Tables, odds: f32) -> u32 {
+    let x = (odds * 256.0) as i32;
+    tables.squash[(x.clamp(-LARGEST, LARGEST) + LARGEST) as usize] as u32
+}
+
+/// What a bit costs, in 1/256 bit, given the probability of a 1 in 1/65536. Only the encoder's choices use it.
+pub fn cost(probability_of_one: u32, bit: bool) -> f32 {
+    let p = if bit { probability_of_one } else { 65536 - probability_of_one };
+    COSTS[(p >> 4).min(4095) as usize]
+}
+
+static COSTS: LazyLock<Vec<f32>> = LazyLock::new(|| (0..4096).map(|i| -((i as f32 + 0.5) / 4096.0).log2()).collect());
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::entropy::{RangeDecoder, RangeEncoder};
+
+    #[test]
+    fn the_mix_beats_its_best_input_and_comes_back() {
+        // Two contexts each tell half of the truth: P(1) = sigmoid(a + b).
+        let mut state = 1u32;
+        let mut random = || {
+            state ^= state << 13;
+            state ^= state >> 17;
+            state ^= state << 5;
+            state
+        };
+        let bits: Vec<(u32, u32, bool)> = (0..60_000)
+            .map(|_| {
+                let (a, b) = (random() % 8, random() % 8);
+                let p = 1.0 / (1.0 + (-(a as f64 + b as f64 - 7.0)).exp());
+                (a, b, (random() as f64 / u32::MAX as f64) < p)
+            })
+            .collect();
+        let mixer = || Mixer::new([8, 8, 1, 1, 1, 1, 1, 1], [1, 1]);
+        let contexts = |a, b| [a, b, 0, 0, 0, 0, 0, 0];
+        let mut encoder = RangeEncoder::new();
+        let mut model = mixer();
+        for &(a, b, bit) in &bits {
+            model.code(&mut encoder, &contexts(a, b), &[0, 0], bit);
+        }
+        let bytes = encoder.finish();
+        let entropy = |p: f64| -p * p.log2() - (1.0 - p) * (1.0 - p).log2();
+        let bound: f64 = bits
+            .iter()
+            .map(|&(a, b, _)| entropy(1.0 / (1.0 + (-(a as f64 + b as f64 - 7.0)).exp())))
+            .sum::<f64>()
+            / 8.0;
+        assert!((bytes.len() as f64) < 1.05 * bound, "{} bytes, bound {bound:.0}", bytes.len());
+        let mut decoder = RangeDecoder::new(&bytes);
+        let mut model = mixer();
+        for &(a, b, bit) in &bits {
+            assert_eq!(model.code(&mut decoder, &contexts(a, b), &[0, 0], false), bit);
+        }
+    }
+}

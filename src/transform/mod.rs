@@ -1,0 +1,3 @@
+//! Wavelet transforms: decorrelate samples before they are quantised.
+
+pub mod shape_adaptive;
