@@ -7,6 +7,7 @@ pub mod entropy;
 pub mod error;
 pub mod image;
 pub mod limits;
+pub mod reflectance;
 
 pub use error::{Error, Result};
 pub use limits::{Budget, Limits};
