@@ -7,11 +7,11 @@ pub mod entropy;
 pub mod error;
 pub mod image;
 pub mod limits;
+pub mod measure;
+pub mod reflectance;
+pub mod relight;
 pub mod surface;
-<<<<<<< HEAD
-=======
 pub mod transform;
->>>>>>> main
 
 pub use error::{Error, Result};
 pub use limits::{Budget, Limits};

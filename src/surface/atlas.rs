@@ -36,26 +36,16 @@ impl AtlasRaster {
         let weights = self.weights(texel);
         (0..3).map(|k| weights[k] * DVec3::from_array(mesh.positions[corners[k] as usize].map(f64::from))).sum()
     }
-    /// Smooth unit normal of a texel in use, from [`vertex_normals`].
-    pub fn normal(&self, mesh: &Mesh, normals: &[DVec3], texel: usize) -> DVec3 {
+    /// Smooth unit normal of a texel in use, from [`super::raster::vertex_normals`].
+    pub fn normal(&self, mesh: &Mesh, normals: &[[f64; 3]], texel: usize) -> DVec3 {
         let corners = mesh.triangles[self.triangle.data[texel] as usize];
         smooth_normal(corners, self.weights(texel), normals)
     }
 }
 
 /// Normal between a triangle's corners.
-pub fn smooth_normal(corners: [u32; 3], weights: [f64; 3], normals: &[DVec3]) -> DVec3 {
-    (0..3).map(|k| weights[k] * normals[corners[k] as usize]).sum::<DVec3>().normalize_or_zero()
-}
-
-/// Unit normals of the vertices: the triangles' normals weighted by area.
-pub fn vertex_normals(mesh: &Mesh) -> Vec<DVec3> {
-    let mut normals = vec![DVec3::ZERO; mesh.positions.len()];
-    for (t, corners) in mesh.triangles.iter().enumerate() {
-        let normal = DVec3::from_array(super::charts::area_normal(mesh, t));
-        corners.iter().for_each(|&v| normals[v as usize] += normal);
-    }
-    normals.into_iter().map(DVec3::normalize_or_zero).collect()
+pub fn smooth_normal(corners: [u32; 3], weights: [f64; 3], normals: &[[f64; 3]]) -> DVec3 {
+    (0..3).map(|k| weights[k] * DVec3::from_array(normals[corners[k] as usize])).sum::<DVec3>().normalize_or_zero()
 }
 
 /// Weights of a triangle's corners at a point of its plane (or the projection onto it).
