@@ -3,13 +3,18 @@
 //! The way of the data is told by the conductors, [`encoder`] and [`decoder`]; every other module is one stage of it.
 
 pub mod asset;
+#[cfg(feature = "encode")]
+pub mod capture;
 pub mod entropy;
 pub mod error;
 pub mod image;
 pub mod limits;
 pub mod measure;
+pub mod mesh;
 pub mod reflectance;
 pub mod relight;
+#[cfg(feature = "encode")]
+pub mod separate;
 pub mod surface;
 pub mod transform;
 

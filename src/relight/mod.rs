@@ -73,9 +73,9 @@ impl RenderOptions {
 /// A picture.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Rendered {
-    /// Linear radiance of the layers asked for, 0 where nothing is hit; may be slightly negative.
+    /// Linear radiance of the layers asked for: the sum of the components, each not below 0. 0 where nothing is hit.
     pub image: RgbImage,
-    /// The same per component, parallel to [`Asset::components`].
+    /// The same per component, parallel to [`Asset::components`]; may be negative.
     pub components: Vec<RgbImage>,
     /// Pixels whose central ray meets the mesh.
     pub hit: Mask,

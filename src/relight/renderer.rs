@@ -1,7 +1,7 @@
 //! Renders one asset, keeping what pictures share.
 
 use super::cameras::bounds;
-use super::residual::{Captured, Sight};
+use super::residual::{Captured, Shown, Sight};
 use super::shadow::ShadowMap;
 use super::{Lighting, RenderOptions, Rendered};
 use crate::asset::{Asset, Camera, Component, PointLight, View};
@@ -15,6 +15,8 @@ use std::sync::OnceLock;
 
 /// Captured views looked at for every surface point beyond those interpolated, where some are hidden.
 const SPARE_VIEWS: usize = 5;
+/// Smallest cosine to a light under which the residual is shown in full.
+const GRAZING: f32 = 0.2;
 /// Pixels of the largest picture.
 const LARGEST: u64 = 1 << 28;
 
@@ -142,7 +144,7 @@ impl<'a> Renderer<'a> {
         };
         let mask = |value: fn(&Pixel) -> bool| Grid { width, height, data: pixels.iter().map(value).collect() };
         Ok(Rendered {
-            image: plane(&|p| std::array::from_fn(|c| p.components[0][c] + p.components[1][c])),
+            image: plane(&|p| std::array::from_fn(|c| p.components[0][c].max(0.0) + p.components[1][c].max(0.0))),
             components: (0..self.asset.components.len()).map(|k| plane(&|p| p.components[k])).collect(),
             hit: mask(|p| p.hit),
             coverage: mask(|p| p.coverage),
@@ -214,15 +216,17 @@ impl<'a> Renderer<'a> {
         let raster = rasterise(&self.asset.mesh, &camera);
         let centre = camera.centre();
         let mut residual = photograph.images.clone();
+        let mut models = vec![Grid::filled(raster.width, raster.height, [0f32; 3]); residual.len()];
         for index in (0..raster.triangle.len()).filter(|&k| raster.is_covered(k) && photograph.mask.data[k]) {
             let surface = self.surface_point(&camera, &raster, index);
             let geometry = light.map(|light| Geometry::new(surface.point, surface.normal, centre, &light));
-            for (image, &component) in residual.iter_mut().zip(&self.asset.components) {
+            for (k, &component) in self.asset.components.iter().enumerate() {
                 let model = self.model(component, &surface, geometry.as_ref());
-                (0..3).for_each(|c| image.data[index][c] -= model[c]);
+                (0..3).for_each(|c| residual[k].data[index][c] -= model[c]);
+                models[k].data[index] = model;
             }
         }
-        Some(Captured::new(camera, raster, photograph, residual))
+        Some(Captured::new(camera, raster, photograph, residual, models))
     }
 
     fn surface_point(&self, camera: &Camera, raster: &Raster, index: usize) -> SurfacePoint {
@@ -265,101 +269,118 @@ impl Scene<'_, '_> {
         }
         let surface = self.renderer.surface_point(self.camera, &self.raster, index);
         let centre = self.camera.centre();
+        let (seen, coverage) = self.sight(&surface, centre);
         pixel.hit = true;
-        let (residual, coverage) = self.residual(&surface, centre);
         pixel.coverage = coverage;
-        let layers = self.options.layers;
-        let shown = |component: Component| match component {
-            Component::Diffuse => layers.diffuse,
-            Component::Specular => layers.specular,
-            Component::Combined => layers.diffuse && layers.specular,
-        };
         let geometry = |light: &PointLight| Geometry::new(surface.point, surface.normal, centre, light);
         let capture = self.capture_light.as_ref().map(geometry);
+        let layers = self.options.layers;
         for (k, &component) in self.renderer.asset.components.iter().enumerate() {
-            let mut sum = [0f32; 3];
-            let mut add = |values: [f32; 3], factor: [f32; 3]| (0..3).for_each(|c| sum[c] += values[c] * factor[c]);
-            let model = |geometry: Option<&Geometry>| match component {
+            let (part, whole) = match component {
                 Component::Combined if layers.diffuse != layers.specular => {
-                    let part = if layers.diffuse { Component::Diffuse } else { Component::Specular };
-                    self.renderer.model(part, &surface, geometry)
+                    (if layers.diffuse { Component::Diffuse } else { Component::Specular }, false)
                 }
-                _ if shown(component) => self.renderer.model(component, &surface, geometry),
-                _ => [0.0; 3],
+                Component::Diffuse => (component, layers.diffuse),
+                Component::Specular => (component, layers.specular),
+                Component::Combined => (component, layers.diffuse),
+            };
+            if part == component && !whole {
+                continue;
+            }
+            let model = |geometry: Option<&Geometry>| self.renderer.model(part, &surface, geometry);
+            let mode = MODE.load(std::sync::atomic::Ordering::Relaxed);
+            let bounded = mode & 2 != 0 && component == Component::Specular || self.lights.is_some();
+            let shown = |model: [f32; 3], irradiance: [f32; 3], fade: f32| -> [f32; 3] {
+                let residual = if layers.residual && whole { residual(&seen, k, model, irradiance, bounded) } else { [0.0; 3] };
+                std::array::from_fn(|c| fade * (residual[c] + if layers.model { model[c] } else { 0.0 }))
             };
             match &self.lights {
-                None => {
-                    if layers.model {
-                        add(model(capture.as_ref()), [1.0; 3]);
-                    }
-                    if layers.residual && shown(component) {
-                        add(residual[k], [1.0; 3]);
-                    }
-                }
+                None => pixel.components[k] = shown(model(capture.as_ref()), [1.0; 3], 1.0),
                 Some(lights) => {
                     for (light, shadow) in lights {
                         let lit = geometry(light);
                         if lit.cos_light <= 0.0 {
                             continue;
                         }
-                        let reach = match shadow {
-                            Some(map) => map.reach(surface.point, lit.cos_light as f64) as f32,
-                            None => 1.0,
+                        let reach = |map: &ShadowMap| map.reach(surface.point, lit.cos_light as f64) as f32;
+                        let reach = shadow.as_ref().map_or(1.0, reach);
+                        // L_j / L of equation 15, both as irradiance; fades where the light grazes.
+                        let fade = (lit.cos_light / GRAZING).min(1.0);
+                        let ratio = |c: usize| match &capture {
+                            Some(g) if g.irradiance[c] > 0.0 => fade * lit.irradiance[c] / g.irradiance[c],
+                            _ => 0.0,
                         };
-                        if layers.model {
-                            add(model(Some(&lit)), [reach; 3]);
-                        }
-                        if layers.residual && shown(component) {
-                            // L_j / L of equation 15, both as irradiance; fades where the light grazes.
-                            let fade = reach * (lit.cos_light / 0.2).min(1.0);
-                            let ratio = |c: usize| match &capture {
-                                Some(g) if g.irradiance[c] > 0.0 => fade * lit.irradiance[c] / g.irradiance[c],
-                                _ => 0.0,
-                            };
-                            add(residual[k], std::array::from_fn(ratio));
-                        }
+                        let sum = shown(model(Some(&lit)), std::array::from_fn(ratio), reach);
+                        (0..3).for_each(|c| pixel.components[k][c] += sum[c]);
                     }
                 }
             }
-            pixel.components[k] = sum;
         }
         pixel
     }
 
-    /// The residual at a surface point, interpolated between the captured views that see it, and whether their masks let it stand.
-    fn residual(&self, surface: &SurfacePoint, centre: [f64; 3]) -> ([[f32; 3]; 2], bool) {
+    /// What the captured views that see a surface point show there, with weights that sum to 1 (none if none sees it), and whether
+    /// their masks let the point stand.
+    fn sight(&self, surface: &SurfacePoint, centre: [f64; 3]) -> (Vec<([Shown; 2], f32)>, bool) {
         let point = DVec3::from_array(surface.point);
         let towards = |centre: [f64; 3]| (DVec3::from_array(centre) - point).normalize_or_zero();
         let wanted = towards(centre);
         let mut order: Vec<(f64, &Captured)> =
             self.captured.iter().map(|c| (angle(towards(c.camera.centre()), wanted), *c)).collect();
         order.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let (mut seen, mut cut) = (Vec::new(), 0);
+        let (mut seen, mut angles, mut cut) = (Vec::new(), Vec::new(), false);
         for (angle, captured) in order {
             if seen.len() > self.options.views {
                 break;
             }
             match captured.look(surface.point) {
-                Sight::Seen(residual, confidence) => seen.push((angle, residual, confidence)),
-                Sight::Cut if seen.is_empty() => cut += 1,
-                _ => {}
+                Sight::Seen(shown, confidence) => {
+                    seen.push((shown, confidence));
+                    angles.push(angle);
+                }
+                Sight::Cut => cut |= seen.is_empty(),
+                Sight::Unseen => {}
             }
         }
-        let weights = weights(seen.iter().map(|s| s.0), self.options.views);
-        let mut sum = [[0f32; 3]; 2];
-        let (mut total, mut trust) = (0f32, 0f32);
-        for (&(_, residual, confidence), weight) in seen.iter().zip(weights) {
-            let weight = weight as f32 * confidence;
-            for k in 0..2 {
-                (0..3).for_each(|c| sum[k][c] += weight * residual[k][c]);
-            }
-            total += weight;
-            trust = trust.max(confidence);
-        }
-        let scale = if total > 0.0 { 1.0 / total } else { 0.0 };
-        (sum.map(|s| s.map(|x| x * scale)), cut == 0)
+        let weights = weights(angles.into_iter(), self.options.views);
+        seen.iter_mut().zip(weights).for_each(|(s, weight)| s.1 *= weight as f32);
+        let total: f32 = seen.iter().map(|s| s.1).sum();
+        seen.iter_mut().for_each(|s| s.1 /= total);
+        (seen, !cut)
     }
 }
+
+/// The residual of a component where its model is `model`, interpolated: of every view the radiance that its residual leads to, the mean of
+/// these in the (signed) square-root signal, minus the model. What is bright beyond the model in a photograph is added, times `irradiance`.
+/// With `bounded`, what is missing to the model is taken away in the same share as in the photograph, or by the same amount if that is
+/// less: so that a highlight which the capture didn't have leaves no black hole where the model has none.
+fn residual(
+    seen: &[([Shown; 2], f32)],
+    component: usize,
+    model: [f32; 3],
+    irradiance: [f32; 3],
+    bounded: bool,
+) -> [f32; 3] {
+    let mode = MODE.load(std::sync::atomic::Ordering::Relaxed);
+    let mut sum = [0f32; 3];
+    for (shown, weight) in seen {
+        let Shown { residual, model: captured } = &shown[component];
+        for c in 0..3 {
+            let scale = if bounded && residual[c] < 0.0 && captured[c] > 0.0 {
+                irradiance[c].min(model[c] / captured[c])
+            } else {
+                irradiance[c]
+            };
+            let radiance = model[c] + scale * residual[c];
+            sum[c] += weight * if mode & 1 == 1 {radiance.abs().sqrt().copysign(radiance)} else {radiance};
+        }
+    }
+    if seen.is_empty() {
+        return [0.0; 3];
+    }
+    std::array::from_fn(|c| if mode & 1 == 1 {sum[c] * sum[c].abs()} else {sum[c]} - model[c])
+}
+pub(super) static MODE: std::sync::atomic::AtomicU32 = std::sync::atomic::AtomicU32::new(3);
 
 /// Weights of views from their angles, in ascending order: the first `views` count, each by how much nearer it is than the next one after
 /// them (Buehler et al. 2001, "Unstructured Lumigraph Rendering", equation 5). They sum to 1.

@@ -16,8 +16,17 @@ pub(super) struct Captured<'a> {
     mask: &'a Mask,
     /// Photograph minus model per component; missing where the confidence is 0.
     residual: Vec<RgbImage>,
+    /// The model, likewise.
+    model: Vec<RgbImage>,
     /// 0 where the view says nothing, 1 away from silhouettes.
     confidence: Grid<f32>,
+}
+
+/// One component of a captured view at a surface point.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Shown {
+    pub(super) residual: [f32; 3],
+    pub(super) model: [f32; 3],
 }
 
 /// What a view says about a surface point.
@@ -26,13 +35,19 @@ pub(super) enum Sight {
     Unseen,
     /// Visible by the mesh, but the mask says that the object is not there.
     Cut,
-    /// Residual per component, and how far it can be trusted, 0 to 1.
-    Seen([[f32; 3]; 2], f32),
+    /// Residual and model per component, and how far they can be trusted, 0 to 1.
+    Seen([Shown; 2], f32),
 }
 
 impl<'a> Captured<'a> {
     /// `residual` is NaN where the photograph is missing.
-    pub(super) fn new(camera: Camera, raster: Raster, photograph: &'a Photograph, residual: Vec<RgbImage>) -> Self {
+    pub(super) fn new(
+        camera: Camera,
+        raster: Raster,
+        photograph: &'a Photograph,
+        residual: Vec<RgbImage>,
+        model: Vec<RgbImage>,
+    ) -> Self {
         let (width, height) = (raster.width, raster.height);
         let valid = |k: usize| {
             raster.is_covered(k)
@@ -67,7 +82,7 @@ impl<'a> Captured<'a> {
         }
         let share = |r: u8| (r as f32 / FEATHER as f32).min(1.0);
         let confidence = Grid { width, height, data: ring.into_iter().map(share).collect() };
-        Captured { camera, raster, mask: &photograph.mask, residual, confidence }
+        Captured { camera, raster, mask: &photograph.mask, residual, model, confidence }
     }
 
     /// What the view shows at a surface point: cubic between pixels where all around can be read, else bilinear.
@@ -83,12 +98,15 @@ impl<'a> Captured<'a> {
         let margin = MARGIN_PIXELS * depth / self.camera.focal[0].abs();
         let near = |k: usize| self.raster.is_covered(k) && (self.raster.depth[k] - depth).abs() < margin;
         let readable = |k: usize| self.confidence.data[k] > 0.0 && near(k);
-        let mut sum = [[0f32; 3]; 2];
+        let mut sum = [Shown::default(); 2];
         let mut total = 0f32;
         let mut confidence = 0f32;
         let mut add = |k: usize, weight: f32| {
-            for (sum, image) in sum.iter_mut().zip(&self.residual) {
-                (0..3).for_each(|c| sum[c] += weight * image.data[k][c]);
+            for (sum, (residual, model)) in sum.iter_mut().zip(self.residual.iter().zip(&self.model)) {
+                for c in 0..3 {
+                    sum.residual[c] += weight * residual.data[k][c];
+                    sum.model[c] += weight * model.data[k][c];
+                }
             }
             total += weight;
             confidence += weight * self.confidence.data[k];
@@ -116,7 +134,9 @@ impl<'a> Captured<'a> {
             }
         }
         if total > 0.02 {
-            return Sight::Seen(sum.map(|c| c.map(|x| x / total)), confidence.max(1e-4));
+            let scaled = |x: [f32; 3]| x.map(|x| x / total);
+            let sum = sum.map(|s| Shown { residual: scaled(s.residual), model: scaled(s.model) });
+            return Sight::Seen(sum, confidence.max(1e-4));
         }
         let cut = taps.iter().all(|&(k, weight)| weight < 1e-6 || (near(k) && !self.mask.data[k]));
         if cut { Sight::Cut } else { Sight::Unseen }

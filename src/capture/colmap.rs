@@ -1,0 +1,375 @@
+//! COLMAP models, binary and text: cameras and the poses of the photographs. Points are not needed.
+
+use super::description::{Description, FrameDescription, camera_fault, capture_folder, folder_name};
+use super::lens::Lens;
+use crate::asset::{Camera, View};
+use crate::error::{Error, Result};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// Name and number of parameters of COLMAP's camera models, by their number in binary files.
+const MODELS: [(&str, usize); 11] = [
+    ("SIMPLE_PINHOLE", 3),
+    ("PINHOLE", 4),
+    ("SIMPLE_RADIAL", 4),
+    ("RADIAL", 5),
+    ("OPENCV", 8),
+    ("OPENCV_FISHEYE", 8),
+    ("FULL_OPENCV", 12),
+    ("FOV", 5),
+    ("SIMPLE_RADIAL_FISHEYE", 4),
+    ("RADIAL_FISHEYE", 5),
+    ("THIN_PRISM_FISHEYE", 12),
+];
+
+struct Pose {
+    name: String,
+    camera: u32,
+    /// World to camera: w, x, y, z.
+    quaternion: [f64; 4],
+    translation: [f64; 3],
+}
+
+type Cameras = BTreeMap<u32, (Camera, Lens)>;
+
+fn files(folder: &Path, extension: &str) -> Option<(PathBuf, PathBuf)> {
+    let pair = (folder.join(format!("cameras.{extension}")), folder.join(format!("images.{extension}")));
+    (pair.0.is_file() && pair.1.is_file()).then_some(pair)
+}
+
+pub(super) fn is_model(folder: &Path) -> bool {
+    files(folder, "bin").or_else(|| files(folder, "txt")).is_some()
+}
+
+/// Photographs are looked for in `images/` and beside the model, masks in `masks/` (`NAME.png`, COLMAP's way, or the stem);
+/// frames come in the order of their names.
+pub(super) fn describe(folder: &Path) -> Result<Description> {
+    let (path, cameras, mut poses) = if let Some((cameras, images)) = files(folder, "bin") {
+        (images.clone(), read_cameras_bin(&cameras)?, read_images_bin(&images)?)
+    } else if let Some((cameras, images)) = files(folder, "txt") {
+        (images.clone(), read_cameras_txt(&cameras)?, read_images_txt(&images)?)
+    } else {
+        return Err(Error::input(folder, "no COLMAP model: cameras and images (.bin or .txt) are needed"));
+    };
+    poses.sort_by(|a, b| a.name.cmp(&b.name));
+    let root = capture_folder(&path);
+    let frames = poses.into_iter().map(|pose| frame(&path, &root, &cameras, pose)).collect::<Result<_>>()?;
+    Ok(Description {
+        name: folder_name(&root),
+        path,
+        frames,
+        mesh_file: None,
+        mesh_pose: None,
+        white_reference: None,
+        color_space: None,
+        warnings: Vec::new(),
+    })
+}
+
+fn frame(path: &Path, root: &Path, cameras: &Cameras, pose: Pose) -> Result<FrameDescription> {
+    let wrong = |message: String| Error::input(path, format!("image {}: {message}", pose.name));
+    let Some((mut camera, lens)) = cameras.get(&pose.camera).copied() else {
+        return Err(wrong(format!("camera {} is not in the camera list", pose.camera)));
+    };
+    let norm = pose.quaternion.iter().map(|v| v * v).sum::<f64>().sqrt();
+    if norm.is_nan() || norm < 1e-6 {
+        return Err(wrong("the quaternion is zero".into()));
+    }
+    camera.rotation = rotation_matrix(pose.quaternion.map(|v| v / norm));
+    camera.translation = pose.translation;
+    if let Some(fault) = camera_fault(&camera) {
+        return Err(wrong(format!("the camera has {fault}")));
+    }
+    let stem = Path::new(&pose.name).with_extension("png");
+    let photographs = [root.join("images").join(&pose.name), root.join(&pose.name)];
+    let masks = [root.join("masks").join(format!("{}.png", pose.name)), root.join("masks").join(stem)];
+    let exists = |p: &&PathBuf| p.is_file();
+    Ok(FrameDescription {
+        photograph: photographs.iter().find(exists).unwrap_or(&photographs[0]).clone(),
+        cross: None,
+        mask: masks.iter().find(exists).cloned(),
+        lens,
+        view: View { name: pose.name, camera, light: None },
+    })
+}
+
+/// Rows of the rotation of a unit quaternion.
+fn rotation_matrix([w, x, y, z]: [f64; 4]) -> [[f64; 3]; 3] {
+    [
+        [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
+        [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
+        [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
+    ]
+}
+
+fn camera(model: &str, width: u64, height: u64, p: &[f64]) -> std::result::Result<(Camera, Lens), String> {
+    let expected = MODELS.iter().find(|(name, _)| *name == model).map(|m| m.1);
+    if expected.is_some_and(|n| n != p.len()) {
+        return Err(format!("camera model {model} has {} parameters, found {}", expected.unwrap_or(0), p.len()));
+    }
+    let radial = |numerator, denominator, tangential| Lens::Radial { numerator, denominator, tangential };
+    let fisheye = |coefficients| Lens::Fisheye { coefficients };
+    let none = [0.0; 3];
+    let (focal, principal, lens) = match (model, p) {
+        ("SIMPLE_PINHOLE", &[f, x, y]) => ([f, f], [x, y], Lens::Pinhole),
+        ("PINHOLE", &[f, g, x, y]) => ([f, g], [x, y], Lens::Pinhole),
+        ("SIMPLE_RADIAL", &[f, x, y, k]) => ([f, f], [x, y], radial([k, 0.0, 0.0, 0.0], none, [0.0; 2])),
+        ("RADIAL", &[f, x, y, k, l]) => ([f, f], [x, y], radial([k, l, 0.0, 0.0], none, [0.0; 2])),
+        ("OPENCV", &[f, g, x, y, k, l, p1, p2]) => ([f, g], [x, y], radial([k, l, 0.0, 0.0], none, [p1, p2])),
+        ("OPENCV_FISHEYE", &[f, g, x, y, k1, k2, k3, k4]) => ([f, g], [x, y], fisheye([k1, k2, k3, k4])),
+        ("FULL_OPENCV", &[f, g, x, y, k1, k2, p1, p2, k3, k4, k5, k6]) => {
+            ([f, g], [x, y], radial([k1, k2, k3, 0.0], [k4, k5, k6], [p1, p2]))
+        }
+        ("SIMPLE_RADIAL_FISHEYE", &[f, x, y, k]) => ([f, f], [x, y], fisheye([k, 0.0, 0.0, 0.0])),
+        ("RADIAL_FISHEYE", &[f, x, y, k, l]) => ([f, f], [x, y], fisheye([k, l, 0.0, 0.0])),
+        _ => {
+            return Err(format!(
+                "camera model {model} is not supported; undistort the photographs first (colmap image_undistorter)"
+            ));
+        }
+    };
+    let side = |v: u64| u32::try_from(v).unwrap_or(u32::MAX);
+    let camera = Camera { width: side(width), height: side(height), focal, principal, ..Camera::default() };
+    Ok((camera, if lens.is_pinhole() { Lens::Pinhole } else { lens }))
+}
+
+/// A byte position in a binary model.
+struct Bytes<'a> {
+    path: &'a Path,
+    data: &'a [u8],
+    at: usize,
+}
+
+impl Bytes<'_> {
+    fn take<const N: usize>(&mut self, what: &str) -> Result<[u8; N]> {
+        let rest = self.data.get(self.at..).unwrap_or_default();
+        let Some(bytes) = rest.first_chunk::<N>() else {
+            return Err(Error::input(
+                self.path,
+                format!("the file ends at byte {} within {what}: truncated", self.data.len()),
+            ));
+        };
+        self.at += N;
+        Ok(*bytes)
+    }
+    fn u32(&mut self, what: &str) -> Result<u32> {
+        Ok(u32::from_le_bytes(self.take(what)?))
+    }
+    fn u64(&mut self, what: &str) -> Result<u64> {
+        Ok(u64::from_le_bytes(self.take(what)?))
+    }
+    fn numbers<const N: usize>(&mut self, what: &str) -> Result<[f64; N]> {
+        let mut numbers = [0.0; N];
+        for number in &mut numbers {
+            *number = f64::from_le_bytes(self.take(what)?);
+        }
+        Ok(numbers)
+    }
+    fn name(&mut self, what: &str) -> Result<String> {
+        let rest = self.data.get(self.at..).unwrap_or_default();
+        let Some(length) = rest.iter().position(|&b| b == 0) else {
+            return Err(Error::input(self.path, format!("the file ends within the name of {what}: truncated")));
+        };
+        self.at += length + 1;
+        Ok(String::from_utf8_lossy(&rest[..length]).into_owned())
+    }
+    fn skip(&mut self, count: u64, size: u64, what: &str) -> Result<()> {
+        let left = (self.data.len() - self.at) as u64;
+        match count.checked_mul(size).filter(|&n| n <= left) {
+            Some(n) => {
+                self.at += n as usize;
+                Ok(())
+            }
+            None => Err(Error::input(self.path, format!("the file ends within {what}: truncated"))),
+        }
+    }
+}
+
+fn read_cameras_bin(path: &Path) -> Result<Cameras> {
+    let data = std::fs::read(path).map_err(|e| Error::io(path, e))?;
+    let mut bytes = Bytes { path, data: &data, at: 0 };
+    let count = bytes.u64("the number of cameras")?;
+    let mut cameras = Cameras::new();
+    for index in 0..count {
+        let what = format!("camera {index} of {count}");
+        let (id, model) = (bytes.u32(&what)?, bytes.u32(&what)?);
+        let (width, height) = (bytes.u64(&what)?, bytes.u64(&what)?);
+        let Some(&(model, parameters)) = MODELS.get(model as usize) else {
+            return Err(Error::input(path, format!("{what}: unknown camera model number {model}")));
+        };
+        let values = (0..parameters).map(|_| Ok(bytes.numbers::<1>(&what)?[0])).collect::<Result<Vec<_>>>()?;
+        let camera = camera(model, width, height, &values).map_err(|e| Error::input(path, format!("{what}: {e}")))?;
+        cameras.insert(id, camera);
+    }
+    Ok(cameras)
+}
+
+fn read_images_bin(path: &Path) -> Result<Vec<Pose>> {
+    let data = std::fs::read(path).map_err(|e| Error::io(path, e))?;
+    let mut bytes = Bytes { path, data: &data, at: 0 };
+    let count = bytes.u64("the number of images")?;
+    let mut poses = Vec::new();
+    for index in 0..count {
+        let what = format!("image {index} of {count}");
+        bytes.u32(&what)?;
+        let quaternion = bytes.numbers(&what)?;
+        let translation = bytes.numbers(&what)?;
+        let camera = bytes.u32(&what)?;
+        let name = bytes.name(&what)?;
+        let points = bytes.u64(&what)?;
+        bytes.skip(points, 24, &format!("the points of {what}"))?;
+        poses.push(Pose { name, camera, quaternion, translation });
+    }
+    Ok(poses)
+}
+
+fn read_text(path: &Path) -> Result<String> {
+    let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
+    String::from_utf8(bytes).map_err(|_| Error::input(path, "not UTF-8 text"))
+}
+
+fn parse<T: std::str::FromStr>(path: &Path, line: usize, what: &str, word: Option<&str>) -> Result<T> {
+    let word = word.ok_or_else(|| Error::input(path, format!("line {line}: {what} is missing")))?;
+    word.parse().map_err(|_| Error::input(path, format!("line {line}: {what} should be a number, found \"{word}\"")))
+}
+
+fn read_cameras_txt(path: &Path) -> Result<Cameras> {
+    let text = read_text(path)?;
+    let mut cameras = Cameras::new();
+    for (line, row) in (1..).zip(text.lines()).filter(|(_, row)| !row.trim().is_empty() && !row.starts_with('#')) {
+        let mut words = row.split_whitespace();
+        let id = parse(path, line, "CAMERA_ID", words.next())?;
+        let model = words.next().unwrap_or_default();
+        let width = parse(path, line, "WIDTH", words.next())?;
+        let height = parse(path, line, "HEIGHT", words.next())?;
+        let parameters = words.map(|w| parse(path, line, "a camera parameter", Some(w))).collect::<Result<Vec<f64>>>()?;
+        let camera =
+            camera(model, width, height, &parameters).map_err(|e| Error::input(path, format!("line {line}: {e}")))?;
+        cameras.insert(id, camera);
+    }
+    Ok(cameras)
+}
+
+fn read_images_txt(path: &Path) -> Result<Vec<Pose>> {
+    let text = read_text(path)?;
+    let mut rows = (1..).zip(text.lines());
+    let mut poses = Vec::new();
+    while let Some((line, row)) = rows.next() {
+        if row.trim().is_empty() || row.starts_with('#') {
+            continue;
+        }
+        let mut words = row.split_whitespace();
+        parse::<u32>(path, line, "IMAGE_ID", words.next())?;
+        let mut numbers = [0.0; 7];
+        for (number, what) in numbers.iter_mut().zip(["QW", "QX", "QY", "QZ", "TX", "TY", "TZ"]) {
+            *number = parse(path, line, what, words.next())?;
+        }
+        let camera = parse(path, line, "CAMERA_ID", words.next())?;
+        let name = words.collect::<Vec<_>>().join(" ");
+        if name.is_empty() {
+            return Err(Error::input(path, format!("line {line}: NAME is missing")));
+        }
+        let [qw, qx, qy, qz, tx, ty, tz] = numbers;
+        poses.push(Pose { name, camera, quaternion: [qw, qx, qy, qz], translation: [tx, ty, tz] });
+        // The line after each image lists its points, or is empty.
+        rows.next();
+    }
+    Ok(poses)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const CAMERAS: &str = "# list\n3 OPENCV 640 480 500 510 320 240 0.1 0.01 0.001 0.002\n\
+        4 SIMPLE_PINHOLE 64 48 50 32 24\n5 SIMPLE_RADIAL 64 48 50 32 24 0.2\n";
+    const IMAGES: &str = "# list\n2 0.5 0.5 0.5 0.5 1 2 3 3 b c.png\n1 2 3 4 5 6\n1 1 0 0 0 1 2 3 4 a.png\n\n";
+
+    fn binary() -> (Vec<u8>, Vec<u8>) {
+        let mut cameras = 3u64.to_le_bytes().to_vec();
+        let models: [(u32, u32, u64, u64, &[f64]); 3] = [
+            (3, 4, 640, 480, &[500.0, 510.0, 320.0, 240.0, 0.1, 0.01, 0.001, 0.002]),
+            (4, 0, 64, 48, &[50.0, 32.0, 24.0]),
+            (5, 2, 64, 48, &[50.0, 32.0, 24.0, 0.2]),
+        ];
+        for (id, model, width, height, parameters) in models {
+            cameras.extend(id.to_le_bytes().iter().chain(&model.to_le_bytes()));
+            cameras.extend(width.to_le_bytes().iter().chain(&height.to_le_bytes()));
+            parameters.iter().for_each(|p| cameras.extend(p.to_le_bytes()));
+        }
+        let mut images = 2u64.to_le_bytes().to_vec();
+        let rows: [(u32, [f64; 7], u32, &[u8], u64); 2] = [
+            (2, [0.5, 0.5, 0.5, 0.5, 1.0, 2.0, 3.0], 3, b"b c.png\0", 2),
+            (1, [1.0, 0.0, 0.0, 0.0, 1.0, 2.0, 3.0], 4, b"a.png\0", 0),
+        ];
+        for (id, numbers, camera, name, points) in rows {
+            images.extend(id.to_le_bytes());
+            numbers.iter().for_each(|n| images.extend(n.to_le_bytes()));
+            images.extend(camera.to_le_bytes().iter().chain(name).chain(&points.to_le_bytes()));
+            images.extend(vec![0; 24 * points as usize]);
+        }
+        (cameras, images)
+    }
+
+    #[test]
+    fn text_and_binary_say_the_same() {
+        let folder = tempfile::tempdir().unwrap();
+        let (text, bin) = (folder.path().join("t/sparse/0"), folder.path().join("t/sparse"));
+        std::fs::create_dir_all(&text).unwrap();
+        std::fs::write(text.join("cameras.txt"), CAMERAS).unwrap();
+        std::fs::write(text.join("images.txt"), IMAGES).unwrap();
+        let (cameras, images) = binary();
+        std::fs::write(bin.join("cameras.bin"), cameras).unwrap();
+        std::fs::write(bin.join("images.bin"), images).unwrap();
+        let mut from_text = describe(&text).unwrap();
+        let from_bin = describe(&bin).unwrap();
+        from_text.path = from_bin.path.clone();
+        assert_eq!(from_text, from_bin);
+        assert_eq!(from_bin.name, "t");
+        let [a, b] = from_bin.frames.as_slice() else { panic!() };
+        assert_eq!((a.view.name.as_str(), b.view.name.as_str()), ("a.png", "b c.png"));
+        assert_eq!(a.view.camera.to_camera([10.0, 20.0, 30.0]), [11.0, 22.0, 33.0]);
+        // The quaternion (1, 1, 1, 1) / 2 turns x into y, y into z, z into x.
+        assert_eq!(b.view.camera.to_camera([10.0, 20.0, 30.0]), [31.0, 12.0, 23.0]);
+        let expected = Lens::Radial { numerator: [0.1, 0.01, 0.0, 0.0], denominator: [0.0; 3], tangential: [0.001, 0.002] };
+        assert_eq!((a.lens, b.lens), (Lens::Pinhole, expected));
+    }
+
+    #[test]
+    fn every_truncation_of_the_binary_files_is_an_error() {
+        let folder = tempfile::tempdir().unwrap();
+        let (cameras, images) = (folder.path().join("cameras.bin"), folder.path().join("images.bin"));
+        let whole = binary();
+        for length in 0..whole.0.len() {
+            std::fs::write(&cameras, &whole.0[..length]).unwrap();
+            assert!(read_cameras_bin(&cameras).err().unwrap().to_string().contains("truncated"), "{length}");
+        }
+        for length in 0..whole.1.len() {
+            std::fs::write(&images, &whole.1[..length]).unwrap();
+            assert!(read_images_bin(&images).err().unwrap().to_string().contains("truncated"), "{length}");
+        }
+        // A count of points that overflows.
+        let mut hostile = whole.1.clone();
+        let at = hostile.len() - 8;
+        hostile[at..].fill(0xff);
+        std::fs::write(&images, &hostile).unwrap();
+        assert!(read_images_bin(&images).is_err());
+    }
+
+    #[test]
+    fn text_faults_name_the_line() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("x.txt");
+        let check = |text: &str, images: bool, expected: &str| {
+            std::fs::write(&path, text).unwrap();
+            let error = if images { read_images_txt(&path).err() } else { read_cameras_txt(&path).err() };
+            let error = error.unwrap().to_string();
+            assert!(error.contains(expected), "{error}");
+        };
+        check("#\n1 FOV 4 4 1 1 1 1 1", false, "line 2: camera model FOV is not supported");
+        check("1 PINHOLE 4 4 1 1 1", false, "line 1: camera model PINHOLE has 4 parameters, found 3");
+        check("1 PINHOLE 4 x 1 1 1 1", false, "line 1: HEIGHT should be a number, found \"x\"");
+        check("\n1 1 0 0", true, "line 2: QZ is missing");
+        check("1 1 0 0 0 0 0 0 1", true, "line 1: NAME is missing");
+    }
+}

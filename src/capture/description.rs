@@ -1,0 +1,147 @@
+//! What a capture says about itself before any picture is opened.
+
+use super::lens::Lens;
+use super::{ReadOptions, colmap, transforms};
+use crate::asset::{Camera, View};
+use crate::error::{Error, Result};
+use std::path::{Path, PathBuf};
+
+/// A capture without its pictures: cameras, lights and where the files are.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Description {
+    /// The file that describes it.
+    pub path: PathBuf,
+    /// Name of the capture's folder.
+    pub name: String,
+    /// The frames, in the capture's order.
+    pub frames: Vec<FrameDescription>,
+    /// The mesh file that the capture names.
+    pub mesh_file: Option<PathBuf>,
+    /// Mesh to world, rows; `None` where the mesh is already registered.
+    pub mesh_pose: Option<[[f64; 4]; 4]>,
+    /// Photographs of the white board.
+    pub white_reference: Option<WhiteReference>,
+    /// Declared colour space of display-referred pictures.
+    pub color_space: Option<String>,
+    /// What should be said to the user.
+    pub warnings: Vec<String>,
+}
+
+/// Photographs of a white diffuse board under the capture's light.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct WhiteReference {
+    /// Without polarisers, or with the analyser open.
+    pub photograph: PathBuf,
+    /// With the specular reflection blocked.
+    pub cross: Option<PathBuf>,
+}
+
+/// One frame before its pictures are read.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FrameDescription {
+    /// Name, pinhole camera and light.
+    pub view: View,
+    /// What stands between the pinhole camera and the photograph as it is stored.
+    pub lens: Lens,
+    /// The photograph.
+    pub photograph: PathBuf,
+    /// The cross-polarised photograph.
+    pub cross: Option<PathBuf>,
+    /// Pixels that show the object.
+    pub mask: Option<PathBuf>,
+}
+
+/// Reads a capture's description: a folder with `transforms.json` or a COLMAP model (in `sparse/0`, `sparse` or itself), or
+/// such a file itself.
+pub fn describe(path: impl AsRef<Path>) -> Result<Description> {
+    let path = path.as_ref();
+    let metadata = std::fs::metadata(path).map_err(|e| Error::io(path, e))?;
+    let description = if metadata.is_file() {
+        match path.extension().and_then(|e| e.to_str()) {
+            Some("json") => transforms::describe(path),
+            Some("bin" | "txt") => colmap::describe(path.parent().unwrap_or(Path::new("."))),
+            _ => Err(Error::input(path, "a capture is a folder, a transforms.json or a COLMAP model")),
+        }
+    } else if path.join("transforms.json").is_file() {
+        transforms::describe(&path.join("transforms.json"))
+    } else {
+        let models = [path.join("sparse/0"), path.join("sparse"), path.join("colmap/sparse/0"), path.to_owned()];
+        match models.iter().find(|folder| colmap::is_model(folder)) {
+            Some(folder) => colmap::describe(folder),
+            None => Err(Error::input(
+                path,
+                "no capture here: neither transforms.json nor a COLMAP model (cameras and images, .bin or .txt, in sparse/0 \
+                 or sparse)",
+            )),
+        }
+    }?;
+    if description.frames.is_empty() {
+        return Err(Error::input(&description.path, "the capture has no frame"));
+    }
+    Ok(description)
+}
+
+impl Description {
+    /// The mesh file: the given one, the one that the capture names, or the only one beside the description.
+    pub fn find_mesh(&self, options: &ReadOptions) -> Result<PathBuf> {
+        if let Some(mesh) = options.mesh.as_ref().or(self.mesh_file.as_ref()) {
+            return Ok(mesh.clone());
+        }
+        let folder = capture_folder(&self.path);
+        let entries = std::fs::read_dir(&folder).map_err(|e| Error::io(&folder, e))?;
+        let is_mesh = |path: &PathBuf| {
+            let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
+            crate::mesh::read::EXTENSIONS.contains(&extension.as_str())
+        };
+        let mut found: Vec<PathBuf> = entries.filter_map(|e| Some(e.ok()?.path())).filter(is_mesh).collect();
+        found.sort();
+        match found.as_slice() {
+            [one] => Ok(one.clone()),
+            [] => Err(Error::input(&folder, "the capture names no mesh and there is none beside it; give one with --mesh")),
+            [a, b, ..] => Err(Error::input(
+                &folder,
+                format!("several meshes ({}, {}, ...): give one with --mesh", a.display(), b.display()),
+            )),
+        }
+    }
+}
+
+/// The folder that a capture's name and its mesh are looked for in: the one of `transforms.json`, the one above `sparse`.
+pub(super) fn capture_folder(description: &Path) -> PathBuf {
+    let parent = |path: &Path| match path.parent() {
+        Some(p) if p.as_os_str().is_empty() => PathBuf::from("."),
+        Some(p) => p.to_owned(),
+        None => PathBuf::from("."),
+    };
+    let mut folder = parent(description);
+    if description.extension().is_some_and(|e| e == "json") {
+        return folder;
+    }
+    if folder.file_name().is_some_and(|n| n == "0") && parent(&folder).file_name().is_some_and(|n| n == "sparse") {
+        folder = parent(&folder);
+    }
+    if folder.file_name().is_some_and(|n| n == "sparse") {
+        folder = parent(&folder);
+    }
+    folder
+}
+
+pub(super) fn folder_name(folder: &Path) -> String {
+    let full = folder.canonicalize().unwrap_or_else(|_| folder.to_owned());
+    full.file_name().map_or_else(|| "capture".to_owned(), |n| n.to_string_lossy().into_owned())
+}
+
+/// What can't be a camera of ours, said in words.
+pub(super) fn camera_fault(camera: &Camera) -> Option<String> {
+    let side = crate::limits::Limits::default().picture_side;
+    let size_fits = (1..=side).contains(&camera.width) && (1..=side).contains(&camera.height);
+    if !size_fits {
+        return Some(format!("a picture of {} x {} pixels (1 to {side} each way)", camera.width, camera.height));
+    }
+    let focal_fits = camera.focal.iter().all(|f| f.is_finite() && *f > 0.0);
+    if !focal_fits {
+        return Some(format!("a focal length of {} x {} pixels", camera.focal[0], camera.focal[1]));
+    }
+    let numbers = camera.principal.iter().chain(camera.rotation.iter().flatten()).chain(&camera.translation);
+    numbers.into_iter().any(|v| !v.is_finite()).then(|| "a number that is not finite".to_owned())
+}

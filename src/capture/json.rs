@@ -1,0 +1,265 @@
+//! JSON documents whose errors name file, line and key.
+
+use crate::error::{Error, Result};
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+
+/// A parsed JSON file, with its text for finding lines.
+pub(super) struct Document {
+    path: PathBuf,
+    text: String,
+    root: Value,
+}
+
+/// One value of a [`Document`] and the way to it, as in `frames[3].transform_matrix`.
+#[derive(Clone)]
+pub(super) struct Node<'a> {
+    document: &'a Document,
+    value: &'a Value,
+    pub(super) key: String,
+}
+
+impl Document {
+    pub(super) fn read(path: &Path) -> Result<Self> {
+        let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
+        let text = String::from_utf8(bytes).map_err(|e| {
+            Error::input(path, format!("not UTF-8 text at byte {}; JSON is", e.utf8_error().valid_up_to()))
+        })?;
+        let root = serde_json::from_str(&text).map_err(|e| {
+            let (line, column) = (e.line(), e.column());
+            let before: usize = text.split_inclusive('\n').take(line.saturating_sub(1)).map(str::len).sum();
+            let key = match key_at(&text, before + column.saturating_sub(1)) {
+                key if key.is_empty() => String::new(),
+                key => format!(", in or after key {key}"),
+            };
+            Error::input(path, format!("line {line}, column {column}{key}: not JSON: {}", without_place(&e)))
+        })?;
+        Ok(Document { path: path.to_owned(), text, root })
+    }
+    pub(super) fn root(&self) -> Node<'_> {
+        Node { document: self, value: &self.root, key: String::new() }
+    }
+}
+
+fn without_place(error: &serde_json::Error) -> String {
+    let text = error.to_string();
+    text.split(" at line ").next().unwrap_or_default().to_owned()
+}
+
+impl<'a> Node<'a> {
+    /// An error that stands at this value.
+    pub(super) fn error(&self, message: impl std::fmt::Display) -> Error {
+        let line = line_of(&self.document.text, &self.key);
+        let key = if self.key.is_empty() { "top level" } else { &self.key };
+        Error::input(&self.document.path, format!("line {line}, {key}: {message}"))
+    }
+    fn expected(&self, what: &str) -> Error {
+        let found = match self.value {
+            Value::Null => "null".to_owned(),
+            Value::Object(_) => "an object".to_owned(),
+            Value::Array(items) => format!("a list of {}", items.len()),
+            other => other.to_string(),
+        };
+        self.error(format!("expected {what}, found {found}"))
+    }
+    /// The value under a key of this object; absent and `null` are the same.
+    pub(super) fn get(&self, key: &str) -> Option<Node<'a>> {
+        let value = self.value.as_object()?.get(key).filter(|v| !v.is_null())?;
+        let path = if self.key.is_empty() { key.to_owned() } else { format!("{}.{key}", self.key) };
+        Some(Node { document: self.document, value, key: path })
+    }
+    pub(super) fn need(&self, key: &str) -> Result<Node<'a>> {
+        if !self.value.is_object() {
+            return Err(self.expected("an object"));
+        }
+        self.get(key).ok_or_else(|| self.error(format!("key \"{key}\" is missing")))
+    }
+    pub(super) fn is_list(&self) -> bool {
+        self.value.is_array()
+    }
+    pub(super) fn is_true(&self) -> bool {
+        *self.value == Value::Bool(true)
+    }
+    pub(super) fn items(&self) -> Result<Vec<Node<'a>>> {
+        let items = self.value.as_array().ok_or_else(|| self.expected("a list"))?;
+        let node = |(index, value)| Node { document: self.document, value, key: format!("{}[{index}]", self.key) };
+        Ok(items.iter().enumerate().map(node).collect())
+    }
+    pub(super) fn number(&self) -> Result<f64> {
+        self.value.as_f64().filter(|v| v.is_finite()).ok_or_else(|| self.expected("a number"))
+    }
+    /// A count, which some tools write as `1080.0`.
+    pub(super) fn count(&self) -> Result<u32> {
+        let value = self.number()?;
+        if value.fract() == 0.0 && (0.0..=u32::MAX as f64).contains(&value) {
+            Ok(value as u32)
+        } else {
+            Err(self.expected("a whole number"))
+        }
+    }
+    pub(super) fn text(&self) -> Result<&'a str> {
+        self.value.as_str().ok_or_else(|| self.expected("a text"))
+    }
+    pub(super) fn numbers<const N: usize>(&self) -> Result<[f64; N]> {
+        let items = self.items()?;
+        if items.len() != N {
+            return Err(self.expected(&format!("a list of {N} numbers")));
+        }
+        let mut numbers = [0.0; N];
+        for (number, item) in numbers.iter_mut().zip(&items) {
+            *number = item.number()?;
+        }
+        Ok(numbers)
+    }
+    /// A 4 x 4 matrix by rows; 3 x 4 is taken with the last row `0 0 0 1`.
+    pub(super) fn matrix(&self) -> Result<[[f64; 4]; 4]> {
+        let rows = self.items()?;
+        if rows.len() != 3 && rows.len() != 4 {
+            return Err(self.expected("a matrix of 4 rows of 4 numbers"));
+        }
+        let mut matrix = [[0.0, 0.0, 0.0, 0.0], [0.0; 4], [0.0; 4], [0.0, 0.0, 0.0, 1.0]];
+        for (target, row) in matrix.iter_mut().zip(&rows) {
+            *target = row.numbers()?;
+        }
+        if matrix[3] != [0.0, 0.0, 0.0, 1.0] {
+            return Err(self.error("the last row of the matrix should be 0 0 0 1"));
+        }
+        Ok(matrix)
+    }
+    pub(super) fn optional<T>(&self, key: &str, read: impl Fn(&Node<'a>) -> Result<T>) -> Result<Option<T>> {
+        self.get(key).map(|node| read(&node)).transpose()
+    }
+}
+
+enum Level {
+    Object { key: String, expects_key: bool },
+    List { index: usize },
+}
+
+/// Walks through (possibly broken) JSON and tells `visit` the offset and key path of every value; `visit` ends it with `true`.
+fn walk(text: &str, mut visit: impl FnMut(usize, &str) -> bool) {
+    let bytes = text.as_bytes();
+    let mut stack: Vec<Level> = Vec::new();
+    let mut at = 0;
+    let path = |stack: &[Level]| {
+        let mut path = String::new();
+        for level in stack {
+            match level {
+                Level::Object { key, .. } if path.is_empty() => path.push_str(key),
+                Level::Object { key, .. } => {
+                    path.push('.');
+                    path.push_str(key);
+                }
+                Level::List { index } => path.push_str(&format!("[{index}]")),
+            }
+        }
+        path
+    };
+    while at < bytes.len() {
+        let start = at;
+        at += 1;
+        match bytes[start] {
+            b' ' | b'\t' | b'\r' | b'\n' | b':' => continue,
+            b'}' | b']' => {
+                stack.pop();
+                continue;
+            }
+            b',' => {
+                match stack.last_mut() {
+                    Some(Level::Object { expects_key, .. }) => *expects_key = true,
+                    Some(Level::List { index }) => *index += 1,
+                    None => {}
+                }
+                continue;
+            }
+            b'"' => {
+                while at < bytes.len() && bytes[at] != b'"' {
+                    at += if bytes[at] == b'\\' { 2 } else { 1 };
+                }
+                let content = text.get(start + 1..at.min(bytes.len())).unwrap_or_default();
+                at += 1;
+                if let Some(Level::Object { key, expects_key }) = stack.last_mut()
+                    && *expects_key
+                {
+                    *key = content.to_owned();
+                    *expects_key = false;
+                    continue;
+                }
+            }
+            b'{' | b'[' => {}
+            _ => {
+                while at < bytes.len() && !b",]} \t\r\n".contains(&bytes[at]) {
+                    at += 1;
+                }
+            }
+        }
+        if visit(start, &path(&stack)) {
+            return;
+        }
+        match bytes[start] {
+            b'{' => stack.push(Level::Object { key: String::new(), expects_key: true }),
+            b'[' => stack.push(Level::List { index: 0 }),
+            _ => {}
+        }
+    }
+}
+
+/// Line (from 1) at which the value with this key path begins.
+fn line_of(text: &str, wanted: &str) -> usize {
+    let mut offset = 0;
+    walk(text, |at, path| {
+        let found = path == wanted;
+        if found {
+            offset = at;
+        }
+        found
+    });
+    1 + text.as_bytes()[..offset].iter().filter(|&&b| b == b'\n').count()
+}
+
+/// Key path of the last value that begins at or before an offset.
+fn key_at(text: &str, offset: usize) -> String {
+    let mut last = String::new();
+    walk(text, |at, path| {
+        if at <= offset {
+            last = path.to_owned();
+        }
+        at > offset
+    });
+    last
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn document(text: &str) -> Result<Document> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("some.json");
+        std::fs::write(&path, text).unwrap();
+        Document::read(&path)
+    }
+
+    #[test]
+    fn errors_name_line_and_key() {
+        let text = "{\n \"w\": 4,\n \"frames\": [\n  {\"a\": [1, 2]},\n  {\"a\": [1, \"x\"],\n   \"b\": {\"c\\\"\": 1}}\n ]\n}";
+        let document = document(text).unwrap();
+        let frames = document.root().need("frames").unwrap().items().unwrap();
+        assert_eq!(frames[0].need("a").unwrap().numbers::<2>().unwrap(), [1.0, 2.0]);
+        let error = frames[1].need("a").unwrap().numbers::<2>().unwrap_err().to_string();
+        assert!(error.ends_with("some.json: line 5, frames[1].a[1]: expected a number, found \"x\""), "{error}");
+        let error = frames[1].need("name").err().unwrap().to_string();
+        assert!(error.ends_with("line 5, frames[1]: key \"name\" is missing"), "{error}");
+        let error = frames[1].need("b").unwrap().items().err().unwrap().to_string();
+        assert!(error.ends_with("line 6, frames[1].b: expected a list, found an object"), "{error}");
+    }
+
+    #[test]
+    fn broken_text_names_line_and_key() {
+        let error = document("{\"a\": 1,\n \"frames\": [{\"m\": [1, NaN]}]}").err().unwrap().to_string();
+        assert!(error.contains("line 2") && error.contains("frames[0].m[1]"), "{error}");
+        for text in ["", "{", "{\"a\"", "{\"a\": \"\\", "[1, 2", "\u{fffd}"] {
+            assert!(matches!(document(text), Err(Error::Input { .. })), "{text}");
+        }
+    }
+}

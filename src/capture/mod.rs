@@ -1,0 +1,289 @@
+//! Reading captures: photographs, cameras, lights, masks, the white board and the mesh.
+//!
+//! Two kinds are read: `transforms.json` (nerfstudio's keys, and ours for polarised photographs, lights and the white board) and
+//! COLMAP models, text or binary. Photographs become linear radiance of a pinhole camera: display-referred ones are linearised,
+//! lens distortion is removed. Keys of `transforms.json` beyond nerfstudio's:
+//!
+//! - `mesh_file`; `mesh_transform`, 4 x 4 rows, mesh to world (as `tsuya align` finds it);
+//! - `light`: `{type: "point", intensity: number or [r, g, b], position: [x, y, z]}`, at the top or per frame; per frame also
+//!   `light_position`, `light_intensity`. Irradiance at distance `r` is `intensity / r^2`;
+//! - `white_reference`: `{file_path, cross_file_path}`;
+//! - `color_space`: of integer pictures, see [`ColorSpace::named`];
+//! - per frame `cross_file_path` (polarised: specular blocked) and `mask_path`.
+
+pub mod align;
+mod description;
+mod json;
+mod lens;
+mod photograph;
+mod transforms;
+mod colmap;
+mod white;
+#[cfg(test)]
+mod tests;
+
+pub use description::{Description, FrameDescription, WhiteReference, describe};
+pub use lens::Lens;
+pub use photograph::ColorSpace;
+
+use crate::asset::{Mesh, View};
+use crate::error::{Error, Result};
+use crate::image::{Mask, RgbImage};
+use photograph::{Fault, read_mask, read_picture};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// A capture in memory.
+#[derive(Debug, Clone)]
+pub struct Capture {
+    /// Name of the capture's folder.
+    pub name: String,
+    /// The frames that could be read, in the capture's order; at least one. Either all have a cross photograph or none.
+    pub frames: Vec<Frame>,
+    /// The mesh, in world coordinates, cleaned ([`crate::mesh::clean`]).
+    pub mesh: Mesh,
+    /// Mean radiance of the unpolarised white board's middle; 1 without a board.
+    pub white: [f64; 3],
+    /// `on_board / off_board` per colour; given, or measured on the board.
+    pub beta: Option<[f64; 3]>,
+    /// Colour space of the pixels in memory, always a linear one: `linear-rec709`, or the declared `linear-NAME`.
+    pub color_space: String,
+    /// What the user should know, one sentence each.
+    pub warnings: Vec<String>,
+    /// Frames left out: pictures missing or unreadable, without cross photograph where others have one, with an empty mask.
+    pub skipped_frames: usize,
+    /// Pixels, inside the masks where there are any, that are NaN or infinite in a photograph as stored.
+    pub missing_pixels: u64,
+}
+
+/// One photograph, or a pair through polarisers, by one camera under one light.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Frame {
+    /// Name, camera and light.
+    pub view: View,
+    /// Unpolarised linear radiance (diffuse and specular). Missing pixels are NaN in all colours, here and in `cross`.
+    pub photograph: RgbImage,
+    /// Linear radiance with the specular reflection blocked.
+    pub cross: Option<RgbImage>,
+    /// Pixels that show the object; not empty.
+    pub mask: Option<Mask>,
+}
+
+/// What the caller knows better than the capture.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct ReadOptions {
+    /// The mesh file. Default: the one that the capture names, else the only one in its folder.
+    pub mesh: Option<PathBuf>,
+    /// Mesh to world, rows, from [`align`]. Default: the capture's `mesh_transform`, else none.
+    pub mesh_pose: Option<[[f64; 4]; 4]>,
+    /// `on / off` of a white diffuse surface per colour. Default: measured on the capture's white board.
+    pub beta: Option<[f64; 3]>,
+    /// Colour space of integer pictures, see [`ColorSpace::named`]. Default: the capture's, else `srgb`.
+    pub color_space: Option<String>,
+}
+
+/// Reads a capture: a folder or its `transforms.json` or COLMAP file. See the module for what is read, [`Capture`] for what
+/// comes out. A photograph that is missing or damaged costs its frame and a warning; contradictions are errors.
+pub fn read(path: impl AsRef<Path>, options: &ReadOptions) -> Result<Capture> {
+    read_with_progress(path, options, &|_, _| {})
+}
+
+/// As [`read`]; `progress` hears of the frames done and their total, from any thread of the current pool.
+pub fn read_with_progress(
+    path: impl AsRef<Path>,
+    options: &ReadOptions,
+    progress: &(dyn Fn(usize, usize) + Sync),
+) -> Result<Capture> {
+    let description = describe(path)?;
+    let mut warnings = description.warnings.clone();
+    let declared = options.color_space.as_ref().or(description.color_space.as_ref());
+    let space = ColorSpace::named(declared.map_or("srgb", String::as_str))?;
+
+    let mesh_path = description.find_mesh(options)?;
+    let (mut mesh, report) = crate::mesh::clean::clean(crate::mesh::read::read(&mesh_path)?);
+    if mesh.triangles.is_empty() {
+        return Err(Error::input(&mesh_path, "the mesh has only degenerate triangles"));
+    }
+    if !report.is_clean() {
+        warnings.push(format!("{}: {report}", mesh_path.display()));
+    }
+    if let Some(pose) = options.mesh_pose.or(description.mesh_pose) {
+        align::apply(&mut mesh, &pose);
+    }
+    check_registration(&mesh_path, &mesh, &description.frames, &mut warnings)?;
+
+    let (white, measured_beta) = match &description.white_reference {
+        Some(reference) => white::calibrate(reference, &space)?,
+        None => ([1.0; 3], None),
+    };
+    let mut described = description.frames.clone();
+    let crossed = described.iter().filter(|frame| frame.cross.is_some()).count();
+    let mut skipped = 0;
+    if crossed > 0 && crossed < described.len() {
+        let without: Vec<_> = described.iter().filter(|f| f.cross.is_none()).map(|f| f.view.name.clone()).collect();
+        skipped += without.len();
+        let names = without.join(", ");
+        warnings.push(format!("{} frames without a cross photograph skipped, as others have one: {names}", without.len()));
+        described.retain(|frame| frame.cross.is_some());
+    }
+    let beta = options.beta.or(measured_beta);
+    check_beta(&description, beta, crossed > 0)?;
+
+    let mut missing_pixels = 0;
+    let mut frames = Vec::with_capacity(described.len());
+    for (outcome, frame) in read_frames(&described, &space, progress).into_iter().zip(&described) {
+        match outcome {
+            Ok((frame, missing)) => {
+                missing_pixels += missing;
+                frames.push(frame);
+            }
+            Err(Fault::Unreadable(error)) => {
+                skipped += 1;
+                warnings.push(format!("frame {} skipped: {error}", frame.view.name));
+            }
+            Err(Fault::Wrong(error)) => return Err(error),
+        }
+    }
+    if frames.is_empty() {
+        let last = warnings.last().cloned().unwrap_or_default();
+        return Err(Error::input(&description.path, format!("no frame of {} could be read; {last}", description.frames.len())));
+    }
+    if missing_pixels > 0 {
+        warnings.push(format!("{missing_pixels} pixels are NaN or infinite and are taken as missing"));
+    }
+    let Description { name, .. } = description;
+    Ok(Capture {
+        name,
+        frames,
+        mesh,
+        white,
+        beta,
+        color_space: space.linear_name,
+        warnings,
+        skipped_frames: skipped,
+        missing_pixels,
+    })
+}
+
+fn check_beta(description: &Description, beta: Option<[f64; 3]>, crossed: bool) -> Result<()> {
+    if let Some(beta) = beta
+        && !beta.iter().all(|b| b.is_finite() && *b > 0.0)
+    {
+        return Err(Error::parameter(format!("beta should be positive for each colour, it is {beta:?}")));
+    }
+    if crossed && beta.is_none() {
+        return Err(Error::input(
+            &description.path,
+            "there are cross photographs but no white_reference with cross_file_path: add one, or give the board's on / off \
+             ratio of red, green and blue with --beta",
+        ));
+    }
+    Ok(())
+}
+
+type Outcome = std::result::Result<(Frame, u64), Fault>;
+
+/// Reads all frames, in order, on the current pool.
+fn read_frames(described: &[FrameDescription], space: &ColorSpace, progress: &(dyn Fn(usize, usize) + Sync)) -> Vec<Outcome> {
+    let done = AtomicUsize::new(0);
+    let one = |frame: &FrameDescription| {
+        let outcome = read_frame(frame, space);
+        progress(done.fetch_add(1, Ordering::Relaxed) + 1, described.len());
+        outcome
+    };
+    #[cfg(feature = "parallel")]
+    {
+        use rayon::prelude::*;
+        described.par_iter().map(one).collect()
+    }
+    #[cfg(not(feature = "parallel"))]
+    described.iter().map(one).collect()
+}
+
+fn read_frame(described: &FrameDescription, space: &ColorSpace) -> Outcome {
+    let camera = &described.view.camera;
+    let size = (camera.width, camera.height);
+    let picture = read_picture(&described.photograph, space, Some(size))?;
+    let mut photograph = picture.colour;
+    let mut cross = match &described.cross {
+        Some(path) => Some(read_picture(path, space, Some(size))?.colour),
+        None => None,
+    };
+    let (mut mask, mask_path) = match &described.mask {
+        Some(path) => (Some(read_mask(path, size)?), path),
+        None => (picture.alpha, &described.photograph),
+    };
+    // A pixel missing in one of the pair is missing in both, so that both components miss the same ones.
+    let mut missing = 0;
+    for index in 0..photograph.data.len() {
+        let in_cross = cross.as_ref().is_some_and(|c| c.data[index][0].is_nan());
+        if in_cross || photograph.data[index][0].is_nan() {
+            photograph.data[index] = [f32::NAN; 3];
+            cross.iter_mut().for_each(|c| c.data[index] = [f32::NAN; 3]);
+            missing += mask.as_ref().is_none_or(|m| m.data[index]) as u64;
+        }
+    }
+    if !described.lens.is_pinhole() {
+        let lens = &described.lens;
+        photograph = lens.remove_from_picture(camera, &photograph);
+        cross = cross.map(|cross| lens.remove_from_picture(camera, &cross));
+        mask = mask.map(|mask| lens.remove_from_mask(camera, &mask));
+    }
+    if mask.as_ref().is_some_and(|mask| mask.count() == 0) {
+        return Err(Fault::Unreadable(Error::input(mask_path, "the mask is empty: no pixel shows the object")));
+    }
+    Ok((Frame { view: described.view.clone(), photograph, cross, mask }, missing))
+}
+
+/// Below this share of vertices in any picture the user is warned.
+const FEW_IN_VIEW: f64 = 0.02;
+
+/// Whether the cameras look at the mesh at all: the commonest mistake is a mesh in other coordinates.
+fn check_registration(path: &Path, mesh: &Mesh, frames: &[FrameDescription], warnings: &mut Vec<String>) -> Result<()> {
+    let in_view = |p: [f64; 3]| {
+        frames.iter().any(|frame| {
+            let camera = &frame.view.camera;
+            let inside = |[x, y]: [f64; 2]| {
+                (0.0..camera.width as f64).contains(&x) && (0.0..camera.height as f64).contains(&y)
+            };
+            camera.project(p).is_some_and(|(pixel, _)| inside(pixel))
+        })
+    };
+    let seen = mesh.positions.iter().filter(|p| in_view(p.map(f64::from))).count();
+    if seen == 0 {
+        // A few large triangles may fill the pictures without a corner in them.
+        const STEPS: usize = 24;
+        let inside_triangle = |triangle: &[u32; 3]| {
+            let corners = triangle.map(|v| mesh.positions[v as usize]);
+            let weights = (0..STEPS).flat_map(|i| (0..STEPS - i).map(move |j| (i as f64, j as f64)));
+            weights.into_iter().any(|(i, j)| {
+                let n = STEPS as f64;
+                let (u, v) = ((i + 1.0 / 3.0) / n, (j + 1.0 / 3.0) / n);
+                let w = 1.0 - u - v;
+                in_view(std::array::from_fn(|c| {
+                    u * corners[0][c] as f64 + v * corners[1][c] as f64 + w * corners[2][c] as f64
+                }))
+            })
+        };
+        if mesh.triangles.iter().take(2000).any(inside_triangle) {
+            return Ok(());
+        }
+        return Err(Error::input(
+            path,
+            format!(
+                "none of the mesh's {} vertices projects into any of the {} pictures: check its coordinate system and unit, or \
+                 register it with `tsuya align`",
+                mesh.positions.len(),
+                frames.len()
+            ),
+        ));
+    }
+    let share = seen as f64 / mesh.positions.len() as f64;
+    if share < FEW_IN_VIEW {
+        warnings.push(format!(
+            "only {:.2} % of the mesh's vertices project into any picture: is it registered to this capture?",
+            100.0 * share
+        ));
+    }
+    Ok(())
+}

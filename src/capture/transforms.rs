@@ -1,0 +1,277 @@
+//! Captures described by `transforms.json`: nerfstudio's keys and our own for polarised photographs, lights and the white board.
+
+use super::description::{Description, FrameDescription, WhiteReference, camera_fault, capture_folder, folder_name};
+use super::json::{Document, Node};
+use super::lens::Lens;
+use crate::asset::{Camera, PointLight, View};
+use crate::error::Result;
+use std::path::{Path, PathBuf};
+
+pub(super) fn describe(path: &Path) -> Result<Description> {
+    let document = Document::read(path)?;
+    let root = document.root();
+    let folder = capture_folder(path);
+    let mut warnings = Vec::new();
+    let mut frames = Vec::new();
+    for frame in root.need("frames")?.items()? {
+        frames.push(read_frame(&root, &frame, &folder, &mut warnings)?);
+    }
+    let file = |node: &Node| Ok(folder.join(node.text()?));
+    let white_reference = root.optional("white_reference", |node| {
+        Ok(WhiteReference {
+            photograph: folder.join(node.need("file_path")?.text()?),
+            cross: node.optional("cross_file_path", file)?,
+        })
+    })?;
+    Ok(Description {
+        path: path.to_owned(),
+        name: folder_name(&folder),
+        frames,
+        mesh_file: root.optional("mesh_file", file)?,
+        mesh_pose: root.optional("mesh_transform", Node::matrix)?,
+        white_reference,
+        color_space: root.optional("color_space", |node| Ok(node.text()?.to_owned()))?,
+        warnings,
+    })
+}
+
+fn read_frame(root: &Node, frame: &Node, folder: &Path, warnings: &mut Vec<String>) -> Result<FrameDescription> {
+    let file_path = frame.need("file_path")?;
+    let name = file_path.text()?.trim_start_matches("./").to_owned();
+    let (mut camera, lens) = read_intrinsics(root, frame)?;
+    (camera.rotation, camera.translation) = read_pose(&frame.need("transform_matrix")?)?;
+    if let Some(fault) = camera_fault(&camera) {
+        return Err(frame.error(format!("the camera has {fault}")));
+    }
+    let light = read_light(root, frame, warnings)?;
+    let file = |node: &Node| Ok(find_picture(folder, node.text()?));
+    Ok(FrameDescription {
+        photograph: find_picture(folder, file_path.text()?),
+        cross: frame.optional("cross_file_path", file)?,
+        mask: frame.optional("mask_path", file)?,
+        lens,
+        view: View { name, camera, light },
+    })
+}
+
+/// Some data sets leave the extension away.
+fn find_picture(folder: &Path, name: &str) -> PathBuf {
+    let path = folder.join(name);
+    if path.extension().is_none() && !path.exists() {
+        let with = |extension| path.with_extension(extension);
+        if let Some(found) = ["exr", "png", "jpg", "jpeg", "tif", "tiff"].map(with).into_iter().find(|p| p.exists()) {
+            return found;
+        }
+    }
+    path
+}
+
+/// Camera and lens from the frame's own keys, else the capture's. Needed: `w`, `h`, `fl_x` (or `camera_angle_x`).
+fn read_intrinsics(root: &Node, frame: &Node) -> Result<(Camera, Lens)> {
+    let find = |key: &str| frame.get(key).or_else(|| root.get(key));
+    let number = |key: &str| find(key).map(|node| node.number()).transpose();
+    let missing = |key: &str| frame.error(format!("key \"{key}\" is missing, here and at the top level"));
+    let side = |key: &str| find(key).ok_or_else(|| missing(key))?.count();
+    let (width, height) = (side("w")?, side("h")?);
+    let from_angle = |angle: f64, side: u32| 0.5 * side as f64 / (0.5 * angle).tan();
+    let focal_x = match (number("fl_x")?, number("camera_angle_x")?) {
+        (Some(focal), _) => focal,
+        (None, Some(angle)) => from_angle(angle, width),
+        (None, None) => return Err(missing("fl_x")),
+    };
+    let focal_y = match (number("fl_y")?, number("camera_angle_y")?) {
+        (Some(focal), _) => focal,
+        (None, Some(angle)) => from_angle(angle, height),
+        (None, None) => focal_x,
+    };
+    let principal = [number("cx")?.unwrap_or(0.5 * width as f64), number("cy")?.unwrap_or(0.5 * height as f64)];
+    let camera = Camera { width, height, focal: [focal_x, focal_y], principal, ..Camera::default() };
+
+    let coefficient = |key: &str| Ok::<f64, crate::Error>(number(key)?.unwrap_or(0.0));
+    let radial = [coefficient("k1")?, coefficient("k2")?, coefficient("k3")?, coefficient("k4")?];
+    let tangential = [coefficient("p1")?, coefficient("p2")?];
+    let model = find("camera_model");
+    let model_name = model.as_ref().map(|node| node.text()).transpose()?;
+    let lens = match model_name {
+        Some("PINHOLE" | "SIMPLE_PINHOLE") => Lens::Pinhole,
+        Some("OPENCV_FISHEYE" | "SIMPLE_RADIAL_FISHEYE" | "RADIAL_FISHEYE") => Lens::Fisheye { coefficients: radial },
+        None if find("is_fisheye").is_some_and(|node| node.is_true()) => Lens::Fisheye { coefficients: radial },
+        Some("OPENCV" | "SIMPLE_RADIAL" | "RADIAL" | "PERSPECTIVE") | None => {
+            Lens::Radial { numerator: radial, denominator: [0.0; 3], tangential }
+        }
+        Some(other) => {
+            let message = format!(
+                "camera model {other} is not supported; known: PINHOLE, SIMPLE_PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV, \
+                 OPENCV_FISHEYE"
+            );
+            return Err(model.map_or_else(|| frame.error(&message), |node| node.error(&message)));
+        }
+    };
+    Ok((camera, if lens.is_pinhole() { Lens::Pinhole } else { lens }))
+}
+
+/// Camera to world with OpenGL's axes (x right, y up, z backward) into world to camera with OpenCV's.
+fn read_pose(node: &Node) -> Result<([[f64; 3]; 3], [f64; 3])> {
+    let matrix = node.matrix()?;
+    // Columns of camera to world are rows of world to camera; y and z change sides.
+    let signs = [1.0, -1.0, -1.0];
+    let rows: [[f64; 3]; 3] = std::array::from_fn(|i| std::array::from_fn(|j| signs[i] * matrix[j][i]));
+    let rotation = nearest_rotation(rows).map_err(|fault| node.error(fault))?;
+    let centre = [matrix[0][3], matrix[1][3], matrix[2][3]];
+    let translation = rotation.map(|row| -(row[0] * centre[0] + row[1] * centre[1] + row[2] * centre[2]));
+    Ok((rotation, translation))
+}
+
+/// The rotation that a matrix written with few digits, or scaled as a whole, stands for.
+fn nearest_rotation(rows: [[f64; 3]; 3]) -> std::result::Result<[[f64; 3]; 3], String> {
+    let given = glam::DMat3::from_cols_array_2d(&rows).transpose();
+    let determinant = given.determinant();
+    if determinant.is_nan() || determinant <= 0.0 {
+        return Err(format!(
+            "the upper left 3 x 3 should be a rotation, its determinant is {determinant}: mirrored or singular axes"
+        ));
+    }
+    let scaled = given * (1.0 / determinant.cbrt());
+    let off = |m: glam::DMat3| {
+        let gram = m * m.transpose() - glam::DMat3::IDENTITY;
+        gram.to_cols_array().into_iter().fold(0.0, |worst: f64, v| worst.max(v.abs()))
+    };
+    if off(scaled) > 1e-3 {
+        return Err(format!("the upper left 3 x 3 should be a rotation, it is off by {:.1e}", off(scaled)));
+    }
+    let mut rotation = if off(given) < 1e-12 { given } else { scaled };
+    // Newton's iteration for the polar decomposition; quadratic, so few steps do.
+    for _ in 0..8 {
+        if off(rotation) < 1e-12 {
+            break;
+        }
+        rotation = (rotation + rotation.inverse().transpose()) * 0.5;
+    }
+    Ok(rotation.transpose().to_cols_array_2d())
+}
+
+/// The frame's point light: position and intensity from the frame's own keys, else the capture's.
+fn read_light(root: &Node, frame: &Node, warnings: &mut Vec<String>) -> Result<Option<PointLight>> {
+    let mut warn = |text: String| {
+        if !warnings.contains(&text) {
+            warnings.push(text);
+        }
+    };
+    let lights = [frame.get("light"), root.get("light")];
+    let find = |key: &str| lights.iter().flatten().find_map(|light| light.get(key));
+    if let Some(kind) = find("type")
+        && kind.text()? != "point"
+    {
+        warn(format!("light type \"{}\" is not a point light: taken as unknown", kind.text()?));
+        return Ok(None);
+    }
+    let Some(position) = frame.get("light_position").or_else(|| find("position")) else {
+        return Ok(None);
+    };
+    let position = position.numbers::<3>()?;
+    let intensity = match frame.get("light_intensity").or_else(|| find("intensity")) {
+        Some(node) if node.is_list() => node.numbers::<3>()?,
+        Some(node) => [node.number()?; 3],
+        None => {
+            warn("the lights have a position but no intensity: taken as 1".into());
+            [1.0; 3]
+        }
+    };
+    if intensity.iter().any(|&v| v < 0.0) {
+        return Err(frame.error("the light's intensity is negative"));
+    }
+    Ok(Some(PointLight { position, intensity }))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn describe_text(text: &str) -> Result<Description> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("transforms.json");
+        std::fs::write(&path, text).unwrap();
+        describe(&path)
+    }
+
+    const POSE: &str = "[[0, 0, 1, 5], [1, 0, 0, 6], [0, 1, 0, 7], [0, 0, 0, 1]]";
+
+    #[test]
+    fn axes_intrinsics_and_lights() {
+        let text = format!(
+            r#"{{"w": 64.0, "h": 48, "fl_x": 50, "cx": 30, "cy": 25, "k1": 0.1, "p1": 0.01, "camera_model": "OPENCV",
+            "light": {{"type": "point", "intensity": 3, "position": [9, 9, 9]}}, "mesh_file": "m.ply",
+            "frames": [
+              {{"file_path": "./a.png", "transform_matrix": {POSE}}},
+              {{"file_path": "b.png", "transform_matrix": {POSE}, "fl_x": 60, "fl_y": 61, "camera_model": "OPENCV_FISHEYE",
+                "k2": 0.2, "light_position": [1, 2, 3], "light": {{"intensity": [4, 5, 6]}}}}]}}"#
+        );
+        let description = describe_text(&text).unwrap();
+        let [a, b] = description.frames.as_slice() else { panic!() };
+        assert_eq!(a.view.name, "a.png");
+        let camera = a.view.camera;
+        assert_eq!((camera.width, camera.height, camera.focal, camera.principal), (64, 48, [50.0; 2], [30.0, 25.0]));
+        // OpenGL's camera looks along -z of the pose: here world -x. One unit ahead, right is world +y, up is world +z.
+        assert_eq!(camera.to_camera([4.0, 6.0, 7.0]), [0.0, 0.0, 1.0]);
+        assert_eq!(camera.to_camera([5.0, 7.0, 7.0]), [1.0, 0.0, 0.0]);
+        assert_eq!(camera.to_camera([5.0, 6.0, 8.0]), [0.0, -1.0, 0.0]);
+        assert_eq!(camera.centre(), [5.0, 6.0, 7.0]);
+        let lens = Lens::Radial { numerator: [0.1, 0.0, 0.0, 0.0], denominator: [0.0; 3], tangential: [0.01, 0.0] };
+        assert_eq!(a.lens, lens);
+        assert_eq!(a.view.light, Some(PointLight { position: [9.0; 3], intensity: [3.0; 3] }));
+        assert_eq!(b.view.camera.focal, [60.0, 61.0]);
+        assert_eq!(b.lens, Lens::Fisheye { coefficients: [0.1, 0.2, 0.0, 0.0] });
+        assert_eq!(b.view.light, Some(PointLight { position: [1.0, 2.0, 3.0], intensity: [4.0, 5.0, 6.0] }));
+        assert!(description.mesh_file.unwrap().ends_with("m.ply"));
+    }
+
+    #[test]
+    fn faults_name_line_and_key() {
+        let frame = |keys: &str| format!("{{\"w\": 4, \"h\": 4, \"fl_x\": 5,\n \"frames\": [\n  {{{keys}}}]}}");
+        let cases = [
+            ("{}".to_owned(), "line 1, top level: key \"frames\" is missing"),
+            (frame("\"x\": 1"), "line 3, frames[0]: key \"file_path\" is missing"),
+            (frame("\"file_path\": \"a\""), "line 3, frames[0]: key \"transform_matrix\" is missing"),
+            (
+                frame("\"file_path\": \"a\", \"transform_matrix\": [[1, 2], [3, 4], [5, 6]]"),
+                "line 3, frames[0].transform_matrix[0]: expected a list of 4 numbers, found a list of 2",
+            ),
+            (
+                frame("\"file_path\": \"a\", \"transform_matrix\": [[1,0,0,0],[0,1,0,0],[0,0,-1,0]]"),
+                "mirrored or singular axes",
+            ),
+            (
+                frame("\"file_path\": \"a\", \"transform_matrix\": [[1,0.1,0,0],[0,1,0,0],[0,0,1,0]]"),
+                "should be a rotation, it is off by 1.0e-1",
+            ),
+            (
+                frame(&format!("\"file_path\": \"a\", \"transform_matrix\": {POSE}, \"fl_x\": \"wide\"")),
+                "line 3, frames[0].fl_x: expected a number, found \"wide\"",
+            ),
+            (
+                frame(&format!("\"file_path\": \"a\", \"transform_matrix\": {POSE}, \"w\": 0")),
+                "a picture of 0 x 4 pixels",
+            ),
+            (
+                frame(&format!("\"file_path\": \"a\", \"transform_matrix\": {POSE}, \"camera_model\": \"EQUIRECTANGULAR\"")),
+                "camera model EQUIRECTANGULAR is not supported",
+            ),
+        ];
+        for (text, expected) in cases {
+            let error = describe_text(&text).unwrap_err().to_string();
+            assert!(error.contains(expected), "{error}\nexpected: {expected}");
+        }
+    }
+
+    #[test]
+    fn rounded_rotations_become_exact() {
+        let (s, c) = (0.6001, 0.8);
+        let rotation = nearest_rotation([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]).unwrap();
+        let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+        assert!((dot(rotation[0], rotation[0]) - 1.0).abs() < 1e-12 && dot(rotation[0], rotation[1]).abs() < 1e-12);
+        assert!((rotation[1][0] - 0.6).abs() < 1e-4);
+        // A pose scaled as a whole keeps its directions.
+        let rotation = nearest_rotation([[0.0, -3.0, 0.0], [3.0, 0.0, 0.0], [0.0, 0.0, 3.0]]).unwrap();
+        assert!((rotation[0][1] + 1.0).abs() < 1e-12 && (rotation[2][2] - 1.0).abs() < 1e-12);
+    }
+}

@@ -1,0 +1,159 @@
+//! Diffuse and specular reflection out of photographs through polarisers, and back.
+
+use crate::asset::{Component, View};
+use crate::capture::{Capture, Frame};
+use crate::error::{Error, Result};
+use crate::image::{Mask, RgbImage};
+
+/// A capture's photographs as components of reflection.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Observations {
+    /// What each frame's images hold: diffuse and specular, or both combined.
+    pub components: Vec<Component>,
+    /// Radiance of the white board: the unit of `sqrt(x / white)`.
+    pub white: [f64; 3],
+    /// The ratio by which the cross photographs were divided.
+    pub beta: Option<[f64; 3]>,
+    /// The frames, in the capture's order.
+    pub frames: Vec<ObservedFrame>,
+}
+
+/// One frame's components.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ObservedFrame {
+    /// Name, camera and light.
+    pub view: View,
+    /// Pixels that show the object.
+    pub mask: Option<Mask>,
+    /// Linear radiance per component, parallel to [`Observations::components`]; missing pixels are NaN.
+    pub images: Vec<RgbImage>,
+}
+
+/// `I_d = cross / beta`, `I_s = off - I_d` with its sign (Miyazaki 2007, equations 4, 5, A.3 and A.4); without cross photographs
+/// the photographs themselves, combined.
+///
+/// Takes the frames out of the capture, whose `frames` is empty afterwards, so that no photograph is in memory twice.
+pub fn separate(capture: &mut Capture) -> Result<Observations> {
+    let polarised = capture.frames.first().is_some_and(|frame| frame.cross.is_some());
+    if polarised && capture.beta.is_none() {
+        return Err(Error::parameter("separation needs the white board's on / off ratio of each colour: give --beta"));
+    }
+    if let Some(frame) = capture.frames.iter().find(|frame| frame.cross.is_some() != polarised) {
+        return Err(Error::parameter(format!("frame {}: all frames need a cross photograph, or none", frame.view.name)));
+    }
+    let beta = capture.beta.filter(|_| polarised);
+    let components = if polarised { vec![Component::Diffuse, Component::Specular] } else { vec![Component::Combined] };
+    let frames = std::mem::take(&mut capture.frames).into_iter().map(|frame| separate_frame(frame, beta)).collect();
+    Ok(Observations { components, white: capture.white, beta, frames })
+}
+
+fn separate_frame(frame: Frame, beta: Option<[f64; 3]>) -> ObservedFrame {
+    let Frame { view, photograph: mut off, cross, mask } = frame;
+    let images = match (cross, beta) {
+        (Some(mut cross), Some(beta)) => {
+            for (off, cross) in off.data.iter_mut().zip(&mut cross.data) {
+                for colour in 0..3 {
+                    cross[colour] = (cross[colour] as f64 / beta[colour]) as f32;
+                    off[colour] -= cross[colour];
+                }
+            }
+            vec![cross, off]
+        }
+        _ => vec![off],
+    };
+    ObservedFrame { view, mask, images }
+}
+
+/// The photographs of components: unpolarised `off = I_d + I_s`, and cross-polarised `I_d beta` where there are two. The images
+/// are parallel to the components and of one size. The inverse of [`separate`] to `f32` rounding.
+pub fn recombine(
+    components: &[Component],
+    images: &[RgbImage],
+    beta: Option<[f64; 3]>,
+) -> Result<(RgbImage, Option<RgbImage>)> {
+    match (components, images) {
+        ([Component::Combined], [combined]) => Ok((combined.clone(), None)),
+        ([Component::Diffuse, Component::Specular], [diffuse, specular]) if diffuse.data.len() == specular.data.len() => {
+            let mut off = diffuse.clone();
+            for (off, specular) in off.data.iter_mut().zip(&specular.data) {
+                (0..3).for_each(|colour| off[colour] += specular[colour]);
+            }
+            let cross = beta.map(|beta| {
+                diffuse.map(|pixel| std::array::from_fn(|colour| (pixel[colour] as f64 * beta[colour]) as f32))
+            });
+            Ok((off, cross))
+        }
+        _ => Err(Error::parameter("components and images don't belong together: diffuse and specular, or combined")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::asset::{Camera, Mesh};
+
+    fn capture(cross: Option<RgbImage>, beta: Option<[f64; 3]>) -> Capture {
+        let photograph = RgbImage {
+            width: 2,
+            height: 2,
+            data: vec![[1.0, 2.0, 3.0], [0.25, 0.5, 0.5], [f32::NAN; 3], [4.0, 0.1, 0.3]],
+        };
+        let view = View { name: "a".into(), camera: Camera::default(), light: None };
+        Capture {
+            name: "test".into(),
+            frames: vec![Frame { view, photograph, cross, mask: None }],
+            mesh: Mesh::default(),
+            white: [1.0, 0.9, 0.8],
+            beta,
+            color_space: "linear-rec709".into(),
+            warnings: Vec::new(),
+            skipped_frames: 0,
+            missing_pixels: 1,
+        }
+    }
+
+    #[test]
+    fn polarised_frames_separate_and_recombine() {
+        let data = vec![[0.25, 0.5, 0.75], [0.25, 0.25, 0.3], [f32::NAN; 3], [0.7, 0.01, 0.1]];
+        let cross = RgbImage { width: 2, height: 2, data };
+        let beta = [0.5, 0.4, 0.6];
+        let mut capture = capture(Some(cross), Some(beta));
+        let original = capture.frames[0].clone();
+        let observations = separate(&mut capture).unwrap();
+        assert!(capture.frames.is_empty());
+        assert_eq!(observations.components, [Component::Diffuse, Component::Specular]);
+        assert_eq!(observations.white, [1.0, 0.9, 0.8]);
+        let images = &observations.frames[0].images;
+        assert_eq!(images[0].data[0], [0.5, 1.25, 1.25]);
+        assert_eq!(images[1].data[0], [0.5, 0.75, 1.75]);
+        assert!(images[1].data[1][0] == -0.25, "the sign stays");
+        assert!(images.iter().all(|image| image.data[2].iter().all(|v| v.is_nan())));
+        let (off, on) = recombine(&observations.components, images, observations.beta).unwrap();
+        let on = on.unwrap();
+        for index in [0, 1, 3] {
+            for c in 0..3 {
+                assert!((off.data[index][c] - original.photograph.data[index][c]).abs() < 5e-7);
+                assert!((on.data[index][c] - original.cross.as_ref().unwrap().data[index][c]).abs() < 1e-7);
+            }
+        }
+    }
+
+    #[test]
+    fn unpolarised_frames_pass_and_contradictions_do_not() {
+        let mut plain = capture(None, Some([0.5; 3]));
+        let original = plain.frames[0].photograph.clone();
+        let observations = separate(&mut plain).unwrap();
+        assert_eq!((observations.components.as_slice(), observations.beta), (&[Component::Combined][..], None));
+        assert_eq!(observations.frames[0].images[0].data[0], original.data[0]);
+        assert_eq!(recombine(&observations.components, &observations.frames[0].images, None).unwrap().1, None);
+
+        let cross = RgbImage::filled(2, 2, [0.5; 3]);
+        let error = separate(&mut capture(Some(cross.clone()), None)).unwrap_err();
+        assert!(error.to_string().contains("--beta"));
+        let mut mixed = capture(Some(cross), Some([0.5; 3]));
+        mixed.frames.push(capture(None, None).frames.remove(0));
+        assert!(separate(&mut mixed).is_err());
+        assert_eq!(mixed.frames.len(), 2);
+        assert!(recombine(&[Component::Combined], &[], None).is_err());
+    }
+}
