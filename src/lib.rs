@@ -14,10 +14,15 @@ pub mod residual;
 pub mod surface;
 pub mod transform;
 pub mod tuned;
+pub mod measure;
 pub mod mesh;
+pub mod reflectance;
+pub mod relight;
 #[cfg(feature = "encode")]
 pub mod separate;
 pub mod mesh;
+pub mod surface;
+pub mod transform;
 
 pub use error::{Error, Result};
 pub use limits::{Budget, Limits};

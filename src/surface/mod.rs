@@ -1,4 +1,10 @@
-//! The surface: which triangle each pixel sees, and how one view is read from another through the mesh.
+//! Between photographs and surface: which surface point each pixel sees, and from one view to another through the mesh;
+//! charts, the atlas they are packed into, texels.
 
+pub mod atlas;
+pub mod charts;
+#[cfg(feature = "encode")]
+mod layout;
 pub mod raster;
 pub mod warp;
+pub mod texels;

@@ -1,0 +1,189 @@
+//! Gathers what the photographs show of each texel and fits the reflectance maps.
+
+use super::lambert::LambertSums;
+use super::torrance_sparrow::{self, Lobe, Sighting};
+use super::{Geometry, lambert};
+use crate::asset::{Component, Mesh, Photograph, PointLight, ReflectanceMaps, View};
+use crate::image::Grid;
+use crate::surface::atlas::AtlasRaster;
+use crate::surface::charts::NONE;
+use crate::surface::raster::{Raster, rasterise, vertex_normals};
+
+/// Sightings with a smaller `cos(normal, view)` are left out: they are half of the model's error (and few of its pixels).
+const GRAZING: f64 = 0.25;
+/// A surface point is hidden where the mesh is nearer by this many pixel widths.
+const MARGIN_PIXELS: f64 = 4.0;
+/// Without polarisers: sightings whose half vector is nearer to the normal than this may hold highlight, radians.
+const HIGHLIGHT: f32 = 0.5;
+
+/// What maps are fitted from.
+pub struct Sources<'a> {
+    /// The mesh.
+    pub mesh: &'a Mesh,
+    /// The captured views; the maps are relightable if all of them have a light.
+    pub views: &'a [View],
+    /// Components of the photographs.
+    pub components: &'a [Component],
+    /// Photographs, parallel to `views`; NaN pixels are missing.
+    pub photographs: &'a [Option<Photograph>],
+}
+
+/// Fits reflectance to every texel in use: Lambert and Torrance-Sparrow where all lights are known, else the weighted mean radiance.
+/// Texels that no photograph shows take their neighbours' values. Other texels are 0.
+pub fn fit_maps(sources: &Sources, atlas: &AtlasRaster) -> ReflectanceMaps {
+    let normals = vertex_normals(sources.mesh);
+    let relightable = !sources.views.is_empty() && sources.views.iter().all(|v| v.light.is_some());
+    let rasters: Vec<Option<Raster>> = map_all(sources.views.len(), |k| {
+        sources.photographs.get(k)?.as_ref().map(|_| rasterise(sources.mesh, &sources.views[k].camera))
+    });
+    let used: Vec<usize> = (0..atlas.triangle.data.len()).filter(|&k| atlas.triangle.data[k] != NONE).collect();
+    let fitted = map_all(used.len(), |k| {
+        let sightings = sight(sources, &rasters, atlas, &normals, used[k]);
+        fit_texel(&sightings, sources.components, relightable)
+    });
+
+    let (width, height) = (atlas.triangle.width, atlas.triangle.height);
+    let mut place = vec![NONE; width * height];
+    used.iter().enumerate().for_each(|(k, &texel)| place[texel] = k as u32);
+    let around = |k: usize| {
+        let (x, y) = (used[k] % width, used[k] / width);
+        let place = &place;
+        [(-1, 0), (1, 0), (0, -1), (0, 1)].into_iter().filter_map(move |(dx, dy)| {
+            let (x, y) = (x.checked_add_signed(dx)?, y.checked_add_signed(dy)?);
+            let found = (x < width && y < height).then(|| place[y * width + x])?;
+            (found != NONE).then_some(found as usize)
+        })
+    };
+    let spread = |values: Vec<[f32; 3]>| {
+        let mut grid = Grid::filled(width, height, [0f32; 3]);
+        used.iter().zip(values).for_each(|(&texel, value)| grid.data[texel] = value);
+        grid
+    };
+    // Colours are filled like lobes of equal width.
+    let diffuse: Vec<Option<Lobe>> =
+        fitted.iter().map(|f| f.0.map(|specular| Lobe { specular, sigma: 1.0 })).collect();
+    let diffuse = torrance_sparrow::fill_from_neighbours(&diffuse, around);
+    let mut maps = ReflectanceMaps {
+        relightable,
+        diffuse: spread(diffuse.iter().map(|l| l.specular).collect()),
+        ..ReflectanceMaps::default()
+    };
+    if relightable && sources.components.iter().any(|&c| c != Component::Diffuse) {
+        let lobes: Vec<Option<Lobe>> = fitted.into_iter().map(|f| f.1).collect();
+        let lobes = torrance_sparrow::fill_from_neighbours(&lobes, around);
+        maps.specular = spread(lobes.iter().map(|l| l.specular).collect());
+        maps.sigma = Grid::filled(width, height, 0f32);
+        used.iter().zip(&lobes).for_each(|(&texel, lobe)| maps.sigma.data[texel] = lobe.sigma);
+    }
+    maps
+}
+
+/// One photograph's radiance at a texel, per component, and how the texel lay there.
+struct Seen {
+    geometry: Geometry,
+    radiance: [[f32; 3]; 2],
+}
+
+fn sight(
+    sources: &Sources,
+    rasters: &[Option<Raster>],
+    atlas: &AtlasRaster,
+    normals: &[[f64; 3]],
+    texel: usize,
+) -> Vec<Seen> {
+    let point = atlas.position(sources.mesh, texel).to_array();
+    let normal = atlas.normal(sources.mesh, normals, texel).to_array();
+    let mut result = Vec::new();
+    for (k, view) in sources.views.iter().enumerate() {
+        let (Some(raster), Some(Some(photograph))) = (&rasters[k], sources.photographs.get(k)) else { continue };
+        let dark = PointLight { position: [0.0; 3], intensity: [0.0; 3] };
+        let (centre, light) = (view.camera.centre(), view.light.unwrap_or(dark));
+        let geometry = Geometry::new(point, normal, centre, &light);
+        if (geometry.cos_view as f64) < GRAZING {
+            continue;
+        }
+        let Some((at, depth)) = view.camera.project(point) else { continue };
+        let (x, y) = ((at[0] - 0.5).floor(), (at[1] - 0.5).floor());
+        if !(x >= 0.0 && y >= 0.0 && x + 1.0 < raster.width as f64 && y + 1.0 < raster.height as f64) {
+            continue;
+        }
+        let (s, t) = ((at[0] - 0.5 - x) as f32, (at[1] - 0.5 - y) as f32);
+        let first = y as usize * raster.width + x as usize;
+        let margin = MARGIN_PIXELS * depth / view.camera.focal[0].abs();
+        let taps = [
+            (first, (1.0 - s) * (1.0 - t)),
+            (first + 1, s * (1.0 - t)),
+            (first + raster.width, (1.0 - s) * t),
+            (first + raster.width + 1, s * t),
+        ];
+        let mut radiance = [[0f32; 3]; 2];
+        let visible = taps.iter().all(|&(index, weight)| {
+            for (sum, image) in radiance.iter_mut().zip(&photograph.images) {
+                (0..3).for_each(|c| sum[c] += weight * image.data[index][c]);
+            }
+            photograph.mask.data[index]
+                && raster.is_covered(index)
+                && (raster.depth[index] - depth).abs() < margin
+        });
+        if visible && radiance.iter().flatten().all(|x| x.is_finite()) {
+            result.push(Seen { geometry, radiance });
+        }
+    }
+    result
+}
+
+/// Diffuse colour and highlight of a texel from its sightings.
+fn fit_texel(seen: &[Seen], components: &[Component], relightable: bool) -> (Option<[f32; 3]>, Option<Lobe>) {
+    let of = |component: Component| components.iter().position(|&c| c == component);
+    if !relightable {
+        let mut mean = LambertSums::default();
+        let shown = of(Component::Diffuse).or(of(Component::Combined)).unwrap_or(0);
+        seen.iter().for_each(|s| mean.add_unlit(s.radiance[shown], s.geometry.cos_view));
+        return (mean.solve(), None);
+    }
+    if let Some(combined) = of(Component::Combined) {
+        let sums = |beyond: f32| {
+            let mut sums = LambertSums::default();
+            for s in seen.iter().filter(|s| s.geometry.alpha > beyond) {
+                sums.add(s.radiance[combined], &s.geometry);
+            }
+            sums
+        };
+        // Away from highlights where the texel was seen there often enough.
+        let away = sums(HIGHLIGHT);
+        let diffuse = if away.weight() > 1.0 { away.solve() } else { sums(-1.0).solve() };
+        let rest: Vec<Sighting> = seen
+            .iter()
+            .map(|s| {
+                let matte = lambert::evaluate(diffuse.unwrap_or_default(), &s.geometry);
+                let radiance = std::array::from_fn(|c| s.radiance[combined][c] - matte[c]);
+                Sighting { radiance, geometry: s.geometry }
+            })
+            .collect();
+        return (diffuse, torrance_sparrow::fit(&rest));
+    }
+    let diffuse = of(Component::Diffuse).and_then(|index| {
+        let mut sums = LambertSums::default();
+        seen.iter().for_each(|s| sums.add(s.radiance[index], &s.geometry));
+        sums.solve()
+    });
+    let lobe = of(Component::Specular).and_then(|index| {
+        let sightings: Vec<Sighting> =
+            seen.iter().map(|s| Sighting { radiance: s.radiance[index], geometry: s.geometry }).collect();
+        torrance_sparrow::fit(&sightings)
+    });
+    (diffuse, lobe)
+}
+
+/// `f(0), f(1) ...`, on rayon's current threads where the feature is on.
+fn map_all<T: Send>(count: usize, f: impl Fn(usize) -> T + Sync + Send) -> Vec<T> {
+    #[cfg(feature = "parallel")]
+    {
+        use rayon::prelude::*;
+        (0..count).into_par_iter().map(f).collect()
+    }
+    #[cfg(not(feature = "parallel"))]
+    {
+        (0..count).map(f).collect()
+    }
+}

@@ -1,0 +1,48 @@
+//! How a surface point lies between a light and a camera.
+
+use crate::asset::PointLight;
+
+/// Smallest `cos(theta_r)` that the specular model divides by: beyond it (87 degrees) the model is cut off.
+pub const LEAST_COS_VIEW: f32 = 0.05;
+
+/// Light and view seen from a surface point.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Geometry {
+    /// Irradiance of a surface that faces the light, `intensity / r^2`, red, green, blue.
+    pub irradiance: [f32; 3],
+    /// `N.L`, in `-1..=1`; the point is unlit where it is not positive.
+    pub cos_light: f32,
+    /// `N.V`, in `-1..=1`; the point is unseen where it is not positive.
+    pub cos_view: f32,
+    /// Angle between the normal and the half vector `(L + V) / |L + V|`, radians.
+    pub alpha: f32,
+}
+
+impl Geometry {
+    /// The geometry of a world point with a unit normal, a camera's centre and a point light.
+    pub fn new(point: [f64; 3], normal: [f64; 3], camera_centre: [f64; 3], light: &PointLight) -> Self {
+        let (to_light, squared) = direction(point, light.position);
+        let (to_view, _) = direction(point, camera_centre);
+        let half: [f64; 3] = std::array::from_fn(|i| to_light[i] + to_view[i]);
+        let length = dot(half, half).sqrt();
+        let cos_half = if length > 0.0 { dot(normal, half) / length } else { 0.0 };
+        Geometry {
+            irradiance: light.intensity.map(|l| if squared > 0.0 { (l / squared) as f32 } else { 0.0 }),
+            cos_light: dot(normal, to_light) as f32,
+            cos_view: dot(normal, to_view) as f32,
+            alpha: cos_half.clamp(-1.0, 1.0).acos() as f32,
+        }
+    }
+}
+
+/// Unit vector from one point to another, and the squared distance.
+pub(crate) fn direction(from: [f64; 3], to: [f64; 3]) -> ([f64; 3], f64) {
+    let d: [f64; 3] = std::array::from_fn(|i| to[i] - from[i]);
+    let squared = dot(d, d);
+    let scale = if squared > 0.0 { 1.0 / squared.sqrt() } else { 0.0 };
+    (d.map(|x| x * scale), squared)
+}
+
+pub(crate) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}

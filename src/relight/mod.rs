@@ -1,0 +1,94 @@
+//! Pictures of an asset: from any camera, under the capture's light or any point lights. See `spec/rendering.md`.
+//!
+//! A picture is the reflectance model, evaluated, plus the residual (photograph minus model), interpolated between the nearest
+//! captured views (Miyazaki 2007, equations 12 to 16).
+
+mod cameras;
+mod residual;
+mod renderer;
+mod shadow;
+
+pub use cameras::{bounds, look_at, orbit};
+pub use renderer::Renderer;
+
+use crate::asset::{Asset, Camera, PointLight};
+use crate::error::Result;
+use crate::image::{Mask, RgbImage};
+
+/// Which light falls on the object.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Lighting {
+    /// The light of the nearest captured views. Of a capture under several lights (standing still or moving with the camera) the one of
+    /// this number, 0 the most used.
+    Capture(usize),
+    /// These point lights. Only for assets whose capture's lights are known.
+    Points(Vec<PointLight>),
+}
+
+/// Parts of a picture.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Layers {
+    /// Diffuse reflection. The residual of a capture without polarisers is shown only if both reflections are.
+    pub diffuse: bool,
+    /// Specular reflection.
+    pub specular: bool,
+    /// The reflectance model.
+    pub model: bool,
+    /// What the photographs have beyond the model.
+    pub residual: bool,
+}
+
+impl Default for Layers {
+    fn default() -> Self {
+        Layers { diffuse: true, specular: true, model: true, residual: true }
+    }
+}
+
+/// How to render.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RenderOptions {
+    /// The light.
+    pub lighting: Lighting,
+    /// Parts shown.
+    pub layers: Layers,
+    /// Captured views between which the residual of a surface point is interpolated, at most. 1 takes only the nearest one.
+    pub views: usize,
+    /// Whether the object shadows itself under [`Lighting::Points`].
+    pub shadows: bool,
+}
+
+impl Default for RenderOptions {
+    fn default() -> Self {
+        RenderOptions { lighting: Lighting::Capture(0), layers: Layers::default(), views: 3, shadows: true }
+    }
+}
+
+impl RenderOptions {
+    /// The residual of the nearest captured view only, not interpolated.
+    pub fn nearest_view() -> Self {
+        RenderOptions { views: 1, ..Self::default() }
+    }
+}
+
+/// A picture.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Rendered {
+    /// Linear radiance of the layers asked for: the sum of the components, each not below 0. 0 where nothing is hit.
+    pub image: RgbImage,
+    /// The same per component, parallel to [`Asset::components`]; may be negative.
+    pub components: Vec<RgbImage>,
+    /// Pixels whose central ray meets the mesh.
+    pub hit: Mask,
+    /// Pixels that show the object: `hit` without those that the nearest captured masks cut off.
+    pub coverage: Mask,
+}
+
+/// Renders one picture. For several of one asset keep a [`Renderer`].
+pub fn render(asset: &Asset, camera: &Camera, options: &RenderOptions) -> Result<Rendered> {
+    Renderer::new(asset)?.render(camera, options)
+}
+
+#[cfg(all(test, feature = "encode"))]
+pub(crate) mod test_capture;
+#[cfg(all(test, feature = "encode"))]
+mod tests;

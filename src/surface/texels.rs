@@ -1,0 +1,1 @@
+//! Texels fitted to photographs.
