@@ -7,7 +7,10 @@ pub mod entropy;
 pub mod error;
 pub mod image;
 pub mod limits;
+pub mod paper;
 pub mod reflectance;
+pub mod surface;
+pub mod transform;
 
 pub use error::{Error, Result};
 pub use limits::{Budget, Limits};

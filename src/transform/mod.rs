@@ -1,0 +1,3 @@
+//! Wavelet transforms.
+
+pub mod daubechies;
