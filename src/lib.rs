@@ -8,7 +8,9 @@ pub mod error;
 pub mod image;
 pub mod limits;
 pub mod paper;
+pub mod quantise;
 pub mod reflectance;
+pub mod residual;
 pub mod surface;
 pub mod transform;
 

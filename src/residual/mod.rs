@@ -1,0 +1,3 @@
+//! What the model leaves: measured minus predicted.
+
+pub mod volume;
