@@ -21,6 +21,10 @@ pub mod relight;
 #[cfg(feature = "encode")]
 pub mod separate;
 pub mod mesh;
+pub mod paper;
+pub mod quantise;
+pub mod reflectance;
+pub mod residual;
 pub mod surface;
 pub mod transform;
 

@@ -3,3 +3,6 @@
 pub mod coefficients;
 pub mod gains;
 pub mod mask;
+//! What the model leaves: measured minus predicted.
+
+pub mod volume;

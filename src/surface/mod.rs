@@ -8,3 +8,8 @@ mod layout;
 pub mod raster;
 pub mod warp;
 pub mod texels;
+//! The object's surface: where its samples lie and which photographs see them.
+
+pub mod patches;
+#[cfg(feature = "encode")]
+pub mod visibility;
