@@ -3,6 +3,4 @@
 pub mod coefficients;
 pub mod gains;
 pub mod mask;
-//! What the model leaves: measured minus predicted.
-
 pub mod volume;

@@ -1,6 +1,4 @@
 //! Wavelet transforms: decorrelate samples before they are quantised.
 
-pub mod shape_adaptive;
-//! Wavelet transforms.
-
 pub mod daubechies;
+pub mod shape_adaptive;
