@@ -123,9 +123,8 @@ impl Lens {
     /// For every pixel of a pinhole camera of the same size the position in the photograph, in pixels (centres at +0.5).
     fn source_positions(&self, camera: &Camera, mut visit: impl FnMut(usize, Option<[f64; 2]>)) {
         let (width, height) = (camera.width as usize, camera.height as usize);
-        let ideal = |x: f64, y: f64| {
-            [(x - camera.principal[0]) / camera.focal[0], (y - camera.principal[1]) / camera.focal[1]]
-        };
+        let ideal =
+            |x: f64, y: f64| [(x - camera.principal[0]) / camera.focal[0], (y - camera.principal[1]) / camera.focal[1]];
         let corners = [(0.0, 0.0), (width as f64, 0.0), (0.0, height as f64), (width as f64, height as f64)];
         let largest = corners.iter().map(|&(x, y)| ideal(x, y)).map(|[x, y]| x.hypot(y)).fold(0.0, f64::max);
         let limit = self.radius_limit(largest);

@@ -12,15 +12,15 @@
 //! - per frame `cross_file_path` (polarised: specular blocked) and `mask_path`.
 
 pub mod align;
+mod colmap;
 mod description;
 mod json;
 mod lens;
 mod photograph;
-mod transforms;
-mod colmap;
-mod white;
 #[cfg(test)]
 mod tests;
+mod transforms;
+mod white;
 
 pub use description::{Description, FrameDescription, WhiteReference, describe};
 pub use lens::Lens;
@@ -123,7 +123,8 @@ pub fn read_with_progress(
         let without: Vec<_> = described.iter().filter(|f| f.cross.is_none()).map(|f| f.view.name.clone()).collect();
         skipped += without.len();
         let names = without.join(", ");
-        warnings.push(format!("{} frames without a cross photograph skipped, as others have one: {names}", without.len()));
+        warnings
+            .push(format!("{} frames without a cross photograph skipped, as others have one: {names}", without.len()));
         described.retain(|frame| frame.cross.is_some());
     }
     let beta = options.beta.or(measured_beta);
@@ -146,7 +147,10 @@ pub fn read_with_progress(
     }
     if frames.is_empty() {
         let last = warnings.last().cloned().unwrap_or_default();
-        return Err(Error::input(&description.path, format!("no frame of {} could be read; {last}", description.frames.len())));
+        return Err(Error::input(
+            &description.path,
+            format!("no frame of {} could be read; {last}", description.frames.len()),
+        ));
     }
     if missing_pixels > 0 {
         warnings.push(format!("{missing_pixels} pixels are NaN or infinite and are taken as missing"));
@@ -184,7 +188,11 @@ fn check_beta(description: &Description, beta: Option<[f64; 3]>, crossed: bool) 
 type Outcome = std::result::Result<(Frame, u64), Fault>;
 
 /// Reads all frames, in order, on the current pool.
-fn read_frames(described: &[FrameDescription], space: &ColorSpace, progress: &(dyn Fn(usize, usize) + Sync)) -> Vec<Outcome> {
+fn read_frames(
+    described: &[FrameDescription],
+    space: &ColorSpace,
+    progress: &(dyn Fn(usize, usize) + Sync),
+) -> Vec<Outcome> {
     let done = AtomicUsize::new(0);
     let one = |frame: &FrameDescription| {
         let outcome = read_frame(frame, space);
@@ -243,9 +251,8 @@ fn check_registration(path: &Path, mesh: &Mesh, frames: &[FrameDescription], war
     let in_view = |p: [f64; 3]| {
         frames.iter().any(|frame| {
             let camera = &frame.view.camera;
-            let inside = |[x, y]: [f64; 2]| {
-                (0.0..camera.width as f64).contains(&x) && (0.0..camera.height as f64).contains(&y)
-            };
+            let inside =
+                |[x, y]: [f64; 2]| (0.0..camera.width as f64).contains(&x) && (0.0..camera.height as f64).contains(&y);
             camera.project(p).is_some_and(|(pixel, _)| inside(pixel))
         })
     };

@@ -333,7 +333,11 @@ impl Reader<'_> {
     }
 
     fn light(
-        &mut self, camera: &Camera, lights: &mut Vec<[i64; 3]>, intensities: &mut Vec<[f64; 3]>, header: &Header,
+        &mut self,
+        camera: &Camera,
+        lights: &mut Vec<[i64; 3]>,
+        intensities: &mut Vec<[f64; 3]>,
+        header: &Header,
     ) -> Result<PointLight> {
         let predicted = predicted_light(lights, header.light_lag);
         let shift = self.lattice(|models| &mut models.light);

@@ -48,7 +48,10 @@ fn check(path: &Path, mesh: &Mesh) -> Result<()> {
         }
     }
     if mesh.triangles.is_empty() {
-        return Err(Error::input(path, format!("the mesh has {count} vertices but no triangle; a point cloud can't be used")));
+        return Err(Error::input(
+            path,
+            format!("the mesh has {count} vertices but no triangle; a point cloud can't be used"),
+        ));
     }
     Ok(())
 }
@@ -137,7 +140,10 @@ fn read_ply(path: &Path, bytes: &[u8]) -> Result<Mesh> {
                 for (index, face) in faces.iter().enumerate() {
                     // Vertices may follow the faces in the file; `check` then finds the fault.
                     if let Some(corner) = face.0.iter().find(|&&v| count > 0 && v as usize >= count) {
-                        return Err(Error::input(path, format!("face {index} names vertex {corner}, the mesh has {count}")));
+                        return Err(Error::input(
+                            path,
+                            format!("face {index} names vertex {corner}, the mesh has {count}"),
+                        ));
                     }
                     push_fan(&mut mesh.triangles, &face.0);
                 }
@@ -179,16 +185,19 @@ impl BufRead for CountLines<'_> {
 fn read_obj(path: &Path, bytes: &[u8]) -> Result<Mesh> {
     let lines = std::rc::Rc::new(std::cell::Cell::new(0));
     let mut reader = CountLines { inner: Cursor::new(bytes), lines: lines.clone() };
-    let options = tobj::LoadOptions { triangulate: true, ignore_points: true, ignore_lines: true, ..Default::default() };
+    let options =
+        tobj::LoadOptions { triangulate: true, ignore_points: true, ignore_lines: true, ..Default::default() };
     // Materials are not needed, and a missing .mtl file must not matter.
     let no_materials = |_: &Path| Ok((Vec::new(), Default::default()));
-    let (models, _) = tobj::load_obj_buf(&mut reader, &options, no_materials)
-        .map_err(|e| Error::input(path, format!("{}: {e}", locate_obj_fault(bytes).unwrap_or(format!("line {}", lines.get())))))?;
+    let (models, _) = tobj::load_obj_buf(&mut reader, &options, no_materials).map_err(|e| {
+        Error::input(path, format!("{}: {e}", locate_obj_fault(bytes).unwrap_or(format!("line {}", lines.get()))))
+    })?;
     let mut mesh = Mesh::default();
     for model in models {
         let offset = mesh.positions.len() as u32;
         mesh.positions.extend(model.mesh.positions.chunks_exact(3).map(|p| [p[0], p[1], p[2]]));
-        mesh.triangles.extend(model.mesh.indices.chunks_exact(3).map(|t| [t[0] + offset, t[1] + offset, t[2] + offset]));
+        mesh.triangles
+            .extend(model.mesh.indices.chunks_exact(3).map(|t| [t[0] + offset, t[1] + offset, t[2] + offset]));
     }
     if mesh.positions.iter().flatten().any(|c| !c.is_finite()) {
         let place = locate_obj_fault(bytes).unwrap_or_default();

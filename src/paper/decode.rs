@@ -169,7 +169,8 @@ impl Decoded {
         let side_log2 = self.layout.side_log2[patch];
         let side = 1usize << side_log2;
         let point = self.layout.sample(patch, sample % side, sample / side)?;
-        let model = predicted(self.model.as_ref(), &self.layout, &self.components, component, patch, sample, &point, view);
+        let model =
+            predicted(self.model.as_ref(), &self.layout, &self.components, component, patch, sample, &point, view);
         let at = (index << (2 * side_log2)) + sample;
         Some(std::array::from_fn(|c| model[c] + self.residual[patch][component * 3 + c][at]))
     }

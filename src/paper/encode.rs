@@ -82,7 +82,8 @@ pub fn encode(
         samples.layout.side_log2.iter().map(|&log2| VolumeShape::padded(log2, views, options.view_levels)).collect();
     let coefficients = samples.coefficients();
     let wanted = (coefficients as f64 * options.keep_percent / 100.0) as usize;
-    let volumes = Volumes { samples, components, model: decoded_model.as_ref(), shapes: &shapes, effort: options.effort };
+    let volumes =
+        Volumes { samples, components, model: decoded_model.as_ref(), shapes: &shapes, effort: options.effort };
     let (mut planes, threshold) = volumes.largest(wanted);
     let quantiser = DeadZone { threshold, step: threshold * options.relative_step };
 
@@ -227,7 +228,9 @@ pub fn sample_errors(samples: &Samples, decoded: &Decoded, white: [f64; 3]) -> V
         for (at, _) in data.visible.iter().enumerate().filter(|(_, visible)| **visible) {
             let (view, sample) = (at / area, at % area);
             for (component, sum) in sums.iter_mut().enumerate() {
-                let Some(found) = decoded.sample(component, view, &samples.views[view], patch, sample) else { continue };
+                let Some(found) = decoded.sample(component, view, &samples.views[view], patch, sample) else {
+                    continue;
+                };
                 for c in 0..3 {
                     let measured = data.planes[component * 3 + c][at] as f64 / white[c];
                     let found = found[c] as f64 / white[c];

@@ -60,8 +60,7 @@ pub fn fit_maps(sources: &Sources, atlas: &AtlasRaster) -> ReflectanceMaps {
         grid
     };
     // Colours are filled like lobes of equal width.
-    let diffuse: Vec<Option<Lobe>> =
-        fitted.iter().map(|f| f.0.map(|specular| Lobe { specular, sigma: 1.0 })).collect();
+    let diffuse: Vec<Option<Lobe>> = fitted.iter().map(|f| f.0.map(|specular| Lobe { specular, sigma: 1.0 })).collect();
     let diffuse = torrance_sparrow::fill_from_neighbours(&diffuse, around);
     let mut maps = ReflectanceMaps {
         relightable,
@@ -121,9 +120,7 @@ fn sight(
             for (sum, image) in radiance.iter_mut().zip(&photograph.images) {
                 (0..3).for_each(|c| sum[c] += weight * image.data[index][c]);
             }
-            photograph.mask.data[index]
-                && raster.is_covered(index)
-                && (raster.depth[index] - depth).abs() < margin
+            photograph.mask.data[index] && raster.is_covered(index) && (raster.depth[index] - depth).abs() < margin
         });
         if visible && radiance.iter().flatten().all(|x| x.is_finite()) {
             result.push(Seen { geometry, radiance });

@@ -153,7 +153,8 @@ impl<'a> Renderer<'a> {
 
     /// The captured views that look most alike, with the angle at the object's middle; photographs or not.
     fn nearest(&self, camera: &Camera, light_number: usize, views: usize) -> Vec<(usize, f64)> {
-        let direction = |c: &Camera| (DVec3::from_array(c.centre()) - DVec3::from_array(self.middle)).normalize_or_zero();
+        let direction =
+            |c: &Camera| (DVec3::from_array(c.centre()) - DVec3::from_array(self.middle)).normalize_or_zero();
         let wanted = direction(camera);
         let mut found: Vec<(usize, f64)> = (0..self.asset.views.len())
             .filter(|&k| self.light_number[k] == light_number && matches!(self.asset.photographs.get(k), Some(Some(_))))
@@ -291,7 +292,8 @@ impl Scene<'_, '_> {
             let mode = MODE.load(std::sync::atomic::Ordering::Relaxed);
             let bounded = mode & 2 != 0 && component == Component::Specular || self.lights.is_some();
             let shown = |model: [f32; 3], irradiance: [f32; 3], fade: f32| -> [f32; 3] {
-                let residual = if layers.residual && whole { residual(&seen, k, model, irradiance, bounded) } else { [0.0; 3] };
+                let residual =
+                    if layers.residual && whole { residual(&seen, k, model, irradiance, bounded) } else { [0.0; 3] };
                 std::array::from_fn(|c| fade * (residual[c] + if layers.model { model[c] } else { 0.0 }))
             };
             match &self.lights {
@@ -372,13 +374,13 @@ fn residual(
                 irradiance[c]
             };
             let radiance = model[c] + scale * residual[c];
-            sum[c] += weight * if mode & 1 == 1 {radiance.abs().sqrt().copysign(radiance)} else {radiance};
+            sum[c] += weight * if mode & 1 == 1 { radiance.abs().sqrt().copysign(radiance) } else { radiance };
         }
     }
     if seen.is_empty() {
         return [0.0; 3];
     }
-    std::array::from_fn(|c| if mode & 1 == 1 {sum[c] * sum[c].abs()} else {sum[c]} - model[c])
+    std::array::from_fn(|c| if mode & 1 == 1 { sum[c] * sum[c].abs() } else { sum[c] } - model[c])
 }
 pub(super) static MODE: std::sync::atomic::AtomicU32 = std::sync::atomic::AtomicU32::new(3);
 
@@ -391,8 +393,7 @@ fn weights(angles: impl Iterator<Item = f64>, views: usize) -> Vec<f64> {
         None => angles.last().copied().unwrap_or(0.0) * 1.5,
     }
     .max(1e-9);
-    let mut weights: Vec<f64> =
-        angles.iter().take(views).map(|&a| (1.0 - a / last).max(1e-9) / (a + 1e-9)).collect();
+    let mut weights: Vec<f64> = angles.iter().take(views).map(|&a| (1.0 - a / last).max(1e-9) / (a + 1e-9)).collect();
     let sum: f64 = weights.iter().sum();
     weights.iter_mut().for_each(|w| *w /= sum);
     weights.resize(angles.len(), 0.0);

@@ -33,25 +33,28 @@ fn ply(path: &Path) -> Mesh {
     let bytes = std::fs::read(path).unwrap();
     let end = bytes.windows(11).position(|w| w == b"end_header\n").unwrap() + 11;
     let header = String::from_utf8_lossy(&bytes[..end]).into_owned();
-    let count = |what: &str| -> usize {
-        header.lines().find_map(|l| l.strip_prefix(what)).unwrap().trim().parse().unwrap()
-    };
+    let count =
+        |what: &str| -> usize { header.lines().find_map(|l| l.strip_prefix(what)).unwrap().trim().parse().unwrap() };
     let word = |at: usize| -> [u8; 4] { bytes[at..at + 4].try_into().unwrap() };
     let (vertices, faces) = (count("element vertex "), count("element face "));
     let start = end + vertices * 12;
     Mesh {
         positions: (0..vertices).map(|v| [0, 1, 2].map(|k| f32::from_le_bytes(word(end + v * 12 + k * 4)))).collect(),
-        triangles: (0..faces).map(|f| [0, 1, 2].map(|k| u32::from_le_bytes(word(start + f * 13 + 1 + k * 4)))).collect(),
+        triangles: (0..faces)
+            .map(|f| [0, 1, 2].map(|k| u32::from_le_bytes(word(start + f * 13 + 1 + k * 4))))
+            .collect(),
     }
 }
 
 /// A capture as an asset without charts and reflectance.
 pub fn load(name: &str) -> Option<Asset> {
     let folder = folder(name)?;
-    let json: serde_json::Value = serde_json::from_slice(&std::fs::read(folder.join("transforms.json")).unwrap()).unwrap();
+    let json: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(folder.join("transforms.json")).unwrap()).unwrap();
     let number = |v: &serde_json::Value| v.as_f64().unwrap();
     let file = |v: &serde_json::Value| folder.join(v.as_str().unwrap());
-    let (white, cross) = (exr(&file(&json["white_reference"]["file_path"])), exr(&file(&json["white_reference"]["cross_file_path"])));
+    let (white, cross) =
+        (exr(&file(&json["white_reference"]["file_path"])), exr(&file(&json["white_reference"]["cross_file_path"])));
     let mean = |image: &RgbImage| {
         let mut sum = [0f64; 3];
         let mut n = 0.0;

@@ -31,11 +31,20 @@ fn explore() {
         let bytes = charts::encode(&asset.mesh, &layout).unwrap();
         println!(
             "{} charts, {} x {}, {} texels used, {} triangles, CHRT {} bytes",
-            layout.charts.len(), layout.width, layout.height, raster.mask().count(), asset.mesh.triangles.len(), bytes.len()
+            layout.charts.len(),
+            layout.width,
+            layout.height,
+            raster.mask().count(),
+            asset.mesh.triangles.len(),
+            bytes.len()
         );
-        let hue = |k: u32| if k == u32::MAX { [0.0; 3] } else {
-            let c = layout.chart_of_triangle[k as usize];
-            [(c * 37 % 17) as f32 / 17.0, (c * 53 % 13) as f32 / 13.0, (c * 29 % 11) as f32 / 11.0]
+        let hue = |k: u32| {
+            if k == u32::MAX {
+                [0.0; 3]
+            } else {
+                let c = layout.chart_of_triangle[k as usize];
+                [(c * 37 % 17) as f32 / 17.0, (c * 53 % 13) as f32 / 13.0, (c * 29 % 11) as f32 / 11.0]
+            }
         };
         save(&format!("{name}-charts"), &raster.triangle.map(|&t| hue(t)), [1.0; 3]);
         let maps = asset.reflectance.clone().unwrap();
@@ -52,21 +61,34 @@ fn explore() {
         let between = renderer.render(&orbit[1], &options).unwrap();
         println!("render {:.1} ms", t.elapsed().as_secs_f64() * 1e3);
         save(&format!("{name}-between"), &between.image, asset.white);
-        save(&format!("{name}-captured"), &renderer.render(&asset.views[3].camera, &options).unwrap().image, asset.white);
+        save(
+            &format!("{name}-captured"),
+            &renderer.render(&asset.views[3].camera, &options).unwrap().image,
+            asset.white,
+        );
         let photo = asset.photographs[3].as_ref().unwrap();
-        let sum = Grid { width: photo.mask.width, height: photo.mask.height, data: (0..photo.mask.data.len()).map(|k| std::array::from_fn(|c| photo.images[0].data[k][c] + photo.images[1].data[k][c])).collect() };
+        let sum = Grid {
+            width: photo.mask.width,
+            height: photo.mask.height,
+            data: (0..photo.mask.data.len())
+                .map(|k| std::array::from_fn(|c| photo.images[0].data[k][c] + photo.images[1].data[k][c]))
+                .collect(),
+        };
         save(&format!("{name}-photograph"), &sum, asset.white);
         let mut model = options.clone();
         model.layers.residual = false;
         save(&format!("{name}-model"), &renderer.render(&asset.views[3].camera, &model).unwrap().image, asset.white);
         let camera = asset.views[3].camera;
-        let light = PointLight { position: {
-            let c = camera.centre();
-            let m = bounds(&asset.mesh).0;
-            // From the side and above.
-            let d: [f64; 3] = std::array::from_fn(|k| c[k] - m[k]);
-            [m[0] + d[2], m[1] + 2.5, m[2] - d[0] * 1.0]
-        }, intensity: [60.0, 57.0, 53.0] };
+        let light = PointLight {
+            position: {
+                let c = camera.centre();
+                let m = bounds(&asset.mesh).0;
+                // From the side and above.
+                let d: [f64; 3] = std::array::from_fn(|k| c[k] - m[k]);
+                [m[0] + d[2], m[1] + 2.5, m[2] - d[0] * 1.0]
+            },
+            intensity: [60.0, 57.0, 53.0],
+        };
         let lit = RenderOptions { lighting: Lighting::Points(vec![light]), ..options.clone() };
         let t = Instant::now();
         let relit = renderer.render(&camera, &lit).unwrap();
@@ -89,7 +111,12 @@ fn explore() {
         let t = Instant::now();
         let held = hold_out(&kept, &views, &originals).unwrap();
         println!("hold-out {:.2} s, coverage {:.4}", t.elapsed().as_secs_f64(), held.interpolated.coverage());
-        for (what, e) in [("interpolated", held.interpolated), ("nearest", held.nearest), ("model", held.model), ("warped", held.warped)] {
+        for (what, e) in [
+            ("interpolated", held.interpolated),
+            ("nearest", held.nearest),
+            ("model", held.model),
+            ("warped", held.warped),
+        ] {
             println!("  {what}: {:?}", e.psnr());
         }
     }
@@ -112,8 +139,15 @@ fn tune() {
             fit(&mut kept, density);
             let seconds = t.elapsed().as_secs_f64();
             let held = hold_out(&kept, &views, &originals).unwrap();
-            let f = |e: crate::measure::FrameError| { let p = e.psnr(); format!("{:.2} {:.2} {:.2}", p.diffuse.unwrap(), p.specular.unwrap(), p.sum.unwrap()) };
-            println!("{name} density {density} fit {seconds:.2} s: interpolated {}, model {}", f(held.interpolated), f(held.model));
+            let f = |e: crate::measure::FrameError| {
+                let p = e.psnr();
+                format!("{:.2} {:.2} {:.2}", p.diffuse.unwrap(), p.specular.unwrap(), p.sum.unwrap())
+            };
+            println!(
+                "{name} density {density} fit {seconds:.2} s: interpolated {}, model {}",
+                f(held.interpolated),
+                f(held.model)
+            );
         }
     }
 }

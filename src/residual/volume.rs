@@ -79,7 +79,13 @@ pub fn truncate(
 }
 
 /// The samples of the captured views from quantised coefficients.
-pub fn restore(levels: &[i32], shape: VolumeShape, views: usize, quantiser: DeadZone, work: &mut Workspace) -> Vec<f32> {
+pub fn restore(
+    levels: &[i32],
+    shape: VolumeShape,
+    views: usize,
+    quantiser: DeadZone,
+    work: &mut Workspace,
+) -> Vec<f32> {
     let mut samples: Vec<f32> = levels.iter().map(|&q| quantiser.dequantise(q)).collect();
     if levels.iter().any(|&q| q != 0) {
         daubechies::inverse(&mut samples, shape, &mut work.scratch);
@@ -176,8 +182,7 @@ mod tests {
     #[test]
     fn nothing_visible_keeps_nothing() {
         let shape = VolumeShape::padded(2, 5, 2);
-        let coefficients =
-            truncate(&[1.0; 80], &[false; 80], shape, 0.1, Effort::default(), &mut Workspace::default());
+        let coefficients = truncate(&[1.0; 80], &[false; 80], shape, 0.1, Effort::default(), &mut Workspace::default());
         assert!(coefficients.len() == 128 && coefficients.iter().all(|c| *c == 0.0));
     }
 }

@@ -191,4 +191,7 @@ fn real_captures() {
     }
 }
 #[test]
-fn zz_print() { let b = encode(&turntable(3), &SCENE).unwrap(); println!("GOLD {}", b.iter().map(|x| format!("{x:02x}")).collect::<String>()); }
+fn zz_print() {
+    let b = encode(&turntable(3), &SCENE).unwrap();
+    println!("GOLD {}", b.iter().map(|x| format!("{x:02x}")).collect::<String>());
+}

@@ -103,8 +103,7 @@ impl Growth {
     pub(super) fn seed(&mut self, corners: [u32; 3]) {
         let half_edge = self.triangle(corners);
         let [a, b, c] = corners;
-        let [ba, ac, cb] =
-            [self.gate(b, a, half_edge), self.gate(a, c, half_edge + 2), self.gate(c, b, half_edge + 1)];
+        let [ba, ac, cb] = [self.gate(b, a, half_edge), self.gate(a, c, half_edge + 2), self.gate(c, b, half_edge + 1)];
         self.link(ba, ac);
         self.link(ac, cb);
         self.link(cb, ba);
@@ -131,19 +130,14 @@ impl Growth {
     /// The gate that begins where [`Symbol::Before`] or [`Symbol::After`] mean.
     fn walk(&self, gate: u32, steps: u32, forward: bool) -> u32 {
         let start = if forward { self.gates[gate as usize].next } else { self.gates[gate as usize].previous };
-        (0..steps + forward as u32).fold(start, |at, _| {
-            if forward { self.gates[at as usize].next } else { self.gates[at as usize].previous }
-        })
+        (0..steps + forward as u32)
+            .fold(start, |at, _| if forward { self.gates[at as usize].next } else { self.gates[at as usize].previous })
     }
     /// The nearest place on the loop where a vertex is.
     pub(super) fn near(&self, gate: u32, vertex: u32) -> Option<Symbol> {
         let is = |steps, forward| self.gates[self.walk(gate, steps, forward) as usize].from == vertex;
         (1..=FARTHEST).find_map(|steps| {
-            if is(steps, false) {
-                Some(Symbol::Before(steps))
-            } else {
-                is(steps, true).then_some(Symbol::After(steps))
-            }
+            if is(steps, false) { Some(Symbol::Before(steps)) } else { is(steps, true).then_some(Symbol::After(steps)) }
         })
     }
     fn open(&self, gate: u32) -> Option<&Gate> {
@@ -274,7 +268,11 @@ impl Models {
 
     /// Codes the symbol at a gate. In decoding `symbol` is ignored; `None` for a vertex that did not come before.
     pub(super) fn symbol<C: BitCoder>(
-        &mut self, coder: &mut C, growth: &Growth, gate: u32, symbol: Symbol,
+        &mut self,
+        coder: &mut C,
+        growth: &Growth,
+        gate: u32,
+        symbol: Symbol,
     ) -> Option<Symbol> {
         let here = &growth.gates[gate as usize];
         let degree = |vertex: u32| (growth.degrees[vertex as usize] as usize - 1).min(DEGREES - 1);
@@ -284,7 +282,13 @@ impl Models {
         let triangle = (before.previous == here.next) as usize;
         let quad = (before.previous == after.next) as usize;
         let (previous, next) = (growth.previous_vertex(gate), growth.next_vertex(gate));
-        let loops = if triangle == 1 { 1 } else if quad == 1 { 2 } else { 0 };
+        let loops = if triangle == 1 {
+            1
+        } else if quad == 1 {
+            2
+        } else {
+            0
+        };
         let context = (loops * DEGREES + a) * DEGREES + b;
         if self.new[context].code(coder, symbol == Symbol::New) {
             return Some(Symbol::New);
@@ -323,7 +327,11 @@ impl Models {
 
     /// Codes one vertex of a region's first triangle: `None` for a new one.
     pub(super) fn seed_vertex<C: BitCoder>(
-        &mut self, coder: &mut C, vertices: u32, corner: usize, vertex: Option<u32>,
+        &mut self,
+        coder: &mut C,
+        vertices: u32,
+        corner: usize,
+        vertex: Option<u32>,
     ) -> Result<Option<u32>, ()> {
         if self.seed_new[corner].code(coder, vertex.is_none()) {
             return Ok(None);

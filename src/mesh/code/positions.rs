@@ -101,7 +101,6 @@ impl Order {
     }
 }
 
-
 /// Numbers of parallelograms, and of triangles around a vertex beyond them, that are told apart.
 const PARALLELOGRAMS: usize = 4;
 const MISSING: usize = 10;
@@ -166,7 +165,9 @@ impl Weights {
     }
 }
 
-fn env(name: &str, default: f64) -> f64 { std::env::var(name).ok().and_then(|x| x.parse().ok()).unwrap_or(default) }
+fn env(name: &str, default: f64) -> f64 {
+    std::env::var(name).ok().and_then(|x| x.parse().ok()).unwrap_or(default)
+}
 
 fn subtract(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     std::array::from_fn(|k| a[k] - b[k])
@@ -185,10 +186,16 @@ fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
 }
 
 /// Codes all positions; in decoding those given are ignored and replaced.
-pub(super) fn code<C: BitCoder>(coder: &mut C, surface: &Surface, positions: &mut [Lattice], largest: i32) -> Result<(), ()> {
+pub(super) fn code<C: BitCoder>(
+    coder: &mut C,
+    surface: &Surface,
+    positions: &mut [Lattice],
+    largest: i32,
+) -> Result<(), ()> {
     let vertices = positions.len();
     let shrink = [0.05, 0.05, 0.24, 0.38, 0.5, 0.6, 0.68, 0.77, 0.8, 0.8];
-    let mut weights: Vec<Weights> = (0..(PARALLELOGRAMS + 1) * MISSING).map(|c| Weights::new([shrink[c % MISSING]; 3])).collect();
+    let mut weights: Vec<Weights> =
+        (0..(PARALLELOGRAMS + 1) * MISSING).map(|c| Weights::new([shrink[c % MISSING]; 3])).collect();
     let mut slopes: Vec<Weights> = (0..(PARALLELOGRAMS + 1) * MISSING).map(|_| Weights::new([0.5, 0.5, 0.0])).collect();
     let mut numbers = vec![Number::default(); 3 * MAGNITUDES];
     let mut order = Order::new(surface, vertices);
@@ -244,7 +251,8 @@ pub(super) fn code<C: BitCoder>(coder: &mut C, surface: &Surface, positions: &mu
         }
         let missing = (surface.corners_of(v).len() - count).min(MISSING - 1);
         let class = count.min(PARALLELOGRAMS) * MISSING + missing;
-        let base = if neighbour_count > 0.0 { scale(neighbours, 1.0 / neighbour_count) } else { last.map(|x| x as f64) };
+        let base =
+            if neighbour_count > 0.0 { scale(neighbours, 1.0 / neighbour_count) } else { last.map(|x| x as f64) };
         let mut features = [[0.0; 3]; FEATURES];
         let mut guess = base;
         if count > 0 {
@@ -287,11 +295,15 @@ pub(super) fn code<C: BitCoder>(coder: &mut C, surface: &Surface, positions: &mu
                     }
                     let (gu, gv) = (guess[axes[0]] - base[axes[0]], guess[axes[1]] - base[axes[1]]);
                     if normal[axis] != 0.0 {
-                        planes[2][0] = guess[axis] - base[axis] + (normal[axes[0]] * gu + normal[axes[1]] * gv) / normal[axis];
+                        planes[2][0] =
+                            guess[axis] - base[axis] + (normal[axes[0]] * gu + normal[axes[1]] * gv) / normal[axis];
                         planes[2][0] = planes[2][0].clamp(-4.0 * length, 4.0 * length);
                     }
                     let solution = slopes[class].solve(ridge_s * length * length);
-                    wanted = base[axis] + planes[0][0] * solution[0] + planes[1][0] * solution[1] + planes[2][0] * solution[2];
+                    wanted = base[axis]
+                        + planes[0][0] * solution[0]
+                        + planes[1][0] * solution[1]
+                        + planes[2][0] * solution[2];
                 }
             }
             let predicted = clamp(wanted);
@@ -299,7 +311,8 @@ pub(super) fn code<C: BitCoder>(coder: &mut C, surface: &Surface, positions: &mu
                 let squared = (expect * expect * 4.0) as u64;
                 (64 - squared.leading_zeros() as usize).min(MAGNITUDES - 1)
             };
-            let residual = numbers[turn * MAGNITUDES + bucket].code_signed(coder, position[axis].wrapping_sub(predicted));
+            let residual =
+                numbers[turn * MAGNITUDES + bucket].code_signed(coder, position[axis].wrapping_sub(predicted));
             let value = predicted as i64 + residual as i64;
             if !(0..=largest as i64).contains(&value) {
                 return Err(());
@@ -336,7 +349,13 @@ pub(super) fn code<C: BitCoder>(coder: &mut C, surface: &Surface, positions: &mu
         }
     }
     if !C::DECODES && std::env::var("MESH_STATS").is_ok() {
-        for c in 0..4 { println!("  class {c}: n {} mean |r| {:?}", counts[c], stats[c].map(|x| (x * 10.0 / counts[c] as f64).round() / 10.0)); }
+        for c in 0..4 {
+            println!(
+                "  class {c}: n {} mean |r| {:?}",
+                counts[c],
+                stats[c].map(|x| (x * 10.0 / counts[c] as f64).round() / 10.0)
+            );
+        }
     }
     Ok(())
 }

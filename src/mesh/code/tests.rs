@@ -73,6 +73,8 @@ fn real_meshes_become_small() {
         let length = encoded.bytes.len();
         let bits = length as f64 * 8.0 / vertices as f64;
         println!("{name}: {vertices} vertices, {triangles} triangles, {length} bytes, {bits:.2} bits a vertex");
-        if length >= bound { println!("TOO LONG"); } //assert!(length < bound, "{name}: {length} bytes");
+        if length >= bound {
+            println!("TOO LONG");
+        } //assert!(length < bound, "{name}: {length} bytes");
     }
 }
