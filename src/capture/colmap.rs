@@ -242,7 +242,8 @@ fn read_cameras_txt(path: &Path) -> Result<Cameras> {
         let model = words.next().unwrap_or_default();
         let width = parse(path, line, "WIDTH", words.next())?;
         let height = parse(path, line, "HEIGHT", words.next())?;
-        let parameters = words.map(|w| parse(path, line, "a camera parameter", Some(w))).collect::<Result<Vec<f64>>>()?;
+        let parameters =
+            words.map(|w| parse(path, line, "a camera parameter", Some(w))).collect::<Result<Vec<f64>>>()?;
         let camera =
             camera(model, width, height, &parameters).map_err(|e| Error::input(path, format!("line {line}: {e}")))?;
         cameras.insert(id, camera);
@@ -331,7 +332,8 @@ mod tests {
         assert_eq!(a.view.camera.to_camera([10.0, 20.0, 30.0]), [11.0, 22.0, 33.0]);
         // The quaternion (1, 1, 1, 1) / 2 turns x into y, y into z, z into x.
         assert_eq!(b.view.camera.to_camera([10.0, 20.0, 30.0]), [31.0, 12.0, 23.0]);
-        let expected = Lens::Radial { numerator: [0.1, 0.01, 0.0, 0.0], denominator: [0.0; 3], tangential: [0.001, 0.002] };
+        let expected =
+            Lens::Radial { numerator: [0.1, 0.01, 0.0, 0.0], denominator: [0.0; 3], tangential: [0.001, 0.002] };
         assert_eq!((a.lens, b.lens), (Lens::Pinhole, expected));
     }
 
