@@ -104,13 +104,17 @@ struct RawPicture {
 
 fn read_raw(path: &Path, size: Option<(u32, u32)>) -> Result<RawPicture, Fault> {
     let bytes = std::fs::read(path).map_err(|e| Fault::Unreadable(Error::io(path, e)))?;
+    decode(path, &bytes, size)
+}
+
+fn decode(path: &Path, bytes: &[u8], size: Option<(u32, u32)>) -> Result<RawPicture, Fault> {
     if bytes.is_empty() {
         return Err(unreadable(path, "the picture file is empty (0 bytes)"));
     }
     if bytes.starts_with(&[0x76, 0x2f, 0x31, 0x01]) {
-        read_exr(path, &bytes, size)
+        read_exr(path, bytes, size)
     } else {
-        read_display_referred(path, &bytes, size)
+        read_display_referred(path, bytes, size)
     }
 }
 
@@ -303,8 +307,6 @@ mod tests {
     #[test]
     fn flipped_bytes_never_panic() {
         let folder = tempfile::tempdir().unwrap();
-        let space = ColorSpace::named("srgb").unwrap();
-        let path = folder.path().join("a");
         let picture = image::RgbImage::from_fn(9, 7, |x, y| image::Rgb([(x * 20) as u8, (y * 30) as u8, 5]));
         for name in ["a.png", "a.tiff", "a.jpg", "a.exr"] {
             let file = folder.path().join(name);
@@ -317,9 +319,8 @@ mod tests {
                 for value in [0, 0x7f, 0xff, whole[at] ^ 1] {
                     let mut bytes = whole.clone();
                     bytes[at] = value;
-                    std::fs::write(&path, &bytes).unwrap();
-                    if let Ok(picture) = read_picture(&path, &space, Some((9, 7))) {
-                        assert_eq!(picture.colour.data.len(), 63);
+                    if let Ok(picture) = decode(&file, &bytes, Some((9, 7))) {
+                        assert_eq!(picture.pixels.data.len(), 63);
                     }
                 }
             }

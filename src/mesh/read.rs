@@ -18,16 +18,21 @@ pub const EXTENSIONS: [&str; 4] = ["ply", "obj", "glb", "gltf"];
 pub fn read(path: impl AsRef<Path>) -> Result<Mesh> {
     let path = path.as_ref();
     let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
+    parse(path, &bytes)
+}
+
+/// As [`read`], from bytes; `path` names the file in errors and finds what a glTF file refers to.
+fn parse(path: &Path, bytes: &[u8]) -> Result<Mesh> {
     if bytes.is_empty() {
         return Err(Error::input(path, "the mesh file is empty (0 bytes)"));
     }
     let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
     let mesh = if bytes.starts_with(b"ply") {
-        read_ply(path, &bytes)
+        read_ply(path, bytes)
     } else if bytes.starts_with(b"glTF") || extension == "gltf" {
-        read_gltf(path, &bytes)
+        read_gltf(path, bytes)
     } else if extension == "obj" {
-        read_obj(path, &bytes)
+        read_obj(path, bytes)
     } else {
         Err(Error::input(path, "not a mesh that tsuya reads: it should be PLY, OBJ, GLB or glTF"))
     }?;
@@ -331,7 +336,8 @@ fn append_primitive(
     Ok(())
 }
 
-/// Whether an accessor has the type of its use, stays inside its view and the view inside its buffer, which the glTF crate takes on trust.
+/// Whether an accessor has the type of its use and stays inside its view, and the view inside its buffer: the glTF crate takes
+/// that on trust.
 fn check_accessor(name: &str, accessor: &gltf::Accessor<'_>) -> std::result::Result<(), String> {
     use gltf::accessor::{DataType, Dimensions};
     let (kind, shape) = (accessor.data_type(), accessor.dimensions());
