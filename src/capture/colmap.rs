@@ -299,7 +299,8 @@ mod tests {
             parameters.iter().for_each(|p| cameras.extend(p.to_le_bytes()));
         }
         let mut images = 2u64.to_le_bytes().to_vec();
-        let rows: [(u32, [f64; 7], u32, &[u8], u64); 2] = [
+        type Row<'a> = (u32, [f64; 7], u32, &'a [u8], u64);
+        let rows: [Row; 2] = [
             (2, [0.5, 0.5, 0.5, 0.5, 1.0, 2.0, 3.0], 3, b"b c.png\0", 2),
             (1, [1.0, 0.0, 0.0, 0.0, 1.0, 2.0, 3.0], 4, b"a.png\0", 0),
         ];

@@ -259,20 +259,17 @@ fn check_registration(path: &Path, mesh: &Mesh, frames: &[FrameDescription], war
     let seen = mesh.positions.iter().filter(|p| in_view(p.map(f64::from))).count();
     if seen == 0 {
         // A few large triangles may fill the pictures without a corner in them.
-        const STEPS: usize = 24;
-        let inside_triangle = |triangle: &[u32; 3]| {
-            let corners = triangle.map(|v| mesh.positions[v as usize]);
-            let weights = (0..STEPS).flat_map(|i| (0..STEPS - i).map(move |j| (i as f64, j as f64)));
-            weights.into_iter().any(|(i, j)| {
-                let n = STEPS as f64;
-                let (u, v) = ((i + 1.0 / 3.0) / n, (j + 1.0 / 3.0) / n);
-                let w = 1.0 - u - v;
-                in_view(std::array::from_fn(|c| {
-                    u * corners[0][c] as f64 + v * corners[1][c] as f64 + w * corners[2][c] as f64
-                }))
+        let met = frames.iter().take(64).any(|frame| {
+            let camera = &frame.view.camera;
+            let centre = glam::DVec3::from_array(camera.centre());
+            (0..25).any(|n| {
+                let [u, v] = [n % 5, n / 5].map(|step| (step as f64 + 0.5) / 5.0);
+                let pixel = [u * camera.width as f64, v * camera.height as f64];
+                let direction = glam::DVec3::from_array(camera.ray(pixel));
+                mesh.triangles.iter().take(2000).any(|triangle| ray_meets(mesh, triangle, centre, direction))
             })
-        };
-        if mesh.triangles.iter().take(2000).any(inside_triangle) {
+        });
+        if met {
             return Ok(());
         }
         return Err(Error::input(
@@ -293,4 +290,17 @@ fn check_registration(path: &Path, mesh: &Mesh, frames: &[FrameDescription], war
         ));
     }
     Ok(())
+}
+
+/// Whether a ray meets a triangle from either side (Moeller and Trumbore 1997).
+fn ray_meets(mesh: &Mesh, triangle: &[u32; 3], origin: glam::DVec3, direction: glam::DVec3) -> bool {
+    let [a, b, c] = triangle.map(|v| glam::DVec3::from_array(mesh.positions[v as usize].map(f64::from)));
+    let (ab, ac) = (b - a, c - a);
+    let across = direction.cross(ac);
+    let determinant = ab.dot(across);
+    let from_a = origin - a;
+    let u = from_a.dot(across) / determinant;
+    let beside = from_a.cross(ab);
+    let v = direction.dot(beside) / determinant;
+    u >= 0.0 && v >= 0.0 && u + v <= 1.0 && ac.dot(beside) / determinant > 0.0
 }

@@ -84,7 +84,7 @@ fn the_sample_reads_as_measured() {
     let white = [1.0293731689453125, 0.9779090881347656, 0.9007015228271484];
     (0..3).for_each(|c| assert!((capture.white[c] - white[c]).abs() < 1e-6, "{:?}", capture.white));
     let beta = capture.beta.unwrap();
-    assert!(beta.iter().all(|b| (0.3..0.7).contains(b)), "{beta:?}");
+    assert!(beta.iter().all(|b| (b - 0.25).abs() < 1e-3), "{beta:?}");
     // The mask and the mesh must be in the same place: mesh vertices project into the mask, but for its border.
     let frame = &capture.frames[7];
     let mask = frame.mask.as_ref().unwrap();
@@ -93,20 +93,23 @@ fn the_sample_reads_as_measured() {
     let share = capture.mesh.positions.iter().filter(|p| inside(project(p))).count() as f64 / 752.0;
     assert!(share > 0.96, "{share}");
     let light = frame.view.light.unwrap();
-    assert_eq!(light.intensity, [60.480000000000004, 57.455999999999996, 52.92]);
+    (0..3).for_each(|c| assert!((light.intensity[c] - [60.48, 57.456, 52.92][c]).abs() < 1e-12));
 }
 
 #[test]
-fn shared_captures_read() {
+fn white_boards_of_the_shared_captures() {
+    // These figures were summed in single precision, hence the tolerance.
     let figures = [
         ("captures/bunny-ring", 36, [1.0293755531311035, 0.9779027104377747, 0.9007015228271484]),
         ("captures/spot-dome", 72, [1.029374122619629, 0.9779057502746582, 0.9007054567337036]),
     ];
     for (part, frames, white) in figures {
         let Some(path) = data(part) else { continue };
-        let capture = read(path.join("transforms.json"), &ReadOptions::default()).unwrap();
-        assert_eq!(capture.frames.len(), frames);
-        (0..3).for_each(|c| assert!((capture.white[c] - white[c]).abs() < 1e-6, "{part} {:?}", capture.white));
+        let description = describe(path.join("transforms.json")).unwrap();
+        assert_eq!(description.frames.len(), frames);
+        let space = ColorSpace::named("srgb").unwrap();
+        let (found, _) = white::calibrate(&description.white_reference.unwrap(), &space).unwrap();
+        (0..3).for_each(|c| assert!((found[c] - white[c]).abs() < 4e-6, "{part} {:?}", found));
     }
 }
 
@@ -174,7 +177,8 @@ fn polarised_captures_have_beta_and_white() {
 
 #[test]
 fn missing_and_damaged_photographs_cost_their_frame() {
-    let damage: [(&str, Box<dyn Fn(&Path)>); 4] = [
+    type Damage = Box<dyn Fn(&Path)>;
+    let damage: [(&str, Damage); 4] = [
         ("0 bytes", Box::new(|path| fs::write(path, "").unwrap())),
         ("No such file", Box::new(|path| fs::remove_file(path).unwrap())),
         ("not a picture", Box::new(|path| fs::write(path, "hello").unwrap())),
@@ -311,7 +315,7 @@ fn the_mesh_is_found_or_asked_for() {
 #[test]
 fn distorted_photographs_become_pinhole_ones() {
     let mut small = Small::new(true);
-    small.keys += ", \"camera_model\": \"SIMPLE_RADIAL\", \"k1\": 0.3";
+    small.keys += ", \"camera_model\": \"SIMPLE_RADIAL\", \"k1\": 0.5";
     small.frames[0] += ", \"mask_path\": \"m.png\"";
     small.mask("m.png", 16, 12, true);
     let capture = small.read(&ReadOptions::default()).unwrap();
@@ -322,7 +326,7 @@ fn distorted_photographs_become_pinhole_ones() {
     // The picture is a ramp in x: the value tells the source position.
     let ideal = [(12.5 - 8.0) / 20.0, (6.5 - 6.0) / 20.0];
     let bent =
-        Lens::Radial { numerator: [0.3, 0.0, 0.0, 0.0], denominator: [0.0; 3], tangential: [0.0; 2] }.distort(ideal);
+        Lens::Radial { numerator: [0.5, 0.0, 0.0, 0.0], denominator: [0.0; 3], tangential: [0.0; 2] }.distort(ideal);
     let expected = bent[0] * 20.0 + 8.0 - 0.5;
     assert!((frame.photograph.at(12, 6)[0] as f64 - expected).abs() < 1e-5);
     assert_eq!(capture.missing_pixels, 0);
