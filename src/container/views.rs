@@ -6,7 +6,7 @@
 
 use super::Tag;
 use crate::asset::{Camera, Component, PointLight, View};
-use crate::entropy::{BitCoder, BitModel, Number, RangeDecoder, code_raw};
+use crate::entropy::{BitCoder, BitModel, Number, RangeDecoder, code_end, code_raw};
 use crate::limits::{Budget, check};
 use crate::{Error, Result};
 
@@ -196,7 +196,7 @@ pub fn decode(bytes: &[u8], budget: &Budget) -> Result<ViewsSection> {
     }
     let mut reader = Reader { coder: RangeDecoder::new(stream), models: Models::new(), budget };
     let section = reader.section()?;
-    if !reader.coder.ends_as_written(0) {
+    if !code_end(&mut reader.coder) || !reader.coder.ends_as_written(0) {
         return Err(wrong("bytes do not end with the last view"));
     }
     Ok(section)

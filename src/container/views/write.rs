@@ -153,9 +153,9 @@ fn length_exponent(section: &ViewsSection, points: &[[f64; 3]]) -> Result<i32> {
                 })
         })
     };
-    let mut exponents = LENGTH_EXPONENTS.into_iter().filter(|&exponent| fits(exponent)).peekable();
+    let mut exponents = LENGTH_EXPONENTS.filter(|&exponent| fits(exponent)).peekable();
     let coarsest = exponents.peek().copied();
-    let finest = LENGTH_EXPONENTS.into_iter().filter(|&exponent| fits(exponent)).max();
+    let finest = LENGTH_EXPONENTS.filter(|&exponent| fits(exponent)).max();
     exponents
         .find(|&exponent| holds(exponent))
         .or(finest)
@@ -239,6 +239,7 @@ fn write(section: &ViewsSection, quaternions: &[[f64; 4]], header: &Header) -> R
             models.intensity_index.code(coder, back as u32);
         }
     }
+    code_end(coder);
     let mut bytes = vec![VERSION];
     bytes.extend(std::mem::take(coder).finish());
     Ok(bytes)
