@@ -288,8 +288,8 @@ impl Scene<'_, '_> {
                 continue;
             }
             let model = |geometry: Option<&Geometry>| self.renderer.model(part, &surface, geometry);
-            let mode = MODE.load(std::sync::atomic::Ordering::Relaxed);
-            let bounded = mode & 2 != 0 && component == Component::Specular || self.lights.is_some();
+            // Under the capture's own light matte shading hardly changes, and what is missing to it is better taken as it is.
+            let bounded = component == Component::Specular || self.lights.is_some();
             let shown = |model: [f32; 3], irradiance: [f32; 3], fade: f32| -> [f32; 3] {
                 let residual = if layers.residual && whole { residual(&seen, k, model, irradiance, bounded) } else { [0.0; 3] };
                 std::array::from_fn(|c| fade * (residual[c] + if layers.model { model[c] } else { 0.0 }))
@@ -361,7 +361,6 @@ fn residual(
     irradiance: [f32; 3],
     bounded: bool,
 ) -> [f32; 3] {
-    let mode = MODE.load(std::sync::atomic::Ordering::Relaxed);
     let mut sum = [0f32; 3];
     for (shown, weight) in seen {
         let Shown { residual, model: captured } = &shown[component];
@@ -372,16 +371,14 @@ fn residual(
                 irradiance[c]
             };
             let radiance = model[c] + scale * residual[c];
-            sum[c] += weight * if mode & 1 == 1 {radiance.abs().sqrt().copysign(radiance)} else {radiance};
+            sum[c] += weight * radiance.abs().sqrt().copysign(radiance);
         }
     }
     if seen.is_empty() {
         return [0.0; 3];
     }
-    std::array::from_fn(|c| if mode & 1 == 1 {sum[c] * sum[c].abs()} else {sum[c]} - model[c])
+    std::array::from_fn(|c| sum[c] * sum[c].abs() - model[c])
 }
-pub(super) static MODE: std::sync::atomic::AtomicU32 = std::sync::atomic::AtomicU32::new(3);
-
 /// Weights of views from their angles, in ascending order: the first `views` count, each by how much nearer it is than the next one after
 /// them (Buehler et al. 2001, "Unstructured Lumigraph Rendering", equation 5). They sum to 1.
 fn weights(angles: impl Iterator<Item = f64>, views: usize) -> Vec<f64> {

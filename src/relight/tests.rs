@@ -94,26 +94,3 @@ fn explore() {
         }
     }
 }
-
-#[test]
-#[ignore = "tuning"]
-fn tune() {
-    for name in std::env::var("CAPTURES").unwrap_or("sample-spot,bunny-ring".into()).split(',') {
-        let Some(mut kept) = load(name) else { return };
-        let (mut views, mut originals) = (vec![], vec![]);
-        for k in (0..kept.views.len()).rev() {
-            if k % 6 == 5 {
-                views.push(kept.views.remove(k));
-                originals.push(kept.photographs.remove(k).unwrap());
-            }
-        }
-        for density in [0.25, 0.375, 0.5, 0.75, 1.0] {
-            let t = Instant::now();
-            fit(&mut kept, density);
-            let seconds = t.elapsed().as_secs_f64();
-            let held = hold_out(&kept, &views, &originals).unwrap();
-            let f = |e: crate::measure::FrameError| { let p = e.psnr(); format!("{:.2} {:.2} {:.2}", p.diffuse.unwrap(), p.specular.unwrap(), p.sum.unwrap()) };
-            println!("{name} density {density} fit {seconds:.2} s: interpolated {}, model {}", f(held.interpolated), f(held.model));
-        }
-    }
-}
