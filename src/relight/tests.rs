@@ -1,96 +1,113 @@
-//! Pictures of the sample.
+//! Figures of pictures of the sample.
 
 use super::test_capture::{fit, load};
 use super::*;
-use crate::image::Grid;
-use crate::measure::{hold_out, to_display};
-use crate::surface::charts;
-use std::time::Instant;
+use crate::asset::{Component, Photograph, View};
+use crate::error::Error;
+use crate::measure::{FrameError, hold_out};
 
-fn save(name: &str, image: &RgbImage, white: [f64; 3]) {
-    let picture = to_display(image, white);
-    let bytes: Vec<u8> = picture.data.iter().flatten().copied().collect();
-    std::fs::create_dir_all("/tmp/surface").unwrap();
-    image::RgbImage::from_raw(picture.width as u32, picture.height as u32, bytes)
-        .unwrap()
-        .save(format!("/tmp/surface/{name}.png"))
-        .unwrap();
+/// Takes every sixth view out.
+fn leave_out(asset: &mut Asset) -> (Vec<View>, Vec<Photograph>) {
+    let (mut views, mut photographs) = (Vec::new(), Vec::new());
+    for k in (0..asset.views.len()).rev().filter(|k| k % 6 == 5) {
+        views.push(asset.views.remove(k));
+        photographs.extend(asset.photographs.remove(k));
+    }
+    (views, photographs)
 }
 
 #[test]
-#[ignore = "writes pictures"]
-fn explore() {
-    for name in std::env::var("CAPTURES").unwrap_or("sample-spot,bunny-ring".into()).split(',') {
-        let t = Instant::now();
-        let Some(mut asset) = load(name) else { return };
-        println!("{name}: load {:.2} s", t.elapsed().as_secs_f64());
-        let t = Instant::now();
-        let raster = fit(&mut asset, 0.75);
-        println!("fit {:.2} s", t.elapsed().as_secs_f64());
-        let layout = asset.charts.clone().unwrap();
-        let bytes = charts::encode(&asset.mesh, &layout).unwrap();
-        println!(
-            "{} charts, {} x {}, {} texels used, {} triangles, CHRT {} bytes",
-            layout.charts.len(), layout.width, layout.height, raster.mask().count(), asset.mesh.triangles.len(), bytes.len()
-        );
-        let hue = |k: u32| if k == u32::MAX { [0.0; 3] } else {
-            let c = layout.chart_of_triangle[k as usize];
-            [(c * 37 % 17) as f32 / 17.0, (c * 53 % 13) as f32 / 13.0, (c * 29 % 11) as f32 / 11.0]
-        };
-        save(&format!("{name}-charts"), &raster.triangle.map(|&t| hue(t)), [1.0; 3]);
-        let maps = asset.reflectance.clone().unwrap();
-        save(&format!("{name}-diffuse-map"), &maps.diffuse, [0.3; 3]);
-        let peak = maps.specular.data.iter().map(|x| x[0]).fold(0f32, f32::max);
-        println!("K_s peak {peak}");
-        save(&format!("{name}-specular-map"), &maps.specular, [0.2; 3]);
-        save(&format!("{name}-sigma-map"), &maps.sigma.map(|&s| [s; 3]), [0.8; 3]);
-        let renderer = Renderer::new(&asset).unwrap();
-        let options = RenderOptions::default();
-        let orbit = orbit(&asset, 72);
-        renderer.render(&orbit[1], &options).unwrap();
-        let t = Instant::now();
-        let between = renderer.render(&orbit[1], &options).unwrap();
-        println!("render {:.1} ms", t.elapsed().as_secs_f64() * 1e3);
-        save(&format!("{name}-between"), &between.image, asset.white);
-        save(&format!("{name}-captured"), &renderer.render(&asset.views[3].camera, &options).unwrap().image, asset.white);
-        let photo = asset.photographs[3].as_ref().unwrap();
-        let sum = Grid { width: photo.mask.width, height: photo.mask.height, data: (0..photo.mask.data.len()).map(|k| std::array::from_fn(|c| photo.images[0].data[k][c] + photo.images[1].data[k][c])).collect() };
-        save(&format!("{name}-photograph"), &sum, asset.white);
-        let mut model = options.clone();
-        model.layers.residual = false;
-        save(&format!("{name}-model"), &renderer.render(&asset.views[3].camera, &model).unwrap().image, asset.white);
-        let camera = asset.views[3].camera;
-        let light = PointLight { position: {
-            let c = camera.centre();
-            let m = bounds(&asset.mesh).0;
-            // From the side and above.
-            let d: [f64; 3] = std::array::from_fn(|k| c[k] - m[k]);
-            [m[0] + d[2], m[1] + 2.5, m[2] - d[0] * 1.0]
-        }, intensity: [60.0, 57.0, 53.0] };
-        let lit = RenderOptions { lighting: Lighting::Points(vec![light]), ..options.clone() };
-        let t = Instant::now();
-        let relit = renderer.render(&camera, &lit).unwrap();
-        println!("relit render {:.1} ms", t.elapsed().as_secs_f64() * 1e3);
-        save(&format!("{name}-relit"), &relit.image, asset.white);
-        let mut lit_model = lit.clone();
-        lit_model.layers.residual = false;
-        save(&format!("{name}-relit-model"), &renderer.render(&camera, &lit_model).unwrap().image, asset.white);
-        drop(renderer);
-        // Held-out views.
-        let mut kept = asset.clone();
-        let (mut views, mut originals) = (vec![], vec![]);
-        for k in (0..asset.views.len()).rev() {
-            if k % 6 == 5 {
-                views.push(kept.views.remove(k));
-                originals.push(kept.photographs.remove(k).unwrap());
-            }
-        }
-        fit(&mut kept, 0.75);
-        let t = Instant::now();
-        let held = hold_out(&kept, &views, &originals).unwrap();
-        println!("hold-out {:.2} s, coverage {:.4}", t.elapsed().as_secs_f64(), held.interpolated.coverage());
-        for (what, e) in [("interpolated", held.interpolated), ("nearest", held.nearest), ("model", held.model), ("warped", held.warped)] {
-            println!("  {what}: {:?}", e.psnr());
+fn captured_cameras_give_their_photographs_back() {
+    let Some(mut asset) = load("sample-spot") else { return };
+    fit(&mut asset, 0.75);
+    let renderer = Renderer::new(&asset).unwrap();
+    let mut error = FrameError::default();
+    for k in [0, 13] {
+        let rendered = renderer.render(&asset.views[k].camera, &RenderOptions::default()).unwrap();
+        let original = asset.photographs[k].as_ref().unwrap();
+        let decoded = Photograph { mask: original.mask.clone(), images: rendered.components };
+        error.join(&FrameError::of(original, &decoded, &asset.components, &rendered.hit, asset.white));
+    }
+    let psnr = error.psnr().sum.unwrap_or(f64::INFINITY);
+    assert!(psnr > 80.0, "{psnr:.1} dB");
+}
+
+#[test]
+fn interpolation_beats_the_nearest_view_and_the_model() {
+    let Some(mut asset) = load("sample-spot") else { return };
+    let (views, originals) = leave_out(&mut asset);
+    fit(&mut asset, 0.75);
+    let held = hold_out(&asset, &views, &originals).unwrap();
+    let sum = |error: &FrameError| error.psnr().sum.unwrap();
+    let diffuse = |error: &FrameError| error.psnr().diffuse.unwrap();
+    assert!(sum(&held.interpolated) > 21.9, "{:?}", held.interpolated.psnr());
+    assert!(sum(&held.interpolated) > sum(&held.nearest) + 2.0, "{:?}", held.nearest.psnr());
+    assert!(diffuse(&held.interpolated) > 29.3 && diffuse(&held.interpolated) > diffuse(&held.nearest) + 4.0);
+    assert!(sum(&held.interpolated) > sum(&held.model) + 2.0, "{:?}", held.model.psnr());
+}
+
+#[test]
+fn without_lights_and_polarisers_views_are_interpolated_but_not_relit() {
+    let Some(mut asset) = load("sample-spot") else { return };
+    asset.components = vec![Component::Combined];
+    for photograph in asset.photographs.iter_mut().flatten() {
+        let specular = photograph.images.remove(1);
+        for (sum, specular) in photograph.images[0].data.iter_mut().zip(&specular.data) {
+            (0..3).for_each(|c| sum[c] += specular[c]);
         }
     }
+    asset.views.iter_mut().for_each(|view| view.light = None);
+    let (views, originals) = leave_out(&mut asset);
+    fit(&mut asset, 0.75);
+    assert!(!asset.reflectance.as_ref().unwrap().relightable);
+    let held = hold_out(&asset, &views, &originals).unwrap();
+    let (between, nearest) = (held.interpolated.psnr().sum.unwrap(), held.nearest.psnr().sum.unwrap());
+    assert!(between > 20.0 && between > nearest + 2.0, "{between:.2} against {nearest:.2} dB");
+    let light = PointLight { position: [0.0, 4.0, 0.0], intensity: [50.0; 3] };
+    let options = RenderOptions { lighting: Lighting::Points(vec![light]), ..RenderOptions::default() };
+    let refused = render(&asset, &asset.views[0].camera, &options);
+    assert!(matches!(refused, Err(Error::Unsupported(_))));
+}
+
+#[test]
+fn relighting_with_the_captures_light_changes_little_and_two_lights_add() {
+    let Some(mut asset) = load("sample-spot") else { return };
+    fit(&mut asset, 0.75);
+    let renderer = Renderer::new(&asset).unwrap();
+    let (camera, light) = (asset.views[4].camera, asset.views[4].light.unwrap());
+    let lit = |lights: Vec<PointLight>| {
+        let options = RenderOptions { lighting: Lighting::Points(lights), ..RenderOptions::default() };
+        renderer.render(&camera, &options).unwrap()
+    };
+    let captured = asset.photographs[4].as_ref().unwrap();
+    let same = lit(vec![light]);
+    let decoded = Photograph { mask: captured.mask.clone(), images: same.components.clone() };
+    let error = FrameError::of(captured, &decoded, &asset.components, &same.hit, asset.white);
+    // Shadows of the mesh and the fade at grazing light are what differs.
+    assert!(error.psnr().sum.unwrap() > 25.0, "{:?}", error.psnr());
+    let other = PointLight { position: [2.0, 4.0, -1.0], intensity: [10.0, 30.0, 50.0] };
+    let (one, two, both) = (lit(vec![light]), lit(vec![other]), lit(vec![light, other]));
+    for k in 0..both.components[0].data.len() {
+        for c in 0..3 {
+            let sum = one.components[0].data[k][c] + two.components[0].data[k][c];
+            assert!((both.components[0].data[k][c] - sum).abs() < 1e-4 * (1.0 + sum.abs()));
+        }
+    }
+    assert!(two.image.data.iter().flatten().all(|x| x.is_finite() && *x >= 0.0));
+}
+
+#[test]
+fn what_does_not_belong_together_is_refused() {
+    let mesh = crate::surface::atlas::tests::bumpy_sphere(8);
+    let camera = look_at([0.0, 0.0, 4.0], [0.0; 3], [0.0, 1.0, 0.0], 60.0, 48, 48);
+    let mut asset = Asset { mesh, components: vec![Component::Combined], white: [1.0; 3], ..Asset::default() };
+    let rendered = render(&asset, &camera, &RenderOptions::default()).unwrap();
+    assert!((600..1000).contains(&rendered.hit.count()), "{}", rendered.hit.count());
+    assert!(render(&asset, &Camera { width: 0, ..camera }, &RenderOptions::default()).is_err());
+    assert!(render(&asset, &Camera { focal: [f64::NAN; 2], ..camera }, &RenderOptions::default()).is_err());
+    asset.views.push(View { name: "small".into(), camera, light: None });
+    asset.photographs.push(Some(Photograph::default()));
+    assert!(matches!(render(&asset, &camera, &RenderOptions::default()), Err(Error::Parameter(_))));
+    asset.mesh.triangles.push([0, 1, 9999]);
+    assert!(matches!(Renderer::new(&asset), Err(Error::Parameter(_))));
 }
