@@ -5,18 +5,23 @@
 pub mod asset;
 #[cfg(feature = "encode")]
 pub mod capture;
+pub mod container;
 pub mod entropy;
 pub mod error;
 pub mod image;
 pub mod limits;
 pub mod measure;
 pub mod mesh;
+pub mod paper;
+pub mod quantise;
 pub mod reflectance;
 pub mod relight;
+pub mod residual;
 #[cfg(feature = "encode")]
 pub mod separate;
 pub mod surface;
 pub mod transform;
+pub mod tuned;
 
 pub use error::{Error, Result};
 pub use limits::{Budget, Limits};

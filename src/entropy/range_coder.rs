@@ -28,16 +28,8 @@ impl RangeEncoder {
     /// Ends the stream with as few bytes as tell its last interval. Zero bytes at the end are dropped: the decoder reads
     /// zeros past the end.
     pub fn finish(mut self) -> Vec<u8> {
-        // The shortest byte string which, followed by zeros, lies in [low, high].
-        for count in 0..=4u32 {
-            let unit = 1u64 << (32 - 8 * count);
-            let value = (self.low as u64).div_ceil(unit) * unit;
-            if value <= self.high as u64 {
-                for k in 0..count {
-                    self.bytes.push((value >> (24 - 8 * k)) as u8);
-                }
-                break;
-            }
+        if let Some((count, value)) = final_value(self.low, self.high) {
+            self.bytes.extend_from_slice(&value.to_be_bytes()[..count]);
         }
         while self.bytes.last() == Some(&0) {
             self.bytes.pop();
@@ -105,6 +97,12 @@ impl<'a> RangeDecoder<'a> {
         // but each costs at least 1/65536 bit, so callers bound the symbols themselves.
         self.position > self.bytes.len() + (1 << 16)
     }
+    /// True when the stream ends as [`RangeEncoder::finish`] ends it: every byte consumed, none left over, no zero at the end.
+    /// After the last bit this finds bytes added, bytes missing and most damage.
+    pub fn ends_as_written(&self, bytes_at_least: usize) -> bool {
+        let last_counts = self.bytes.len() <= bytes_at_least || self.bytes.last().is_none_or(|&last| last != 0);
+        self.reached_end() && last_counts && Some(self.code) == final_value(self.low, self.high).map(|(_, value)| value)
+    }
     /// True when every byte has been consumed, as it must be at the end of a stream.
     pub fn reached_end(&self) -> bool {
         self.position >= self.bytes.len()
@@ -129,6 +127,15 @@ impl BitCoder for RangeDecoder<'_> {
         }
         bit
     }
+}
+
+/// The shortest byte string which, followed by zeros, lies in `low..=high`: its length and, as a 32-bit number, its value.
+fn final_value(low: u32, high: u32) -> Option<(usize, u32)> {
+    (0..=4usize).find_map(|count| {
+        let unit = 1u64 << (32 - 8 * count);
+        let value = (low as u64).div_ceil(unit) * unit;
+        (value <= high as u64).then_some((count, value as u32))
+    })
 }
 
 #[inline(always)]

@@ -1,6 +1,7 @@
-//! The triangle mesh: out of scanners' files, cleaned.
+//! Meshes: reading, cleaning, coding.
 
 #[cfg(feature = "encode")]
 pub mod clean;
+pub mod code;
 #[cfg(feature = "encode")]
 pub mod read;

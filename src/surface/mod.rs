@@ -1,9 +1,13 @@
-//! Between photographs and surface: which surface point each pixel sees, and from one view to another through the mesh;
-//! charts, the atlas they are packed into, texels.
+//! The surface: which triangle each pixel sees, which photographs see each sample, where the samples lie, and how one
+//! view is read from another through the mesh.
 
 pub mod atlas;
 pub mod charts;
 #[cfg(feature = "encode")]
 mod layout;
+pub mod patches;
 pub mod raster;
 pub mod texels;
+#[cfg(feature = "encode")]
+pub mod visibility;
+pub mod warp;

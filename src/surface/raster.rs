@@ -4,6 +4,8 @@
 //! IEEE double with `+ - * /` and comparisons only, in the order written (normative, `spec/planes.md`).
 
 use crate::asset::{Camera, Mesh};
+use crate::error::Result;
+use crate::limits::check;
 
 /// No triangle at a pixel.
 pub const NO_TRIANGLE: u32 = u32::MAX;
@@ -100,6 +102,29 @@ pub fn rasterise(mesh: &Mesh, camera: &Camera) -> Raster {
     Raster { width, height, triangle, depth, barycentric }
 }
 
+/// Most pixels that all triangles' bounds may hold together, for each pixel of the picture.
+const MOST_LAYERS: f64 = 4096.0;
+
+/// Refuses a mesh and camera whose drawing would take unreasonably long: thousands of triangles that each fill the picture.
+pub fn check_work(mesh: &Mesh, camera: &Camera) -> Result<()> {
+    let size = [camera.width as f64, camera.height as f64];
+    let pixels = size[0] * size[1];
+    let mut work = 0.0;
+    for corners in &mesh.triangles {
+        let mut bounds = [[f64::INFINITY, f64::NEG_INFINITY]; 2];
+        for &vertex in corners {
+            let Some((position, _)) = camera.project(mesh.positions[vertex as usize].map(f64::from)) else { continue };
+            for k in 0..2 {
+                bounds[k] = [bounds[k][0].min(position[k]), bounds[k][1].max(position[k])];
+            }
+        }
+        let side = |k: usize| (bounds[k][1].min(size[k]) - bounds[k][0].max(0.0)).max(0.0);
+        work += side(0) * side(1);
+    }
+    let asked = (work / pixels.max(1.0)) as u64;
+    check("layers of triangles over a picture", asked, MOST_LAYERS as u64)
+}
+
 /// Unit normals of the vertices: the mean of the adjacent triangles' normals weighted by their areas, outward for
 /// counter-clockwise triangles; `[0, 0, 0]` where they cancel. Summed in triangle order, so the same everywhere.
 pub fn vertex_normals(mesh: &Mesh) -> Vec<[f64; 3]> {
@@ -155,10 +180,8 @@ mod tests {
 
     #[test]
     fn the_nearer_triangle_hides_and_what_is_behind_is_dropped() {
-        let positions = [5.0f32, 2.0, -1.0]
-            .into_iter()
-            .flat_map(|z| [[-9.0, -9.0, z], [9.0, -9.0, z], [0.0, 9.0, z]])
-            .collect();
+        let positions =
+            [5.0f32, 2.0, -1.0].into_iter().flat_map(|z| [[-9.0, -9.0, z], [9.0, -9.0, z], [0.0, 9.0, z]]).collect();
         let mesh = Mesh { positions, triangles: vec![[0, 1, 2], [3, 4, 5], [6, 7, 8]] };
         let raster = rasterise(&mesh, &camera());
         assert_eq!(raster.triangle[15 * 40 + 20], 1);

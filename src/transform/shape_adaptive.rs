@@ -165,7 +165,9 @@ impl Plan {
                 let mut out = [vec![[0.0; 4]; half * half_height], vec![[0.0; 4]; half * half_height]];
                 for run in columns {
                     line.clear();
-                    line.extend((run.start..run.start + run.length).map(|y| side[y as usize * half + run.line as usize]));
+                    line.extend(
+                        (run.start..run.start + run.length).map(|y| side[y as usize * half + run.line as usize]),
+                    );
                     analyse(&mut line, run.start);
                     scatter(&line, run, |half_index, slot, value| {
                         out[half_index][slot * half + run.line as usize] = value;

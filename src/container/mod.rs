@@ -1,0 +1,71 @@
+//! The file: signature, sections and directory. Specified in `spec/container.md`.
+//!
+//! A section's inline header and its entry in the directory are the same bytes ([`Section`]), so that a file is read either
+//! from its start, section by section ([`SectionStream`]), or by its directory at the end ([`Container`]).
+
+pub mod metadata;
+mod reader;
+mod section;
+mod stream;
+mod tags;
+pub mod thumbnail;
+pub mod views;
+#[cfg(feature = "encode")]
+mod writer;
+
+pub use reader::Container;
+pub use section::{Section, SectionCodec};
+pub use stream::{Prefix, SectionStream, read_prefix, read_stream, verify};
+pub use tags::{Known, Tag, bounds, known};
+#[cfg(feature = "encode")]
+pub use writer::Writer;
+
+/// First bytes of every file: a byte that is not ASCII, three letters, and both line endings around the end-of-file character, so
+/// that damage by text-mode transfers shows at once. Part of the format.
+pub const SIGNATURE: [u8; 8] = [0xe8, b'T', b'S', b'Y', b'\r', b'\n', 0x1a, b'\n'];
+/// Last bytes of every file. Part of the format.
+pub const END_SIGNATURE: [u8; 4] = [b'Y', b'S', b'T', 0xe8];
+/// Version written: major, minor. Major 0 is experimental: its minor versions do not read each other. Part of the format.
+pub const VERSION: (u16, u16) = (0, 1);
+/// Tag that opens the directory. Part of the format.
+pub const DIRECTORY_TAG: Tag = Tag(*b"DRCT");
+/// Signature and version. Part of the format.
+pub const FILE_HEADER_BYTES: usize = 12;
+/// Length of the directory and end signature. Part of the format.
+pub const TRAILER_BYTES: usize = 8;
+/// Sections that a file may have. Part of the format.
+pub const MAX_SECTIONS: u64 = 4096;
+/// Shortest and longest section header: tag, codec, one or two lengths, checksum. Part of the format.
+pub(crate) const SECTION_HEADER_BYTES: std::ops::RangeInclusive<u64> = 10..=29;
+
+/// The first twelve bytes of a file of this version.
+#[cfg(feature = "encode")]
+pub(crate) fn file_header() -> [u8; FILE_HEADER_BYTES] {
+    let mut bytes = [0; FILE_HEADER_BYTES];
+    bytes[..8].copy_from_slice(&SIGNATURE);
+    bytes[8..10].copy_from_slice(&VERSION.0.to_le_bytes());
+    bytes[10..].copy_from_slice(&VERSION.1.to_le_bytes());
+    bytes
+}
+
+/// Checks signature and version.
+pub(crate) fn check_file_header(bytes: &[u8; FILE_HEADER_BYTES]) -> crate::Result<()> {
+    use crate::Error;
+    if bytes[1..4] == SIGNATURE[1..4] && bytes[..8] != SIGNATURE {
+        return Err(Error::format("file", 0u8, "signature damaged, perhaps by a transfer in text mode"));
+    }
+    if bytes[..8] != SIGNATURE {
+        return Err(Error::format("file", 0u8, "not a .tsuya file: it must begin with E8 'TSY' 0D 0A 1A 0A"));
+    }
+    let version = (u16::from_le_bytes([bytes[8], bytes[9]]), u16::from_le_bytes([bytes[10], bytes[11]]));
+    if version != VERSION {
+        return Err(Error::Unsupported(format!(
+            "file of version {}.{}, this build reads {}.{} (0.x is experimental)",
+            version.0, version.1, VERSION.0, VERSION.1
+        )));
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,170 @@
+//! Section headers: the same bytes before the section and in the directory.
+
+use super::tags::{Tag, bounds, known};
+use crate::limits::Budget;
+use crate::{Error, Result};
+
+/// How a section's bytes are stored. The discriminants are part of the format.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum SectionCodec {
+    /// As they are.
+    None = 0,
+    /// One zstd frame (RFC 8878) without dictionary.
+    Zstd = 1,
+    /// As they are; the section's own format has its entropy coding (and, where parts are read alone, its own checksums).
+    Own = 2,
+}
+
+/// A section's header.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Section {
+    /// What it holds.
+    pub tag: Tag,
+    /// How it is stored.
+    pub codec: SectionCodec,
+    /// Bytes in the file after the header.
+    pub stored: u64,
+    /// Bytes after decompression; equal to `stored` unless the codec is zstd.
+    pub decoded: u64,
+    /// CRC-32 (ISO-HDLC, as in zlib and PNG) of tag, codec, lengths and stored bytes.
+    pub crc: u32,
+    /// Where the header begins in the file.
+    pub offset: u64,
+}
+
+impl Section {
+    /// The header without its checksum.
+    pub(crate) fn head(&self) -> Vec<u8> {
+        let mut bytes = self.tag.0.to_vec();
+        bytes.push(self.codec as u8);
+        push_number(&mut bytes, self.stored);
+        if self.codec == SectionCodec::Zstd {
+            push_number(&mut bytes, self.decoded);
+        }
+        bytes
+    }
+    /// The whole header, as in the file.
+    pub(crate) fn to_bytes(self) -> Vec<u8> {
+        let mut bytes = self.head();
+        bytes.extend_from_slice(&self.crc.to_le_bytes());
+        bytes
+    }
+    /// Length of the header.
+    pub fn header_bytes(&self) -> u64 {
+        self.head().len() as u64 + 4
+    }
+    /// Where the section ends in the file.
+    pub fn end(&self) -> Option<u64> {
+        self.offset.checked_add(self.header_bytes())?.checked_add(self.stored)
+    }
+    /// The rest of a header whose tag has been read; bytes come from `next`. `offset` is that of the tag.
+    pub(crate) fn parse(tag: Tag, offset: u64, mut next: impl FnMut() -> Result<u8>) -> Result<Section> {
+        if !tag.is_valid() {
+            return Err(Error::format("file", offset, format!("'{tag}' is no section tag: four letters, the third upper case")));
+        }
+        let codec = match next()? {
+            0 => SectionCodec::None,
+            1 => SectionCodec::Zstd,
+            2 => SectionCodec::Own,
+            other => return Err(Error::Unsupported(format!("section {tag}: codec {other}"))),
+        };
+        let stored = read_number(tag, &mut next)?;
+        let decoded = if codec == SectionCodec::Zstd { read_number(tag, &mut next)? } else { stored };
+        let crc = u32::from_le_bytes([next()?, next()?, next()?, next()?]);
+        let section = Section { tag, codec, stored, decoded, crc, offset };
+        section.check_bounds()?;
+        Ok(section)
+    }
+    /// Codec and lengths against the table.
+    pub(crate) fn check_bounds(&self) -> Result<()> {
+        if self.tag.is_critical() && known(self.tag).is_none() {
+            return Err(Error::Unsupported(format!("critical section {}, which this build does not know", self.tag)));
+        }
+        let bounds = bounds(self.tag);
+        if !bounds.codecs.contains(&self.codec) {
+            return Err(Error::format(self.tag, 4u8, format!("codec {:?} is not allowed here", self.codec)));
+        }
+        if !(bounds.shortest..=bounds.longest).contains(&self.decoded) || self.stored > bounds.longest {
+            let (shortest, longest) = (bounds.shortest, bounds.longest);
+            return Err(Error::format(
+                self.tag,
+                5u8,
+                format!("{} bytes decoded, {} stored: must be {shortest} to {longest}", self.decoded, self.stored),
+            ));
+        }
+        Ok(())
+    }
+    /// A tag that may come once came before.
+    pub(crate) fn check_repetition(&self, before: &[Section]) -> Result<()> {
+        if !bounds(self.tag).repeats && before.iter().any(|other| other.tag == self.tag) {
+            return Err(Error::format(self.tag, 0u8, "comes twice, may come once"));
+        }
+        Ok(())
+    }
+    /// A checksum started with the header.
+    pub(crate) fn hasher(&self) -> crc32fast::Hasher {
+        let mut hasher = crc32fast::Hasher::new();
+        hasher.update(&self.head());
+        hasher
+    }
+    /// Compares the checksum.
+    pub(crate) fn check_crc(&self, hasher: crc32fast::Hasher) -> Result<()> {
+        if hasher.finalize() == self.crc {
+            Ok(())
+        } else {
+            Err(Error::format(self.tag, self.header_bytes(), "CRC-32 does not match: the section is damaged"))
+        }
+    }
+    /// Undoes the codec. The stored bytes have been charged by the caller.
+    pub(crate) fn decode(&self, stored: Vec<u8>, budget: &Budget) -> Result<Vec<u8>> {
+        if self.codec != SectionCodec::Zstd {
+            return Ok(stored);
+        }
+        let wrong = |message: &str| Error::format(self.tag, self.header_bytes(), message);
+        budget.charge("decompressed section", self.decoded)?;
+        match zstd::zstd_safe::find_frame_compressed_size(&stored) {
+            Ok(size) if size == stored.len() => {}
+            _ => return Err(wrong("must be exactly one zstd frame")),
+        }
+        let length = usize::try_from(self.decoded).map_err(|_| wrong("longer than this machine's memory"))?;
+        let mut decoded = Vec::new();
+        decoded
+            .try_reserve_exact(length)
+            .map_err(|_| Error::Limits { what: "decompressed section", asked: self.decoded, allowed: 0 })?;
+        let mut decompressor = zstd::bulk::Decompressor::new().map_err(|e| Error::io("-", e))?;
+        let produced = decompressor.decompress_to_buffer(&stored, &mut decoded);
+        match produced {
+            Ok(produced) if produced == length => {}
+            Ok(_) => return Err(wrong("decompresses to fewer bytes than its header says")),
+            Err(error) => return Err(wrong(&format!("zstd: {error}"))),
+        }
+        budget.release(stored.len() as u64);
+        Ok(decoded)
+    }
+}
+
+/// LEB128: seven bits a byte from the lowest on, the high bit says that more follow.
+pub(crate) fn push_number(bytes: &mut Vec<u8>, mut value: u64) {
+    while value >= 0x80 {
+        bytes.push(value as u8 | 0x80);
+        value >>= 7;
+    }
+    bytes.push(value as u8);
+}
+
+/// The shortest form only; at most ten bytes.
+pub(crate) fn read_number(tag: Tag, next: &mut impl FnMut() -> Result<u8>) -> Result<u64> {
+    let mut value = 0u64;
+    for k in 0..10 {
+        let byte = next()?;
+        let bits = (byte & 0x7f) as u64;
+        if k == 9 && bits > 1 || k > 0 && byte == 0 {
+            break;
+        }
+        value |= bits << (7 * k);
+        if byte & 0x80 == 0 {
+            return Ok(value);
+        }
+    }
+    Err(Error::format(tag, 5u8, "number not in its shortest form or beyond 64 bits"))
+}

@@ -1,0 +1,86 @@
+//! Writing: sections stream out as they come, the directory follows at the end.
+
+use super::section::{Section, SectionCodec, push_number};
+use super::{DIRECTORY_TAG, END_SIGNATURE, FILE_HEADER_BYTES, MAX_SECTIONS, Tag, file_header};
+use crate::{Error, Result};
+use std::io::Write;
+use std::path::PathBuf;
+
+/// zstd's level for sections without entropy coding of their own: they are small.
+const ZSTD_LEVEL: i32 = 19;
+
+/// Writes a file from start to end.
+#[derive(Debug)]
+pub struct Writer<W: Write> {
+    inner: W,
+    path: PathBuf,
+    sections: Vec<Section>,
+    offset: u64,
+}
+
+impl<W: Write> Writer<W> {
+    /// Writes signature and version.
+    pub fn new(inner: W) -> Result<Self> {
+        Self::with_path(inner, "-")
+    }
+    /// The same; errors will name `path`.
+    pub fn with_path(inner: W, path: impl Into<PathBuf>) -> Result<Self> {
+        let mut writer = Writer { inner, path: path.into(), sections: Vec::new(), offset: 0 };
+        writer.put(&file_header())?;
+        Ok(writer)
+    }
+    fn put(&mut self, bytes: &[u8]) -> Result<()> {
+        self.inner.write_all(bytes).map_err(|e| Error::io(&self.path, e))?;
+        self.offset += bytes.len() as u64;
+        Ok(())
+    }
+    /// Writes one section. With [`SectionCodec::Zstd`] the bytes are stored as they are where that is no longer.
+    pub fn section(&mut self, tag: Tag, codec: SectionCodec, content: &[u8]) -> Result<Section> {
+        if !tag.is_valid() || tag == DIRECTORY_TAG {
+            return Err(Error::parameter(format!("'{tag}' can't be the tag of a section")));
+        }
+        if self.sections.len() as u64 >= MAX_SECTIONS {
+            return Err(Error::parameter(format!("more than {MAX_SECTIONS} sections")));
+        }
+        let compressed;
+        let (codec, stored) = if codec == SectionCodec::Zstd {
+            compressed = zstd::bulk::compress(content, ZSTD_LEVEL).map_err(|e| Error::io(&self.path, e))?;
+            if compressed.len() + 1 < content.len() { (codec, &compressed[..]) } else { (SectionCodec::None, content) }
+        } else {
+            (codec, content)
+        };
+        let (stored_length, decoded) = (stored.len() as u64, content.len() as u64);
+        let mut section = Section { tag, codec, stored: stored_length, decoded, crc: 0, offset: self.offset };
+        section.check_bounds()?;
+        section.check_repetition(&self.sections)?;
+        let mut hasher = section.hasher();
+        hasher.update(stored);
+        section.crc = hasher.finalize();
+        self.put(&section.to_bytes())?;
+        self.put(stored)?;
+        self.sections.push(section);
+        Ok(section)
+    }
+    /// The sections written so far.
+    pub fn sections(&self) -> &[Section] {
+        &self.sections
+    }
+    /// Writes directory and trailer, flushes, and gives the writer back.
+    pub fn finish(mut self) -> Result<W> {
+        let mut directory = DIRECTORY_TAG.0.to_vec();
+        push_number(&mut directory, self.sections.len() as u64);
+        for section in &self.sections {
+            directory.extend_from_slice(&section.to_bytes());
+        }
+        let mut hasher = crc32fast::Hasher::new();
+        hasher.update(&file_header()[..FILE_HEADER_BYTES]);
+        hasher.update(&directory);
+        directory.extend_from_slice(&hasher.finalize().to_le_bytes());
+        let length = directory.len() as u32;
+        directory.extend_from_slice(&length.to_le_bytes());
+        directory.extend_from_slice(&END_SIGNATURE);
+        self.put(&directory)?;
+        self.inner.flush().map_err(|e| Error::io(&self.path, e))?;
+        Ok(self.inner)
+    }
+}

@@ -1,0 +1,335 @@
+//! Connectivity: regions grow over their border, one symbol a border edge. Specified in `spec/mesh.md`.
+//!
+//! A *gate* is a directed edge that a triangle still to come may have. The gates of a region's border form closed loops. At a gate
+//! `a -> b` the next triangle is `(a, b, w)`, and the symbol says what `w` is. Edges that no symbol joins stay apart: their two
+//! sides are coded as border. So every list of triangles can be told, manifold or not.
+
+use crate::entropy::{BitCoder, BitModel, Number};
+
+/// No gate, no half-edge, no vertex.
+pub(super) const NONE: u32 = u32::MAX;
+
+/// What the third vertex at a gate is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Symbol {
+    /// A vertex that did not come before.
+    New,
+    /// The vertex before the gate on its loop; the triangle fills the gate before as well.
+    Previous,
+    /// The vertex after the gate on its loop; the triangle fills the gate after as well.
+    Next,
+    /// No triangle here.
+    Border,
+    /// The vertex so many steps before the one of `Previous`, on the same loop.
+    Before(u32),
+    /// The vertex so many steps after the one of `Next`, on the same loop.
+    After(u32),
+    /// Any vertex that came before.
+    Known(u32),
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum State {
+    Open,
+    /// Known to have no triangle.
+    Border,
+    Filled,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Gate {
+    from: u32,
+    to: u32,
+    previous: u32,
+    next: u32,
+    /// The half-edge on the known side.
+    half_edge: u32,
+    state: State,
+}
+
+/// Triangles so far, and the borders around them. Half-edge `3 t + k` goes from corner `k` to corner `k + 1` of triangle `t`.
+#[derive(Debug, Default)]
+pub(super) struct Growth {
+    pub(super) triangles: Vec<[u32; 3]>,
+    /// For each half-edge the one on the other side, or [`NONE`].
+    pub(super) opposite: Vec<u32>,
+    pub(super) vertices: u32,
+    gates: Vec<Gate>,
+    /// Triangles at each vertex so far.
+    degrees: Vec<u32>,
+    /// The latest gate that begins at each vertex.
+    latest: Vec<u32>,
+    /// Gates in the order in which they will be visited.
+    queue: std::collections::VecDeque<u32>,
+    /// The gate to visit before those in the queue.
+    urgent: u32,
+}
+
+impl Growth {
+    pub(super) fn new() -> Self {
+        Growth { urgent: NONE, ..Growth::default() }
+    }
+    pub(super) fn new_vertex(&mut self) -> u32 {
+        self.vertices += 1;
+        self.degrees.push(0);
+        self.latest.push(NONE);
+        self.vertices - 1
+    }
+    fn triangle(&mut self, corners: [u32; 3]) -> u32 {
+        self.triangles.push(corners);
+        self.opposite.extend([NONE; 3]);
+        for corner in corners {
+            self.degrees[corner as usize] += 1;
+        }
+        self.opposite.len() as u32 - 3
+    }
+    fn gate(&mut self, from: u32, to: u32, half_edge: u32) -> u32 {
+        let index = self.gates.len() as u32;
+        self.gates.push(Gate { from, to, previous: index, next: index, half_edge, state: State::Open });
+        self.latest[from as usize] = index;
+        index
+    }
+    fn link(&mut self, previous: u32, next: u32) {
+        self.gates[previous as usize].next = next;
+        self.gates[next as usize].previous = previous;
+    }
+    fn fill(&mut self, gate: u32, half_edge: u32) {
+        let gate = &mut self.gates[gate as usize];
+        gate.state = State::Filled;
+        self.opposite[gate.half_edge as usize] = half_edge;
+        self.opposite[half_edge as usize] = gate.half_edge;
+    }
+    /// The first triangle of a region: its vertices are known or were just made.
+    pub(super) fn seed(&mut self, corners: [u32; 3]) {
+        let half_edge = self.triangle(corners);
+        let [a, b, c] = corners;
+        let [ba, ac, cb] =
+            [self.gate(b, a, half_edge), self.gate(a, c, half_edge + 2), self.gate(c, b, half_edge + 1)];
+        self.link(ba, ac);
+        self.link(ac, cb);
+        self.link(cb, ba);
+        self.queue.extend([ba, ac, cb]);
+    }
+    /// The next gate to visit.
+    pub(super) fn next_gate(&mut self) -> Option<u32> {
+        let urgent = std::mem::replace(&mut self.urgent, NONE);
+        if urgent != NONE {
+            return Some(urgent);
+        }
+        while let Some(gate) = self.queue.pop_front() {
+            if self.gates[gate as usize].state == State::Open {
+                return Some(gate);
+            }
+        }
+        None
+    }
+    /// Beginning and end of a gate, and the vertices before and after it where the gates there are open.
+    pub(super) fn ends(&self, gate: u32) -> (u32, u32) {
+        let gate = &self.gates[gate as usize];
+        (gate.from, gate.to)
+    }
+    /// The gate that begins where [`Symbol::Before`] or [`Symbol::After`] mean.
+    fn walk(&self, gate: u32, steps: u32, forward: bool) -> u32 {
+        let start = if forward { self.gates[gate as usize].next } else { self.gates[gate as usize].previous };
+        (0..steps + forward as u32).fold(start, |at, _| {
+            if forward { self.gates[at as usize].next } else { self.gates[at as usize].previous }
+        })
+    }
+    /// The nearest place on the loop where a vertex is.
+    pub(super) fn near(&self, gate: u32, vertex: u32) -> Option<Symbol> {
+        let is = |steps, forward| self.gates[self.walk(gate, steps, forward) as usize].from == vertex;
+        (1..=FARTHEST).find_map(|steps| {
+            if is(steps, false) {
+                Some(Symbol::Before(steps))
+            } else {
+                is(steps, true).then_some(Symbol::After(steps))
+            }
+        })
+    }
+    fn open(&self, gate: u32) -> Option<&Gate> {
+        Some(&self.gates[gate as usize]).filter(|gate| gate.state == State::Open)
+    }
+    /// The vertex that [`Symbol::Previous`] means, where it is allowed.
+    pub(super) fn previous_vertex(&self, gate: u32) -> Option<u32> {
+        let previous = self.gates[gate as usize].previous;
+        self.open(previous).filter(|_| previous != gate).map(|gate| gate.from)
+    }
+    /// The vertex that [`Symbol::Next`] means, where it is allowed.
+    pub(super) fn next_vertex(&self, gate: u32) -> Option<u32> {
+        let next = self.gates[gate as usize].next;
+        self.open(next).filter(|_| next != gate).map(|gate| gate.to)
+    }
+    /// Does what a symbol says; returns the third vertex. `Previous` and `Next` only where they are allowed.
+    pub(super) fn apply(&mut self, gate: u32, symbol: Symbol) {
+        let Gate { from: a, to: b, previous, next, .. } = self.gates[gate as usize];
+        match symbol {
+            Symbol::Border => self.gates[gate as usize].state = State::Border,
+            Symbol::New => {
+                let v = self.new_vertex();
+                self.ear(gate, v, NONE);
+            }
+            Symbol::Known(w) => {
+                let pass = self.latest[w as usize];
+                let pass = if pass != NONE && self.gates[pass as usize].state != State::Filled { pass } else { NONE };
+                self.ear(gate, w, pass);
+            }
+            Symbol::Before(steps) => {
+                let pass = self.walk(gate, steps, false);
+                self.ear(gate, self.gates[pass as usize].from, pass);
+            }
+            Symbol::After(steps) => {
+                let pass = self.walk(gate, steps, true);
+                self.ear(gate, self.gates[pass as usize].from, pass);
+            }
+            Symbol::Previous => {
+                let p = self.gates[previous as usize].from;
+                let half_edge = self.triangle([a, b, p]);
+                self.fill(gate, half_edge);
+                self.fill(previous, half_edge + 2);
+                let before = self.gates[previous as usize].previous;
+                if before == next && self.gates[next as usize].state == State::Open {
+                    self.fill(next, half_edge + 1);
+                } else if before != gate {
+                    let rest = self.gate(p, b, half_edge + 1);
+                    self.link(before, rest);
+                    self.link(rest, next);
+                    self.queue.push_back(rest);
+                }
+            }
+            Symbol::Next => {
+                let n = self.gates[next as usize].to;
+                let half_edge = self.triangle([a, b, n]);
+                self.fill(gate, half_edge);
+                self.fill(next, half_edge + 1);
+                let after = self.gates[next as usize].next;
+                if after != gate {
+                    let rest = self.gate(a, n, half_edge + 2);
+                    self.link(previous, rest);
+                    self.link(rest, after);
+                    self.urgent = rest;
+                }
+            }
+        }
+    }
+    /// A triangle that fills only the gate; its two other edges open gates. With `pass`, a gate that begins at `w`, the loop is cut
+    /// open there: split in two, or joined with another one.
+    fn ear(&mut self, gate: u32, w: u32, pass: u32) {
+        let Gate { from: a, to: b, previous, next, .. } = self.gates[gate as usize];
+        let half_edge = self.triangle([a, b, w]);
+        let first = self.gate(a, w, half_edge + 2);
+        let second = self.gate(w, b, half_edge + 1);
+        // Where the gate was alone on its loop its neighbours are the new gates themselves.
+        let (previous, next) =
+            (if previous == gate { second } else { previous }, if next == gate { first } else { next });
+        self.link(previous, first);
+        if pass == NONE || pass == gate {
+            self.link(first, second);
+        } else {
+            let before = self.gates[pass as usize].previous;
+            let before = if before == gate { first } else { before };
+            self.link(first, pass);
+            self.link(before, second);
+        }
+        self.link(second, next);
+        self.fill(gate, half_edge);
+        self.urgent = first;
+        self.queue.push_back(second);
+    }
+}
+
+/// Longest way along a loop that a symbol may tell. Part of the format.
+pub(super) const FARTHEST: u32 = 8;
+/// Degrees that are told apart.
+const DEGREES: usize = 10;
+
+/// What has been learned about symbols.
+pub(super) struct Models {
+    new: Vec<BitModel>,
+    previous: Vec<BitModel>,
+    next: Vec<BitModel>,
+    border: [BitModel; 4],
+    near: [BitModel; 2],
+    forward: BitModel,
+    steps: [Number; 2],
+    known: Number,
+    seed_new: [BitModel; 3],
+    seed_known: Number,
+}
+
+impl Models {
+    pub(super) fn new() -> Self {
+        Models {
+            new: vec![BitModel::default(); 4 * DEGREES * DEGREES],
+            previous: vec![BitModel::default(); 4 * DEGREES * DEGREES],
+            next: vec![BitModel::default(); 4 * DEGREES * DEGREES],
+            border: [BitModel::default(); 4],
+            near: Default::default(),
+            forward: Default::default(),
+            steps: Default::default(),
+            known: Number::default(),
+            seed_new: [BitModel::default(); 3],
+            seed_known: Number::default(),
+        }
+    }
+
+    /// Codes the symbol at a gate. In decoding `symbol` is ignored; `None` for a vertex that did not come before.
+    pub(super) fn symbol<C: BitCoder>(
+        &mut self, coder: &mut C, growth: &Growth, gate: u32, symbol: Symbol,
+    ) -> Option<Symbol> {
+        let here = &growth.gates[gate as usize];
+        let degree = |vertex: u32| (growth.degrees[vertex as usize] as usize - 1).min(DEGREES - 1);
+        let (a, b) = (degree(here.from), degree(here.to));
+        let before = &growth.gates[here.previous as usize];
+        let after = &growth.gates[here.next as usize];
+        let triangle = (before.previous == here.next) as usize;
+        let quad = (before.previous == after.next) as usize;
+        let (previous, next) = (growth.previous_vertex(gate), growth.next_vertex(gate));
+        let loops = if triangle == 1 { 1 } else if quad == 1 { 2 } else { 0 };
+        let context = (loops * DEGREES + a) * DEGREES + b;
+        if self.new[context].code(coder, symbol == Symbol::New) {
+            return Some(Symbol::New);
+        }
+        if let Some(p) = previous {
+            let context = (loops * DEGREES + a) * DEGREES + degree(p);
+            if self.previous[context].code(coder, symbol == Symbol::Previous) {
+                return Some(Symbol::Previous);
+            }
+        }
+        if let Some(n) = next {
+            let context = (loops * DEGREES + b) * DEGREES + degree(n);
+            if self.next[context].code(coder, symbol == Symbol::Next) {
+                return Some(Symbol::Next);
+            }
+        }
+        let near = matches!(symbol, Symbol::Before(_) | Symbol::After(_));
+        if self.near[0].code(coder, near) {
+            let forward = self.forward.code(coder, matches!(symbol, Symbol::After(_)));
+            let (Symbol::Before(steps) | Symbol::After(steps) | Symbol::Known(steps)) = symbol else {
+                let steps = self.steps[forward as usize].code(coder, 0) + 1;
+                let symbol = if forward { Symbol::After(steps) } else { Symbol::Before(steps) };
+                return Some(symbol).filter(|_| steps <= FARTHEST);
+            };
+            self.steps[forward as usize].code(coder, steps - 1);
+            return Some(symbol);
+        }
+        let context = (before.state == State::Border) as usize + 2 * (after.state == State::Border) as usize;
+        if self.border[context].code(coder, symbol == Symbol::Border) {
+            return Some(Symbol::Border);
+        }
+        let back = if let Symbol::Known(vertex) = symbol { growth.vertices - 1 - vertex } else { 0 };
+        let back = self.known.code(coder, back);
+        (growth.vertices - 1).checked_sub(back).map(Symbol::Known)
+    }
+
+    /// Codes one vertex of a region's first triangle: `None` for a new one.
+    pub(super) fn seed_vertex<C: BitCoder>(
+        &mut self, coder: &mut C, vertices: u32, corner: usize, vertex: Option<u32>,
+    ) -> Result<Option<u32>, ()> {
+        if self.seed_new[corner].code(coder, vertex.is_none()) {
+            return Ok(None);
+        }
+        let back = vertex.map_or(0, |vertex| vertices - 1 - vertex);
+        let back = self.seed_known.code(coder, back);
+        vertices.checked_sub(back).and_then(|v| v.checked_sub(1)).map(Some).ok_or(())
+    }
+}

@@ -1,0 +1,249 @@
+//! Writing the section from samples.
+
+use super::decode::{Decoded, code_sides, predicted};
+use super::model::{CodedModel, Model};
+use super::samples::Samples;
+use super::stream::{Models, code_volume};
+use super::{Header, parallel};
+use crate::asset::Component;
+use crate::entropy::RangeEncoder;
+use crate::error::{Error, Result};
+use crate::quantise::dead_zone::DeadZone;
+use crate::residual::volume::{Effort, Workspace, truncate};
+use crate::transform::daubechies::VolumeShape;
+
+/// How to encode.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Options {
+    /// Coefficients kept, per cent of all (of both components, seen or not), `0..=100`.
+    pub keep_percent: f64,
+    /// Levels of the transform along the views; 0 transforms each view for itself.
+    pub view_levels: u8,
+    /// Width of the levels relative to the smallest kept magnitude.
+    pub relative_step: f32,
+    /// How long to fill what no photograph shows.
+    pub effort: Effort,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Options { keep_percent: 5.0, view_levels: 3, relative_step: 0.5, effort: Effort::default() }
+    }
+}
+
+/// Step of `sqrt(K_d / max K_d)` that [`fit_model`] quantises with.
+pub const DIFFUSE_STEP: f32 = 1.0 / 128.0;
+
+/// A written section.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Encoded {
+    /// The section.
+    pub bytes: Vec<u8>,
+    /// Bytes of it that hold the patches' sides and the model.
+    pub model_bytes: usize,
+    /// Coefficients kept.
+    pub kept: usize,
+    /// All coefficients.
+    pub coefficients: usize,
+}
+
+impl Encoded {
+    /// Coefficients kept, per cent of all.
+    pub fn kept_percent(&self) -> f64 {
+        100.0 * self.kept as f64 / self.coefficients.max(1) as f64
+    }
+}
+
+/// Fits the reflection model to the samples and quantises it.
+pub fn fit_model(samples: &Samples, components: &[Component]) -> CodedModel {
+    CodedModel::quantise(&super::fit::fit(samples, components), &samples.layout, DIFFUSE_STEP)
+}
+
+/// Writes the section. Without a `model` the residual is the radiance itself.
+pub fn encode(
+    samples: &Samples,
+    components: &[Component],
+    model: Option<&CodedModel>,
+    options: &Options,
+) -> Result<Encoded> {
+    if components.len() != samples.components || !(1..=2).contains(&components.len()) {
+        return Err(Error::parameter("one or two components expected, as many as the samples have"));
+    }
+    if !(0.0..=100.0).contains(&options.keep_percent) {
+        return Err(Error::parameter("the share of coefficients to keep lies between 0 and 100 per cent"));
+    }
+    if options.view_levels > super::MOST_VIEW_LEVELS || options.relative_step.is_nan() || options.relative_step <= 0.0 {
+        return Err(Error::parameter("at most 7 levels along the views, and a step above zero"));
+    }
+    let views = samples.views.len();
+    let relightable = samples.views.iter().all(|v| v.light.is_some());
+    let decoded_model = model.map(|m| m.dequantise(&samples.layout, relightable));
+    let shapes: Vec<VolumeShape> =
+        samples.layout.side_log2.iter().map(|&log2| VolumeShape::padded(log2, views, options.view_levels)).collect();
+    let coefficients = samples.coefficients();
+    let wanted = (coefficients as f64 * options.keep_percent / 100.0) as usize;
+    let volumes = Volumes { samples, components, model: decoded_model.as_ref(), shapes: &shapes, effort: options.effort };
+    let (mut planes, threshold) = volumes.largest(wanted);
+    let quantiser = DeadZone { threshold, step: threshold * options.relative_step };
+
+    let header = Header {
+        modelled: model.is_some(),
+        relightable,
+        lobes: model.is_some_and(|m| !m.lobes.is_empty()),
+        components: components.len() as u8,
+        view_levels: options.view_levels,
+        views: views as u32,
+        patches: samples.layout.patches.len() as u32,
+        quantiser,
+        diffuse_scale: model.map_or(0.0, |m| m.diffuse_scale),
+        diffuse_step: model.map_or(0.0, |m| m.diffuse_step),
+        specular_scale: model.map_or(0.0, |m| m.specular_scale),
+    };
+    let mut bytes = header.write();
+    let mut coder = RangeEncoder::new();
+    code_sides(&mut coder, &mut samples.layout.side_log2.clone());
+    if let Some(model) = model {
+        model.clone().code(&mut coder, &samples.layout, |_| true);
+    }
+    let model_bytes = coder.len();
+    let mut models = Models::new(components.len());
+    let mut kept = 0;
+    for (planes, &shape) in planes.iter_mut().zip(&shapes) {
+        let mut levels: Vec<Vec<i32>> = planes
+            .drain(..)
+            .map(|plane| match plane.is_empty() {
+                true => vec![0; shape.len()],
+                false => plane.iter().map(|&c| quantiser.quantise(c)).collect(),
+            })
+            .collect();
+        kept += levels.iter().flatten().filter(|q| **q != 0).count();
+        code_volume(&mut coder, &mut models, &mut levels, components.len(), shape);
+    }
+    bytes.extend(coder.finish());
+    Ok(Encoded { bytes, model_bytes, kept, coefficients })
+}
+
+/// The residual volumes of all patches.
+struct Volumes<'a> {
+    samples: &'a Samples,
+    components: &'a [Component],
+    model: Option<&'a Model>,
+    shapes: &'a [VolumeShape],
+    effort: Effort,
+}
+
+impl Volumes<'_> {
+    /// The residual of one patch: its planes, zero where not visible.
+    fn residual(&self, patch: usize) -> Vec<Vec<f32>> {
+        let data = &self.samples.patches[patch];
+        let mut planes = data.planes.clone();
+        let Some(model) = self.model else { return planes };
+        let layout = &self.samples.layout;
+        let (side, area) = (self.shapes[patch].side(), self.shapes[patch].area());
+        for i in 0..area {
+            let Some(point) = layout.sample(patch, i % side, i / side) else { continue };
+            for (view, captured) in self.samples.views.iter().enumerate() {
+                let at = view * area + i;
+                if !data.visible[at] {
+                    continue;
+                }
+                for component in 0..self.components.len() {
+                    let modelled =
+                        predicted(Some(model), layout, self.components, component, patch, i, &point, captured);
+                    (0..3).for_each(|c| planes[component * 3 + c][at] -= modelled[c]);
+                }
+            }
+        }
+        planes
+    }
+    /// Coefficients of one patch above a threshold; an empty plane is zero.
+    fn coefficients(&self, patch: usize, threshold: f32, effort: Effort, residual: &[Vec<f32>]) -> Vec<Vec<f32>> {
+        let mut work = Workspace::default();
+        let (visible, shape) = (&self.samples.patches[patch].visible, self.shapes[patch]);
+        residual
+            .iter()
+            .map(|plane| {
+                let kept = truncate(plane, visible, shape, threshold, effort, &mut work);
+                if kept.iter().all(|c| *c == 0.0) { Vec::new() } else { kept }
+            })
+            .collect()
+    }
+    /// The `wanted` largest coefficients of all patches, and the smallest magnitude among them.
+    fn largest(&self, wanted: usize) -> (Vec<Vec<Vec<f32>>>, f32) {
+        let count = self.shapes.len();
+        if wanted == 0 || count == 0 {
+            return (self.shapes.iter().map(|_| vec![Vec::new(); self.components.len() * 3]).collect(), 1.0);
+        }
+        // Which samples are free depends on the threshold, and the threshold on the filling: it is sought on some of the
+        // patches, a little too low, and the last coefficients are taken out of all.
+        let some: Vec<usize> = (0..count).step_by((count / 400).clamp(1, 12)).collect();
+        let share = some.iter().map(|&p| self.shapes[p].area()).sum::<usize>() as f64
+            / self.shapes.iter().map(|s| s.area()).sum::<usize>() as f64;
+        let residuals = parallel::map(some.len(), |i| self.residual(some[i]));
+        let kept = |threshold: f32| -> usize {
+            let counts = parallel::map(some.len(), |i| {
+                let planes = self.coefficients(some[i], threshold, self.effort, &residuals[i]);
+                planes.iter().flatten().filter(|c| **c != 0.0).count()
+            });
+            counts.iter().sum()
+        };
+        let target = 1.02 * share * wanted as f64;
+        let largest = residuals.iter().flatten().flatten().fold(0.0f32, |m, x| m.max(x.abs()));
+        let (mut low, mut high) = ((largest * 1e-7).max(1e-20).ln(), (largest.max(1e-12) * 1e3).ln());
+        while high - low > 0.01 {
+            let middle = 0.5 * (low + high);
+            if kept(middle.exp()) as f64 > target { low = middle } else { high = middle }
+        }
+        let threshold = low.exp();
+        let planes =
+            parallel::map(count, |patch| self.coefficients(patch, threshold, self.effort, &self.residual(patch)));
+        let mut magnitudes: Vec<f32> =
+            planes.iter().flatten().flatten().map(|c| c.abs()).filter(|c| *c > 0.0).collect();
+        if magnitudes.len() <= wanted {
+            return (planes, threshold);
+        }
+        let (_, least, _) = magnitudes.select_nth_unstable_by(wanted - 1, |a, b| b.total_cmp(a));
+        let least = *least;
+        (planes, least)
+    }
+}
+
+/// Error of decoded samples against the photographs', over all visible ones, in dB.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SampleError {
+    /// PSNR of `x / white`.
+    pub linear_db: f64,
+    /// PSNR of `sqrt(max(x, 0) / white)`.
+    pub sqrt_db: f64,
+}
+
+/// Compares decoded samples with what the photographs show there; one result a component.
+pub fn sample_errors(samples: &Samples, decoded: &Decoded, white: [f64; 3]) -> Vec<SampleError> {
+    let count = samples.components;
+    let sums = parallel::map(samples.patches.len(), |patch| {
+        let data = &samples.patches[patch];
+        let area = 1usize << (2 * samples.layout.side_log2[patch]);
+        let mut sums = vec![[0.0f64; 3]; count];
+        for (at, _) in data.visible.iter().enumerate().filter(|(_, visible)| **visible) {
+            let (view, sample) = (at / area, at % area);
+            for (component, sum) in sums.iter_mut().enumerate() {
+                let Some(found) = decoded.sample(component, view, &samples.views[view], patch, sample) else { continue };
+                for c in 0..3 {
+                    let measured = data.planes[component * 3 + c][at] as f64 / white[c];
+                    let found = found[c] as f64 / white[c];
+                    sum[0] += (measured - found).powi(2);
+                    sum[1] += (measured.max(0.0).sqrt() - found.max(0.0).sqrt()).powi(2);
+                    sum[2] += 1.0;
+                }
+            }
+        }
+        sums
+    });
+    let psnr = |squares: f64, count: f64| -10.0 * (squares / count.max(1.0)).max(1e-30).log10();
+    (0..count)
+        .map(|component| {
+            let total = sums.iter().fold([0.0; 3], |sum, s| std::array::from_fn(|k| sum[k] + s[component][k]));
+            SampleError { linear_db: psnr(total[0], total[2]), sqrt_db: psnr(total[1], total[2]) }
+        })
+        .collect()
+}

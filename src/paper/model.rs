@@ -1,0 +1,207 @@
+//! The reflection model of the `paper` profile as coded numbers: `K_d` at each sample, `K_s` and `sigma` at each vertex.
+
+use super::layout::{Layout, read_grid};
+use super::stream::{Models, code_volume};
+use crate::asset::{PointLight, View};
+use crate::entropy::{BitCoder, Number};
+use crate::quantise::dead_zone::DeadZone;
+use crate::reflectance::torrance_sparrow::SIGMA_RANGE;
+use crate::reflectance::{Lobe, lambert, torrance_sparrow};
+use crate::surface::patches::PatchPoint;
+use crate::transform::daubechies::{self, VolumeShape};
+
+/// Levels of `sqrt(K_s)`.
+const SPECULAR_LEVELS: f32 = 255.0;
+/// Levels of `ln sigma` over [`SIGMA_RANGE`].
+const SIGMA_LEVELS: f32 = 63.0;
+
+/// The model as the file holds it.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct CodedModel {
+    /// `K_d` of the signal 1.
+    pub diffuse_scale: f32,
+    /// Step of the wavelet coefficients of `sqrt(K_d / diffuse_scale)`.
+    pub diffuse_step: f32,
+    /// For each patch three planes of wavelet levels.
+    pub diffuse: Vec<[Vec<i32>; 3]>,
+    /// `K_s` of the highest level.
+    pub specular_scale: f32,
+    /// For each vertex the levels of `sqrt(K_s / specular_scale)` and of `ln sigma`; empty without a specular component.
+    pub lobes: Vec<[u8; 4]>,
+}
+
+/// The model, decoded.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Model {
+    /// Whether the lights were known; if not `diffuse` is a radiance and there are no lobes.
+    pub relightable: bool,
+    /// `K_d` (or the mean radiance) at each sample of each patch: three planes, in rows.
+    pub diffuse: Vec<[Vec<f32>; 3]>,
+    /// The lobe at each vertex; empty without a specular component.
+    pub lobes: Vec<Lobe>,
+}
+
+impl CodedModel {
+    fn quantiser(&self) -> DeadZone {
+        DeadZone { threshold: 0.5 * self.diffuse_step, step: self.diffuse_step }
+    }
+    /// Codes everything but the scales and steps. In decoding the vectors have their final lengths already, all zero.
+    pub(super) fn code<C: BitCoder>(&mut self, coder: &mut C, layout: &Layout, healthy: impl Fn(&C) -> bool) -> bool {
+        let mut models = Models::new(1);
+        for (planes, &side_log2) in self.diffuse.iter_mut().zip(&layout.side_log2) {
+            code_volume(coder, &mut models, planes, 1, VolumeShape { side_log2, views: 1, view_levels: 0 });
+            if !healthy(coder) {
+                return false;
+            }
+        }
+        if !self.lobes.is_empty() {
+            // Each vertex is predicted by the mean of those neighbours that have been coded.
+            let mut adjacent = vec![([0u32; 4], 0u32); self.lobes.len()];
+            let mut order: Vec<(u32, u32)> = Vec::with_capacity(layout.mesh.triangles.len() * 3);
+            for v in &layout.mesh.triangles {
+                for (a, b) in [(v[0], v[1]), (v[1], v[2]), (v[2], v[0])] {
+                    order.push((a.min(b), a.max(b)));
+                }
+            }
+            order.sort_unstable();
+            order.dedup();
+            let mut numbers: [Number; 4] = Default::default();
+            let mut edges = order.into_iter().peekable();
+            let mut last = [0u8; 4];
+            for vertex in 0..self.lobes.len() {
+                let (sum, count) = adjacent[vertex];
+                for k in 0..4 {
+                    let predicted = if count > 0 { (sum[k] + count / 2) / count } else { last[k] as u32 } as i32;
+                    let difference = numbers[k].code_signed(coder, self.lobes[vertex][k] as i32 - predicted);
+                    self.lobes[vertex][k] = predicted.wrapping_add(difference).clamp(0, 255) as u8;
+                }
+                last = self.lobes[vertex];
+                while let Some((_, other)) = edges.next_if(|edge| edge.0 as usize == vertex) {
+                    if let Some((sum, count)) = adjacent.get_mut(other as usize) {
+                        (0..4).for_each(|k| sum[k] += last[k] as u32);
+                        *count += 1;
+                    }
+                }
+                if !healthy(coder) {
+                    return false;
+                }
+            }
+        }
+        true
+    }
+    /// The numbers that the levels stand for.
+    pub fn dequantise(&self, layout: &Layout, relightable: bool) -> Model {
+        let mut scratch = Vec::new();
+        let quantiser = self.quantiser();
+        let diffuse = self.diffuse.iter().zip(&layout.side_log2).map(|(planes, &side_log2)| {
+            let shape = VolumeShape { side_log2, views: 1, view_levels: 0 };
+            std::array::from_fn(|c| {
+                let mut plane: Vec<f32> = planes[c].iter().map(|&q| quantiser.dequantise(q)).collect();
+                daubechies::inverse(&mut plane, shape, &mut scratch);
+                plane.iter_mut().for_each(|s| *s = s.max(0.0) * s.max(0.0) * self.diffuse_scale);
+                plane
+            })
+        });
+        let lobe = |levels: &[u8; 4]| {
+            let root = |q: u8| q as f32 / SPECULAR_LEVELS;
+            let (low, high) = (SIGMA_RANGE.0.ln(), SIGMA_RANGE.1.ln());
+            Lobe {
+                specular: std::array::from_fn(|c| root(levels[c]) * root(levels[c]) * self.specular_scale),
+                sigma: (low + (high - low) * (levels[3] as f32 / SIGMA_LEVELS).min(1.0)).exp(),
+            }
+        };
+        Model { relightable, diffuse: diffuse.collect(), lobes: self.lobes.iter().map(lobe).collect() }
+    }
+    /// Quantises a model; `diffuse_step` is the step of the signal `sqrt(K_d / max K_d)`.
+    #[cfg(feature = "encode")]
+    pub fn quantise(model: &Model, layout: &Layout, diffuse_step: f32) -> CodedModel {
+        let diffuse_scale = model.diffuse.iter().flatten().flatten().copied().fold(0.0, f32::max).max(1e-12);
+        let specular_scale = model.lobes.iter().flat_map(|l| l.specular).fold(0.0, f32::max).max(1e-12);
+        let mut coded = CodedModel { diffuse_scale, diffuse_step, specular_scale, ..Default::default() };
+        let quantiser = coded.quantiser();
+        let mut scratch = Vec::new();
+        for (planes, &side_log2) in model.diffuse.iter().zip(&layout.side_log2) {
+            let shape = VolumeShape { side_log2, views: 1, view_levels: 0 };
+            coded.diffuse.push(std::array::from_fn(|c| {
+                let mut plane: Vec<f32> = planes[c].iter().map(|k| (k / diffuse_scale).sqrt()).collect();
+                daubechies::forward(&mut plane, shape, &mut scratch);
+                plane.iter().map(|&s| quantiser.quantise(s)).collect()
+            }));
+        }
+        let (low, high) = (SIGMA_RANGE.0.ln(), SIGMA_RANGE.1.ln());
+        for lobe in &model.lobes {
+            let specular = lobe.specular.map(|k| ((k / specular_scale).sqrt() * SPECULAR_LEVELS).round() as u8);
+            let sigma = ((lobe.sigma.ln() - low) / (high - low) * SIGMA_LEVELS).round() as u8;
+            coded.lobes.push([specular[0], specular[1], specular[2], sigma.min(SIGMA_LEVELS as u8)]);
+        }
+        coded
+    }
+}
+
+impl Model {
+    /// Modelled radiance of the diffuse (or only) component at a grid sample.
+    pub(super) fn diffuse_sample(
+        &self,
+        layout: &Layout,
+        patch: usize,
+        index: usize,
+        point: &PatchPoint,
+        view: &View,
+    ) -> [f32; 3] {
+        let diffuse = std::array::from_fn(|c| self.diffuse[patch][c][index]);
+        self.shade(layout, patch, point, view, diffuse)
+    }
+    /// Modelled radiance of the diffuse (or only) component anywhere on a patch.
+    pub(super) fn diffuse_at(
+        &self,
+        layout: &Layout,
+        patch: usize,
+        point: &PatchPoint,
+        at: [f64; 2],
+        view: &View,
+    ) -> [f32; 3] {
+        let diffuse = std::array::from_fn(|c| {
+            let plane = &self.diffuse[patch][c];
+            read_grid(layout.side_log2[patch], at, |i| plane[i]).max(0.0)
+        });
+        self.shade(layout, patch, point, view, diffuse)
+    }
+    fn shade(&self, layout: &Layout, patch: usize, point: &PatchPoint, view: &View, diffuse: [f32; 3]) -> [f32; 3] {
+        match (self.relightable, &view.light) {
+            (false, _) => diffuse,
+            (true, None) => [0.0; 3],
+            (true, Some(light)) => {
+                lambert::evaluate(diffuse, &layout.geometry(patch, point, view.camera.centre(), light))
+            }
+        }
+    }
+    /// Modelled radiance of the specular component.
+    pub(super) fn specular_at(&self, layout: &Layout, patch: usize, point: &PatchPoint, view: &View) -> [f32; 3] {
+        let (Some(light), false) = (&view.light, self.lobes.is_empty()) else { return [0.0; 3] };
+        self.specular_lit(layout, patch, point, view.camera.centre(), light)
+    }
+    fn specular_lit(
+        &self,
+        layout: &Layout,
+        patch: usize,
+        point: &PatchPoint,
+        camera_centre: [f64; 3],
+        light: &PointLight,
+    ) -> [f32; 3] {
+        let geometry = layout.geometry(patch, point, camera_centre, light);
+        torrance_sparrow::evaluate(&self.lobe_at(layout, patch, point), &geometry)
+    }
+    /// The lobe at a point, `ln sigma` interpolated.
+    pub fn lobe_at(&self, layout: &Layout, patch: usize, point: &PatchPoint) -> Lobe {
+        let mut lobe = Lobe::default();
+        let mut log_sigma = 0.0;
+        for (corner, weight) in layout.patches[patch].corners.iter().zip(point.weights) {
+            let weight = weight as f32;
+            let at = self.lobes[*corner as usize];
+            (0..3).for_each(|c| lobe.specular[c] += weight * at.specular[c]);
+            log_sigma += weight * at.sigma.ln();
+        }
+        lobe.sigma = log_sigma.exp();
+        lobe
+    }
+}

@@ -1,0 +1,3 @@
+//! Quantisers.
+
+pub mod dead_zone;

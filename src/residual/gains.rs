@@ -1,0 +1,96 @@
+//! Gains: how far a predicted wavelet coefficient is to be trusted.
+//!
+//! A prediction is right in its coarse bands and large coefficients and little more than noise in the fine and small
+//! ones, so it is scaled by a least-squares gain for each class of band, colour and magnitude before it is subtracted.
+
+use crate::entropy::{BitCoder, Number};
+use crate::transform::shape_adaptive::{Band, Orientation};
+
+/// Classes of magnitude of a predicted coefficient, in quantiser steps.
+pub const BUCKETS: usize = 3;
+/// Classes of bands: horizontal and vertical together, diagonal, for each level, and the low band.
+pub const BAND_CLASSES: usize = 11;
+/// A gain is this many times smaller than its stored number.
+pub const UNITY: i32 = 16;
+/// Largest stored gain.
+const LARGEST: i32 = 24;
+
+/// Class of a band among [`BAND_CLASSES`].
+pub fn band_class(band: &Band) -> usize {
+    match band.orientation {
+        Orientation::Low => 10,
+        Orientation::Horizontal | Orientation::Vertical => 2 * (band.level - 1),
+        Orientation::Diagonal => 2 * (band.level - 1) + 1,
+    }
+}
+
+/// Bucket of a predicted coefficient of `steps` quantiser steps (absolute).
+#[inline(always)]
+pub fn bucket(steps: f32) -> usize {
+    (steps > 0.75) as usize + (steps > 2.5) as usize
+}
+
+/// Gains of one picture: `[band class][colour][bucket]`, in 1/[`UNITY`].
+pub type Gains = [[[i32; BUCKETS]; 3]; BAND_CLASSES];
+
+/// What the next picture's gains are coded from.
+#[derive(Debug, Clone)]
+pub struct GainModels {
+    last: Gains,
+    difference: [Number; BUCKETS],
+}
+
+impl Default for GainModels {
+    fn default() -> Self {
+        let mut last = [[[UNITY / 2; BUCKETS]; 3]; BAND_CLASSES];
+        last[10] = [[UNITY; BUCKETS]; 3];
+        GainModels { last, difference: Default::default() }
+    }
+}
+
+impl GainModels {
+    /// The gains of the picture before, which the encoder falls back to.
+    pub fn last(&self) -> &Gains {
+        &self.last
+    }
+    /// Codes the gains of the classes that `used` says.
+    pub fn code<C: BitCoder>(&mut self, coder: &mut C, gains: &mut Gains, used: &[bool; BAND_CLASSES]) {
+        for class in (0..BAND_CLASSES).filter(|&c| used[c]) {
+            for colour in 0..3 {
+                for bucket in 0..BUCKETS {
+                    let last = &mut self.last[class][colour][bucket];
+                    let difference = gains[class][colour][bucket].wrapping_sub(*last);
+                    let difference = self.difference[bucket].code_signed(coder, difference);
+                    *last = last.wrapping_add(difference).clamp(0, LARGEST);
+                    gains[class][colour][bucket] = *last;
+                }
+            }
+        }
+    }
+}
+
+/// Sums over one class's coefficients, for the least-squares gain.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct GainSums {
+    /// Sum of target times prediction.
+    pub cross: f64,
+    /// Sum of squared predictions.
+    pub square: f64,
+}
+
+impl GainSums {
+    /// The stored gain of least squares; `last` where it gains less than about the bits of a change, valued at `lambda`
+    /// (squared error a bit).
+    pub fn choose(&self, last: i32, lambda: f64) -> i32 {
+        if self.square <= 0.0 {
+            return last;
+        }
+        let best = ((self.cross / self.square * UNITY as f64).round() as i32).clamp(0, LARGEST);
+        let error = |gain: i32| {
+            let g = gain as f64 / UNITY as f64;
+            g * g * self.square - 2.0 * g * self.cross
+        };
+        let bits = 2.0 * ((best - last).unsigned_abs() as f64 + 1.0).log2();
+        if error(best) + lambda * bits < error(last) { best } else { last }
+    }
+}

@@ -1,0 +1,6 @@
+//! Residual: what is left of a photograph when its prediction is known.
+
+pub mod coefficients;
+pub mod gains;
+pub mod mask;
+pub mod volume;

@@ -1,0 +1,371 @@
+//! Reading one view from another through the mesh.
+//!
+//! Decoded pictures are predicted with it, so it is bit-exact: IEEE `+ - * / sqrt` and comparisons in the order written
+//! (normative, `spec/planes.md`).
+
+use super::raster::{self, Raster};
+use crate::asset::{Mesh, View};
+use crate::image::Mask;
+use crate::transform::shape_adaptive::Pixel;
+
+/// A mesh with what every view needs of it.
+#[derive(Debug)]
+pub struct Surface<'a> {
+    mesh: &'a Mesh,
+    normals: Vec<[f64; 3]>,
+}
+
+impl<'a> Surface<'a> {
+    /// Prepares a mesh.
+    pub fn new(mesh: &'a Mesh) -> Self {
+        Surface { mesh, normals: raster::vertex_normals(mesh) }
+    }
+}
+
+/// What a view sees of the surface.
+#[derive(Debug, Clone)]
+pub struct Geometry {
+    /// The view.
+    pub view: View,
+    /// Nearest triangle, depth and barycentrics of each pixel.
+    pub raster: Raster,
+    /// Unit normal of each pixel, interpolated between the vertices; zero where the mesh is missed.
+    normals: Vec<[f32; 3]>,
+}
+
+/// Pixels of the mask beside the mesh take the depth of their neighbours, this many rings far.
+const DEPTH_RINGS: usize = 8;
+/// A point is hidden in a reference when it lies behind the nearest surface there by this share of its depth.
+const DEPTH_MARGIN: f64 = 0.004;
+/// Least cosine between normal and light that a shading ratio takes into account.
+const LEAST_COSINE: f64 = 0.05;
+
+impl Geometry {
+    /// Draws the surface into a view.
+    pub fn new(surface: &Surface, view: &View) -> Self {
+        let raster = raster::rasterise(surface.mesh, &view.camera);
+        let normals = (raster.triangle.iter().zip(&raster.barycentric))
+            .map(|(&triangle, b)| {
+                if triangle == raster::NO_TRIANGLE {
+                    return [0.0; 3];
+                }
+                let corners = surface.mesh.triangles[triangle as usize].map(|v| surface.normals[v as usize]);
+                let (b1, b2) = (b[0] as f64, b[1] as f64);
+                let b0 = 1.0 - b1 - b2;
+                let n: [f64; 3] = std::array::from_fn(|k| b0 * corners[0][k] + b1 * corners[1][k] + b2 * corners[2][k]);
+                let length = dot(n, n).sqrt();
+                if length > 0.0 { n.map(|v| (v / length) as f32) } else { [0.0; 3] }
+            })
+            .collect();
+        Geometry { view: view.clone(), raster, normals }
+    }
+
+    /// Pixels whose central ray meets the mesh.
+    pub fn coverage(&self) -> Mask {
+        let data = self.raster.triangle.iter().map(|&t| t != raster::NO_TRIANGLE).collect();
+        Mask { width: self.raster.width, height: self.raster.height, data }
+    }
+
+    /// Gives the mask's pixels that miss the mesh the mean depth and normal of their neighbours, ring by ring.
+    pub fn extend(&mut self, mask: &Mask) {
+        let (width, height) = (self.raster.width, self.raster.height);
+        let mut missing: Vec<usize> =
+            (0..width * height).filter(|&i| mask.data[i] && self.raster.depth[i] == 0.0).collect();
+        for _ in 0..DEPTH_RINGS {
+            let mut ring = Vec::new();
+            missing.retain(|&at| {
+                let (mut depth, mut normal, mut count) = (0.0, [0.0f32; 3], 0.0f32);
+                for_neighbours(at, width, height, |other| {
+                    if self.raster.depth[other] > 0.0 {
+                        depth += self.raster.depth[other];
+                        for k in 0..3 {
+                            normal[k] += self.normals[other][k];
+                        }
+                        count += 1.0;
+                    }
+                });
+                if count > 0.0 {
+                    ring.push((at, depth / count as f64, normal.map(|v| v / count)));
+                }
+                count == 0.0
+            });
+            if ring.is_empty() {
+                break;
+            }
+            for (at, depth, normal) in ring {
+                self.raster.depth[at] = depth;
+                self.normals[at] = normal;
+            }
+        }
+    }
+}
+
+/// Calls `visit` for the up to eight neighbours of a pixel, row by row.
+#[inline(always)]
+fn for_neighbours(at: usize, width: usize, height: usize, mut visit: impl FnMut(usize)) {
+    let (x, y) = (at % width, at / width);
+    for ny in y.saturating_sub(1)..(y + 2).min(height) {
+        for nx in x.saturating_sub(1)..(x + 2).min(width) {
+            if (nx, ny) != (x, y) {
+                visit(ny * width + nx);
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+/// Where a target pixel is found in a reference view.
+#[derive(Debug, Clone, Copy)]
+pub struct Source {
+    /// Position in the reference in pixels (centres at +0.5).
+    position: [f32; 2],
+    /// Share of this reference in a blend: the squared cosine between normal and reference, 0 where it is hidden.
+    weight: f32,
+    /// Square root of the ratio of the two irradiances, target over reference.
+    shading: f32,
+}
+
+/// Finds every mask pixel of `target` (its geometry extended to the mask) in `reference`; parallel to `pixels`.
+pub fn find(target: &Geometry, reference: &Geometry, pixels: &[u32]) -> Vec<Source> {
+    let nowhere = Source { position: [0.0; 2], weight: 0.0, shading: 1.0 };
+    let (from, to) = (&target.view.camera, &reference.view.camera);
+    let (centre, eye) = (from.centre(), to.centre());
+    let lights = target.view.light.zip(reference.view.light);
+    pixels
+        .iter()
+        .map(|&at| {
+            let at = at as usize;
+            let depth = target.raster.depth[at];
+            if depth == 0.0 {
+                return nowhere;
+            }
+            let (x, y) = (at % target.raster.width, at / target.raster.width);
+            let ray = from.ray([x as f64 + 0.5, y as f64 + 0.5]);
+            let point: [f64; 3] = std::array::from_fn(|k| centre[k] + depth * ray[k]);
+            let Some((position, distance)) = to.project(point) else { return nowhere };
+            if !is_visible(&reference.raster, position, distance) {
+                return nowhere;
+            }
+            let normal = target.normals[at].map(f64::from);
+            let towards: [f64; 3] = std::array::from_fn(|k| eye[k] - point[k]);
+            let cosine = dot(normal, towards) / dot(towards, towards).sqrt();
+            let cosine = if cosine > 0.05 { cosine } else { 0.05 };
+            let shading = match lights {
+                Some((here, there)) => {
+                    let irradiance = |light: [f64; 3]| {
+                        let l: [f64; 3] = std::array::from_fn(|k| light[k] - point[k]);
+                        let square = dot(l, l);
+                        let cosine = dot(normal, l) / square.sqrt();
+                        (if cosine > LEAST_COSINE { cosine } else { LEAST_COSINE }) / square
+                    };
+                    let ratio = irradiance(here.position) / irradiance(there.position);
+                    let brightness = mean(here.intensity) / mean(there.intensity);
+                    (ratio * brightness).sqrt().clamp(0.25, 4.0) as f32
+                }
+                None => 1.0,
+            };
+            Source { position: position.map(|p| p as f32), weight: (cosine * cosine) as f32, shading }
+        })
+        .collect()
+}
+
+fn mean(v: [f64; 3]) -> f64 {
+    (v[0] + v[1] + v[2]) / 3.0
+}
+
+/// Whether a point that projects to `position` at `distance` is the surface that the view shows there: not behind the
+/// farthest of the nine pixels around, by more than a margin.
+fn is_visible(raster: &Raster, position: [f64; 2], distance: f64) -> bool {
+    if !(position[0] >= 0.0 && position[1] >= 0.0) {
+        return false;
+    }
+    let (x, y) = (position[0] as usize, position[1] as usize);
+    if x >= raster.width || y >= raster.height {
+        return false;
+    }
+    let mut farthest = 0.0;
+    for ny in y.saturating_sub(1)..(y + 2).min(raster.height) {
+        for nx in x.saturating_sub(1)..(x + 2).min(raster.width) {
+            let depth = raster.depth[ny * raster.width + nx];
+            if depth > farthest {
+                farthest = depth;
+            }
+        }
+    }
+    distance <= farthest * (1.0 + DEPTH_MARGIN)
+}
+
+/// A decoded picture in the sqrt domain, filled beyond its mask so that interpolation may read there.
+#[derive(Debug, Clone)]
+pub struct Reference {
+    width: usize,
+    height: usize,
+    pixels: Vec<Pixel>,
+}
+
+/// Rings of pixels that are filled beyond the mask of a reference.
+const REFERENCE_RINGS: usize = 4;
+/// Rings of pixels that are filled where no reference shows the target.
+const HOLE_RINGS: usize = 64;
+
+impl Reference {
+    /// Fills a few rings beyond the mask with the mean of the neighbours inside.
+    pub fn new(mut pixels: Vec<Pixel>, mask: &Mask) -> Self {
+        let (width, height) = (mask.width, mask.height);
+        let mut known = mask.data.clone();
+        let mut front: Vec<usize> = (0..width * height).filter(|&i| known[i]).collect();
+        for _ in 0..REFERENCE_RINGS {
+            let mut wanted = Vec::new();
+            for &at in &front {
+                for_neighbours(at, width, height, |other| {
+                    if !known[other] {
+                        wanted.push(other);
+                    }
+                });
+            }
+            wanted.sort_unstable();
+            wanted.dedup();
+            front = fill_ring(&mut pixels, &mut known, &wanted, width, height);
+        }
+        Reference { width, height, pixels }
+    }
+
+    /// Catmull-Rom interpolation; `position` is clamped to the picture.
+    #[inline(always)]
+    fn read(&self, position: [f32; 2]) -> Pixel {
+        let (x, y) = (position[0] - 0.5, position[1] - 0.5);
+        let (left, top) = (x.floor(), y.floor());
+        let (wx, wy) = (catmull_rom(x - left), catmull_rom(y - top));
+        let (left, top) = (left as i64 - 1, top as i64 - 1);
+        let mut sum = [0.0f32; 4];
+        for (j, wy) in wy.into_iter().enumerate() {
+            let row = (top + j as i64).clamp(0, self.height as i64 - 1) as usize * self.width;
+            let mut line = [0.0f32; 4];
+            for (i, wx) in wx.into_iter().enumerate() {
+                let column = (left + i as i64).clamp(0, self.width as i64 - 1) as usize;
+                let pixel = &self.pixels[row + column];
+                for k in 0..4 {
+                    line[k] += wx * pixel[k];
+                }
+            }
+            for k in 0..4 {
+                sum[k] += wy * line[k];
+            }
+        }
+        sum
+    }
+}
+
+/// Sets each wanted pixel to the mean of its known neighbours; returns those that had one.
+fn fill_ring(pixels: &mut [Pixel], known: &mut [bool], wanted: &[usize], width: usize, height: usize) -> Vec<usize> {
+    let ring: Vec<(usize, Pixel)> = wanted
+        .iter()
+        .filter_map(|&at| {
+            let (mut sum, mut count) = ([0.0f32; 4], 0.0f32);
+            for_neighbours(at, width, height, |other| {
+                if known[other] {
+                    for k in 0..4 {
+                        sum[k] += pixels[other][k];
+                    }
+                    count += 1.0;
+                }
+            });
+            (count > 0.0).then(|| (at, sum.map(|v| v / count)))
+        })
+        .collect();
+    for (at, value) in &ring {
+        pixels[*at] = *value;
+        known[*at] = true;
+    }
+    ring.into_iter().map(|(at, _)| at).collect()
+}
+
+#[inline(always)]
+fn catmull_rom(t: f32) -> [f32; 4] {
+    let (t2, t3) = (t * t, t * t * t);
+    [-0.5 * t + t2 - 0.5 * t3, 1.0 - 2.5 * t2 + 1.5 * t3, 0.5 * t + 2.0 * t2 - 1.5 * t3, 0.5 * t3 - 0.5 * t2]
+}
+
+/// Predicts the target's mask pixels from up to two references, each with its sources and its share.
+///
+/// Holes are filled from their surroundings. `shaded` scales by the ratio of the irradiances (diffuse light follows the
+/// lamp, highlights do not). The result covers the whole picture, 0 outside the mask.
+pub fn predict(mask: &Mask, pixels: &[u32], references: &[(&Reference, &[Source], f32)], shaded: bool) -> Vec<Pixel> {
+    let (width, height) = (mask.width, mask.height);
+    let mut out = vec![[0.0f32; 4]; width * height];
+    let mut known = vec![false; width * height];
+    let mut holes = Vec::new();
+    for (index, &at) in pixels.iter().enumerate() {
+        let (mut sum, mut total) = ([0.0f32; 4], 0.0f32);
+        for (reference, sources, share) in references {
+            let source = &sources[index];
+            let weight = share * source.weight;
+            if weight > 0.0 {
+                let value = reference.read(source.position);
+                let factor = if shaded { weight * source.shading } else { weight };
+                for k in 0..4 {
+                    sum[k] += factor * value[k];
+                }
+                total += weight;
+            }
+        }
+        if total > 0.0 {
+            out[at as usize] = sum.map(|v| v / total);
+            known[at as usize] = true;
+        } else {
+            holes.push(at as usize);
+        }
+    }
+    for _ in 0..HOLE_RINGS {
+        if holes.is_empty() || fill_ring(&mut out, &mut known, &holes, width, height).is_empty() {
+            break;
+        }
+        holes.retain(|&at| !known[at]);
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::asset::{Camera, PointLight};
+
+    /// A plane seen by two cameras side by side: a picture of it warps onto the other to the shift of its parallax.
+    #[test]
+    fn a_plane_warps_by_its_parallax_and_shading_follows_the_light() {
+        let mesh = Mesh {
+            positions: vec![[-9.0, -9.0, 4.0], [9.0, -9.0, 4.0], [9.0, 9.0, 4.0], [-9.0, 9.0, 4.0]],
+            triangles: vec![[0, 2, 1], [0, 3, 2]],
+        };
+        let view = |x: f64, intensity: f64| View {
+            name: String::new(),
+            camera: Camera {
+                width: 48,
+                height: 32,
+                focal: [40.0, 40.0],
+                principal: [24.0, 16.0],
+                rotation: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+                translation: [-x, 0.0, 0.0],
+            },
+            light: Some(PointLight { position: [0.0, 0.0, 0.0], intensity: [intensity; 3] }),
+        };
+        let surface = Surface::new(&mesh);
+        let (here, there) = (Geometry::new(&surface, &view(0.5, 4.0)), Geometry::new(&surface, &view(0.0, 1.0)));
+        let mask = here.coverage();
+        assert_eq!(mask.count(), 48 * 32);
+        let pixels: Vec<u32> = (0..48 * 32).collect();
+        let picture: Vec<Pixel> = (0..48 * 32).map(|i| [(i % 48) as f32, (i / 48) as f32, 1.0, 0.0]).collect();
+        let reference = Reference::new(picture, &mask);
+        let sources = find(&here, &there, &pixels);
+        let predicted = predict(&mask, &pixels, &[(&reference, &sources, 1.0)], true);
+        // Parallax: 40 * 0.5 / 4 = 5 pixels; brightness: sqrt(4).
+        let at = 16 * 48 + 20;
+        for (value, expected) in predicted[at].iter().zip([2.0 * 25.0, 2.0 * 16.0, 2.0, 0.0]) {
+            assert!((value - expected).abs() < 1e-4, "{:?}", predicted[at]);
+        }
+    }
+}

@@ -1,0 +1,87 @@
+//! The colour transform of a component, chosen from its pixels.
+
+/// Sums over pixels for the covariance of their colours.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct ColourSums {
+    count: f64,
+    sum: [f64; 3],
+    product: [[f64; 3]; 3],
+}
+
+impl ColourSums {
+    /// Adds a pixel.
+    pub fn add(&mut self, colour: [f32; 3]) {
+        let c = colour.map(f64::from);
+        self.count += 1.0;
+        for i in 0..3 {
+            self.sum[i] += c[i];
+            for j in 0..3 {
+                self.product[i][j] += c[i] * c[j];
+            }
+        }
+    }
+
+    /// Orthonormal rotation to the principal axes, strongest first, rows in 1/16384. Each axis points to brighter colours.
+    pub fn rotation(&self) -> [[i16; 3]; 3] {
+        let n = self.count.max(1.0);
+        let mut a: [[f64; 3]; 3] = std::array::from_fn(|i| {
+            std::array::from_fn(|j| self.product[i][j] / n - self.sum[i] * self.sum[j] / (n * n))
+        });
+        let mut v = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        // Cyclic Jacobi rotations; a 3 x 3 matrix is diagonal after a few sweeps.
+        for _ in 0..12 {
+            for (p, q) in [(0, 1), (0, 2), (1, 2)] {
+                if a[p][q].abs() < 1e-300 {
+                    continue;
+                }
+                let theta = (a[q][q] - a[p][p]) / (2.0 * a[p][q]);
+                let t = theta.signum() / (theta.abs() + (theta * theta + 1.0).sqrt());
+                let c = 1.0 / (t * t + 1.0).sqrt();
+                let s = t * c;
+                for k in 0..3 {
+                    let (x, y) = (a[k][p], a[k][q]);
+                    (a[k][p], a[k][q]) = (c * x - s * y, s * x + c * y);
+                }
+                for k in 0..3 {
+                    let (x, y) = (a[p][k], a[q][k]);
+                    (a[p][k], a[q][k]) = (c * x - s * y, s * x + c * y);
+                }
+                for row in &mut v {
+                    let (x, y) = (row[p], row[q]);
+                    (row[p], row[q]) = (c * x - s * y, s * x + c * y);
+                }
+            }
+        }
+        let mut axes: Vec<usize> = vec![0, 1, 2];
+        axes.sort_by(|&i, &j| a[j][j].total_cmp(&a[i][i]));
+        let mut rows = [[0i16; 3]; 3];
+        for (row, axis) in rows.iter_mut().zip(axes) {
+            let column = [v[0][axis], v[1][axis], v[2][axis]];
+            let sign = if column.iter().sum::<f64>() < 0.0 { -1.0 } else { 1.0 };
+            *row = column.map(|c| (sign * c * 16384.0).round() as i16);
+        }
+        rows
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn finds_the_grey_axis_and_is_orthonormal() {
+        let mut sums = ColourSums::default();
+        for i in 0..1000 {
+            let (grey, red) = ((i % 37) as f32, (i % 5) as f32 * 0.3);
+            sums.add([grey + red, grey, grey - 0.1 * red]);
+        }
+        let rows = sums.rotation().map(|r| r.map(|v| v as f64 / 16384.0));
+        assert!(rows[0].iter().all(|&v| (v - 0.577).abs() < 0.02), "{rows:?}");
+        for i in 0..3 {
+            for j in 0..3 {
+                let product: f64 = (0..3).map(|k| rows[i][k] * rows[j][k]).sum();
+                assert!((product - (i == j) as i32 as f64).abs() < 1e-3);
+            }
+        }
+    }
+}

@@ -1,0 +1,174 @@
+//! Photographs to streams.
+
+use super::colour::ColourSums;
+use super::decode::to_photograph;
+use super::header::{CodedStep, Header};
+use super::picture::{self, Signal};
+use super::{ComponentCoding, MaskCoding, PlaneCoding, Scene, for_each, order, run_waves};
+use crate::asset::{Component, Mesh, Photograph, View};
+use crate::error::Result;
+use crate::image::{Mask, RgbImage};
+use crate::surface::raster;
+
+/// A view's photograph as it is to be coded.
+#[derive(Debug, Clone)]
+pub struct Target {
+    /// Pixels that show the object and are not missing.
+    pub mask: Mask,
+    /// Linear radiance per component.
+    pub images: Vec<RgbImage>,
+}
+
+/// What does not depend on the quality: made once, used by every trial of the rate control.
+#[derive(Debug)]
+pub struct Encoder<'a> {
+    mesh: &'a Mesh,
+    views: &'a [View],
+    white: [f64; 3],
+    components: &'a [Component],
+    targets: &'a [Target],
+    order: Vec<order::Step>,
+    masks: MaskCoding,
+    rotations: Vec<[[i16; 3]; 3]>,
+    signed: bool,
+}
+
+/// A finished encoding.
+#[derive(Debug)]
+pub struct EncodedPlanes {
+    /// Content of section `PLAN`.
+    pub bytes: Vec<u8>,
+    /// What a decoder makes of it, by view.
+    pub photographs: Vec<Photograph>,
+}
+
+/// Quality of an encoding.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Quality {
+    /// Quantiser step of the diffuse (or only) component, in the sqrt domain.
+    pub step: f32,
+    /// Step of the specular component relative to it. In the sum of both an error in the darker one weighs less
+    /// (`d sqrt(D + S) = (sqrt D e_D + sqrt S e_S) / sqrt(D + S)` for errors of the sqrt signals).
+    pub specular_ratio: f32,
+    /// Value of a bit in squared steps, for the rate-distortion choice of each coefficient.
+    pub lambda: f32,
+}
+
+impl Default for Quality {
+    fn default() -> Self {
+        Quality { step: 0.05, specular_ratio: 1.5, lambda: 0.1 }
+    }
+}
+
+/// Reconstruction offsets, see [`ComponentCoding::shrink`].
+const SHRINK: [u8; 2] = [20, 6];
+
+/// The signal that is coded: `sqrt(x / white)`, with the sign kept where `signed`.
+fn to_signal(colour: [f32; 3], white: [f32; 3], signed: bool) -> [f32; 3] {
+    std::array::from_fn(|k| {
+        let x = colour[k] / white[k];
+        if x >= 0.0 {
+            x.sqrt()
+        } else if signed {
+            -(-x).sqrt()
+        } else {
+            0.0
+        }
+    })
+}
+
+impl<'a> Encoder<'a> {
+    /// Looks at the photographs: order, colour rotation, masks. `views` and `mesh` are those that the decoder will have.
+    pub fn new(
+        mesh: &'a Mesh,
+        views: &'a [View],
+        white: [f64; 3],
+        components: &'a [Component],
+        targets: &'a [Target],
+        signed: bool,
+    ) -> Self {
+        let bounds = |start: f64, pick: fn(f64, f64) -> f64| -> [f64; 3] {
+            std::array::from_fn(|k| mesh.positions.iter().fold(start, |b, p| pick(b, p[k] as f64)))
+        };
+        let (low, high) = (bounds(f64::INFINITY, f64::min), bounds(f64::NEG_INFINITY, f64::max));
+        let order = order::coarse_to_fine(views, std::array::from_fn(|k| 0.5 * (low[k] + high[k])));
+        let is_coverage = |index: usize| {
+            let raster = raster::rasterise(mesh, &views[index].camera);
+            targets[index].mask.data.iter().enumerate().all(|(i, &m)| m == raster.is_covered(i))
+        };
+        let all_covered = for_each(views.len(), is_coverage).into_iter().all(|same| same);
+        let masks = if all_covered { MaskCoding::Coverage } else { MaskCoding::Coded };
+        let white32 = white.map(|w| w as f32);
+        let rotations = (0..components.len())
+            .map(|component| {
+                let mut sums = ColourSums::default();
+                for target in targets {
+                    for (colour, _) in
+                        target.images[component].data.iter().zip(&target.mask.data).filter(|(_, inside)| **inside)
+                    {
+                        sums.add(to_signal(*colour, white32, signed));
+                    }
+                }
+                sums.rotation()
+            })
+            .collect();
+        Encoder { mesh, views, white, components, targets, order, masks, rotations, signed }
+    }
+
+    /// Codes all views.
+    pub fn encode(&self, quality: &Quality) -> Result<EncodedPlanes> {
+        let coding = PlaneCoding { components: self.component_codings(quality), masks: self.masks };
+        let scene = Scene::new(self.mesh, self.views);
+        let white = self.white.map(|w| w as f32);
+        let all: Vec<usize> = (0..self.order.len()).collect();
+        let mut header = Header { coding, steps: Vec::new() };
+        let scale = 64;
+        let results = run_waves(&self.order, &all, self.views.len(), |index, decoded| {
+            let step = &self.order[index];
+            let target = &self.targets[step.view];
+            let signal = |component: usize| -> Signal {
+                let coding = &header.coding.components[component];
+                (target.images[component].data.iter().zip(&target.mask.data))
+                    .map(|(c, m)| if *m { coding.rotate(to_signal(*c, white, coding.signed)) } else { [0.0; 4] })
+                    .collect()
+            };
+            let (streams, signals, view) =
+                picture::encode(&scene, (step, scale), &header.coding, &target.mask, signal, decoded, quality.lambda);
+            let photograph = to_photograph(&header, self.white, &signals, target.mask.clone());
+            Ok(((streams, photograph), view))
+        })?;
+        let mut photographs: Vec<Photograph> = vec![Photograph::default(); self.views.len()];
+        let mut body = Vec::new();
+        for (index, (streams, photograph)) in results {
+            let step = self.order[index].clone();
+            photographs[step.view] = photograph;
+            let offset = body.len();
+            body.extend_from_slice(&streams.mask);
+            let mut lengths = vec![streams.mask.len() as u32];
+            for stream in &streams.components {
+                body.extend_from_slice(stream);
+                lengths.push(stream.len() as u32);
+            }
+            let checksum = crc32fast::hash(&body[offset..]);
+            header.steps.push(CodedStep { step, scale, lengths, checksum, offset: offset as u64 });
+        }
+        let mut bytes = header.to_bytes();
+        bytes.extend(body);
+        Ok(EncodedPlanes { bytes, photographs })
+    }
+
+    fn component_codings(&self, quality: &Quality) -> Vec<ComponentCoding> {
+        (self.components.iter().zip(&self.rotations))
+            .map(|(component, &rotation)| {
+                let ratio = if *component == Component::Specular { quality.specular_ratio } else { 1.0 };
+                ComponentCoding {
+                    step: quality.step * ratio,
+                    shrink: SHRINK,
+                    rotation,
+                    signed: self.signed && *component == Component::Specular,
+                    shaded: *component != Component::Specular,
+                }
+            })
+            .collect()
+    }
+}
