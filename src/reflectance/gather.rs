@@ -3,16 +3,20 @@
 use super::lambert::LambertSums;
 use super::torrance_sparrow::{self, Lobe, Sighting};
 use super::{Geometry, lambert};
-use crate::asset::{Component, Mesh, Photograph, PointLight, ReflectanceMaps, View};
+use crate::asset::{Charts, Component, Mesh, Photograph, PointLight, ReflectanceMaps, View};
 use crate::image::Grid;
 use crate::surface::atlas::AtlasRaster;
 use crate::surface::charts::NONE;
 use crate::surface::raster::{Raster, rasterise, vertex_normals};
+use std::collections::BTreeMap;
 
 /// Sightings with a smaller `cos(normal, view)` are left out: they are half of the model's error (and few of its pixels).
 const GRAZING: f64 = 0.25;
 /// A surface point is hidden where the mesh is nearer by this many pixel widths.
 const MARGIN_PIXELS: f64 = 4.0;
+/// Texels (each way) that share a highlight: smoother maps cost less and predict other views better:
+/// held-out views of two captures gain 0.4 dB over separate texels.
+const BLOCK: usize = 3;
 /// Without polarisers: sightings whose half vector is nearer to the normal than this may hold highlight, radians.
 const HIGHLIGHT: f32 = 0.5;
 
@@ -28,54 +32,100 @@ pub struct Sources<'a> {
     pub photographs: &'a [Option<Photograph>],
 }
 
-/// Fits reflectance to every texel in use: Lambert and Torrance-Sparrow where all lights are known, else the weighted mean radiance.
-/// Texels that no photograph shows take their neighbours' values. Other texels are 0.
-pub fn fit_maps(sources: &Sources, atlas: &AtlasRaster) -> ReflectanceMaps {
+/// Fits reflectance to every texel in use: Lambert per texel and Torrance-Sparrow per block of [`BLOCK`] x [`BLOCK`] texels of a chart,
+/// interpolated between blocks, where all lights are known, else the weighted mean radiance. What no photograph shows takes its
+/// neighbours' values. Texels not in use are 0.
+pub fn fit_maps(sources: &Sources, charts: &Charts, atlas: &AtlasRaster) -> ReflectanceMaps {
     let normals = vertex_normals(sources.mesh);
     let relightable = !sources.views.is_empty() && sources.views.iter().all(|v| v.light.is_some());
     let rasters: Vec<Option<Raster>> = map_all(sources.views.len(), |k| {
         sources.photographs.get(k)?.as_ref().map(|_| rasterise(sources.mesh, &sources.views[k].camera))
     });
+    let (width, height) = (atlas.triangle.width, atlas.triangle.height);
     let used: Vec<usize> = (0..atlas.triangle.data.len()).filter(|&k| atlas.triangle.data[k] != NONE).collect();
-    let fitted = map_all(used.len(), |k| {
-        let sightings = sight(sources, &rasters, atlas, &normals, used[k]);
-        fit_texel(&sightings, sources.components, relightable)
+    let block_of = |texel: usize| {
+        let chart = charts.chart_of_triangle[atlas.triangle.data[texel] as usize];
+        (chart, texel / width / BLOCK, texel % width / BLOCK)
+    };
+    let mut blocks: BTreeMap<(u32, usize, usize), Vec<usize>> = BTreeMap::new();
+    for (k, &texel) in used.iter().enumerate() {
+        blocks.entry(block_of(texel)).or_default().push(k);
+    }
+    let keys: Vec<(u32, usize, usize)> = blocks.keys().copied().collect();
+    let members: Vec<Vec<usize>> = blocks.into_values().collect();
+    let fitted = map_all(members.len(), |k| {
+        let mut sightings = Vec::new();
+        let diffuse: Vec<Option<[f32; 3]>> = members[k]
+            .iter()
+            .map(|&member| {
+                let seen = sight(sources, &rasters, atlas, &normals, used[member]);
+                fit_texel(&seen, sources.components, relightable, &mut sightings)
+            })
+            .collect();
+        (diffuse, torrance_sparrow::fit(&sightings))
     });
 
-    let (width, height) = (atlas.triangle.width, atlas.triangle.height);
     let mut place = vec![NONE; width * height];
     used.iter().enumerate().for_each(|(k, &texel)| place[texel] = k as u32);
     let around = |k: usize| {
         let (x, y) = (used[k] % width, used[k] / width);
         let place = &place;
-        [(-1, 0), (1, 0), (0, -1), (0, 1)].into_iter().filter_map(move |(dx, dy)| {
+        STEPS.into_iter().filter_map(move |(dx, dy)| {
             let (x, y) = (x.checked_add_signed(dx)?, y.checked_add_signed(dy)?);
             let found = (x < width && y < height).then(|| place[y * width + x])?;
             (found != NONE).then_some(found as usize)
         })
     };
-    let spread = |values: Vec<[f32; 3]>| {
-        let mut grid = Grid::filled(width, height, [0f32; 3]);
-        used.iter().zip(values).for_each(|(&texel, value)| grid.data[texel] = value);
-        grid
-    };
     // Colours are filled like lobes of equal width.
+<<<<<<< HEAD
     let diffuse: Vec<Option<Lobe>> = fitted.iter().map(|f| f.0.map(|specular| Lobe { specular, sigma: 1.0 })).collect();
+=======
+    let mut diffuse: Vec<Option<Lobe>> = vec![None; used.len()];
+    for (members, (colours, _)) in members.iter().zip(&fitted) {
+        for (&member, colour) in members.iter().zip(colours) {
+            diffuse[member] = colour.map(|specular| Lobe { specular, sigma: 1.0 });
+        }
+    }
+>>>>>>> surface
     let diffuse = torrance_sparrow::fill_from_neighbours(&diffuse, around);
-    let mut maps = ReflectanceMaps {
-        relightable,
-        diffuse: spread(diffuse.iter().map(|l| l.specular).collect()),
-        ..ReflectanceMaps::default()
-    };
+    let mut maps =
+        ReflectanceMaps { relightable, diffuse: Grid::filled(width, height, [0f32; 3]), ..ReflectanceMaps::default() };
+    used.iter().zip(&diffuse).for_each(|(&texel, lobe)| maps.diffuse.data[texel] = lobe.specular);
     if relightable && sources.components.iter().any(|&c| c != Component::Diffuse) {
         let lobes: Vec<Option<Lobe>> = fitted.into_iter().map(|f| f.1).collect();
-        let lobes = torrance_sparrow::fill_from_neighbours(&lobes, around);
-        maps.specular = spread(lobes.iter().map(|l| l.specular).collect());
+        let number = |key: (u32, usize, usize)| keys.binary_search(&key).ok();
+        let near = |k: usize| {
+            let (chart, y, x) = keys[k];
+            STEPS.into_iter().filter_map(move |(dx, dy)| number((chart, y.checked_add_signed(dy)?, x.checked_add_signed(dx)?)))
+        };
+        let lobes = torrance_sparrow::fill_from_neighbours(&lobes, near);
+        maps.specular = Grid::filled(width, height, [0f32; 3]);
         maps.sigma = Grid::filled(width, height, 0f32);
-        used.iter().zip(&lobes).for_each(|(&texel, lobe)| maps.sigma.data[texel] = lobe.sigma);
+        for &texel in &used {
+            let (chart, row, column) = block_of(texel);
+            // Position in blocks from the centre of the texel's own.
+            let from = |at: usize, own: usize| (at as f64 + 0.5) / BLOCK as f64 - own as f64 - 0.5;
+            let (s, t) = (from(texel % width, column), from(texel / width, row));
+            let neighbour = |own: usize, offset: f64| own.checked_add_signed(if offset < 0.0 { -1 } else { 1 });
+            let mut sum = [0f64; 5];
+            for (y, wy) in [(Some(row), 1.0 - t.abs()), (neighbour(row, t), t.abs())] {
+                for (x, wx) in [(Some(column), 1.0 - s.abs()), (neighbour(column, s), s.abs())] {
+                    let (Some(x), Some(y)) = (x, y) else { continue };
+                    let Some(lobe) = number((chart, y, x)).map(|k| lobes[k]) else { continue };
+                    (0..3).for_each(|c| sum[c] += wx * wy * lobe.specular[c] as f64);
+                    sum[3] += wx * wy * (lobe.sigma as f64).ln();
+                    sum[4] += wx * wy;
+                }
+            }
+            maps.specular.data[texel] = std::array::from_fn(|c| (sum[c] / sum[4]) as f32);
+            maps.sigma.data[texel] = (sum[3] / sum[4]).exp() as f32;
+        }
     }
     maps
 }
+
+/// The four neighbours of a texel or block.
+const STEPS: [(isize, isize); 4] = [(-1, 0), (1, 0), (0, -1), (0, 1)];
 
 /// One photograph's radiance at a texel, per component, and how the texel lay there.
 struct Seen {
@@ -129,14 +179,19 @@ fn sight(
     result
 }
 
-/// Diffuse colour and highlight of a texel from its sightings.
-fn fit_texel(seen: &[Seen], components: &[Component], relightable: bool) -> (Option<[f32; 3]>, Option<Lobe>) {
+/// Diffuse colour of a texel from what was seen of it; adds what was seen of its highlight to `highlight`.
+fn fit_texel(
+    seen: &[Seen],
+    components: &[Component],
+    relightable: bool,
+    highlight: &mut Vec<Sighting>,
+) -> Option<[f32; 3]> {
     let of = |component: Component| components.iter().position(|&c| c == component);
     if !relightable {
         let mut mean = LambertSums::default();
         let shown = of(Component::Diffuse).or(of(Component::Combined)).unwrap_or(0);
         seen.iter().for_each(|s| mean.add_unlit(s.radiance[shown], s.geometry.cos_view));
-        return (mean.solve(), None);
+        return mean.solve();
     }
     if let Some(combined) = of(Component::Combined) {
         let sums = |beyond: f32| {
@@ -149,27 +204,20 @@ fn fit_texel(seen: &[Seen], components: &[Component], relightable: bool) -> (Opt
         // Away from highlights where the texel was seen there often enough.
         let away = sums(HIGHLIGHT);
         let diffuse = if away.weight() > 1.0 { away.solve() } else { sums(-1.0).solve() };
-        let rest: Vec<Sighting> = seen
-            .iter()
-            .map(|s| {
-                let matte = lambert::evaluate(diffuse.unwrap_or_default(), &s.geometry);
-                let radiance = std::array::from_fn(|c| s.radiance[combined][c] - matte[c]);
-                Sighting { radiance, geometry: s.geometry }
-            })
-            .collect();
-        return (diffuse, torrance_sparrow::fit(&rest));
+        highlight.extend(seen.iter().map(|s| {
+            let matte = lambert::evaluate(diffuse.unwrap_or_default(), &s.geometry);
+            let radiance = std::array::from_fn(|c| s.radiance[combined][c] - matte[c]);
+            Sighting { radiance, geometry: s.geometry }
+        }));
+        return diffuse;
     }
-    let diffuse = of(Component::Diffuse).and_then(|index| {
-        let mut sums = LambertSums::default();
-        seen.iter().for_each(|s| sums.add(s.radiance[index], &s.geometry));
-        sums.solve()
-    });
-    let lobe = of(Component::Specular).and_then(|index| {
-        let sightings: Vec<Sighting> =
-            seen.iter().map(|s| Sighting { radiance: s.radiance[index], geometry: s.geometry }).collect();
-        torrance_sparrow::fit(&sightings)
-    });
-    (diffuse, lobe)
+    if let Some(index) = of(Component::Specular) {
+        highlight.extend(seen.iter().map(|s| Sighting { radiance: s.radiance[index], geometry: s.geometry }));
+    }
+    let mut sums = LambertSums::default();
+    let index = of(Component::Diffuse)?;
+    seen.iter().for_each(|s| sums.add(s.radiance[index], &s.geometry));
+    sums.solve()
 }
 
 /// `f(0), f(1) ...`, on rayon's current threads where the feature is on.

@@ -210,24 +210,21 @@ impl<'a> Renderer<'a> {
         self.captured[view].get_or_init(|| self.prepare(view)).as_ref()
     }
 
-    /// Photograph minus model of a captured view.
+    /// Photograph and model of a captured view.
     fn prepare(&self, view: usize) -> Option<Captured<'a>> {
         let photograph = self.asset.photographs.get(view)?.as_ref()?;
         let (camera, light) = (self.asset.views[view].camera, self.asset.views[view].light);
         let raster = rasterise(&self.asset.mesh, &camera);
         let centre = camera.centre();
-        let mut residual = photograph.images.clone();
-        let mut models = vec![Grid::filled(raster.width, raster.height, [0f32; 3]); residual.len()];
+        let mut models = vec![Grid::filled(raster.width, raster.height, [0f32; 3]); photograph.images.len()];
         for index in (0..raster.triangle.len()).filter(|&k| raster.is_covered(k) && photograph.mask.data[k]) {
             let surface = self.surface_point(&camera, &raster, index);
             let geometry = light.map(|light| Geometry::new(surface.point, surface.normal, centre, &light));
             for (k, &component) in self.asset.components.iter().enumerate() {
-                let model = self.model(component, &surface, geometry.as_ref());
-                (0..3).for_each(|c| residual[k].data[index][c] -= model[c]);
-                models[k].data[index] = model;
+                models[k].data[index] = self.model(component, &surface, geometry.as_ref());
             }
         }
-        Some(Captured::new(camera, raster, photograph, residual, models))
+        Some(Captured::new(camera, raster, photograph, models))
     }
 
     fn surface_point(&self, camera: &Camera, raster: &Raster, index: usize) -> SurfacePoint {
@@ -289,11 +286,18 @@ impl Scene<'_, '_> {
                 continue;
             }
             let model = |geometry: Option<&Geometry>| self.renderer.model(part, &surface, geometry);
-            let mode = MODE.load(std::sync::atomic::Ordering::Relaxed);
-            let bounded = mode & 2 != 0 && component == Component::Specular || self.lights.is_some();
+            let bound = match (&self.lights, component) {
+                (Some(_), _) => Bound::All,
+                (None, Component::Specular) => Bound::Negative,
+                (None, _) => Bound::Free,
+            };
             let shown = |model: [f32; 3], irradiance: [f32; 3], fade: f32| -> [f32; 3] {
+<<<<<<< HEAD
                 let residual =
                     if layers.residual && whole { residual(&seen, k, model, irradiance, bounded) } else { [0.0; 3] };
+=======
+                let residual = if layers.residual && whole { residual(&seen, k, model, irradiance, bound) } else { [0.0; 3] };
+>>>>>>> surface
                 std::array::from_fn(|c| fade * (residual[c] + if layers.model { model[c] } else { 0.0 }))
             };
             match &self.lights {
@@ -352,48 +356,78 @@ impl Scene<'_, '_> {
     }
 }
 
+/// Which residuals may not exceed their share of the captured model.
+#[derive(Clone, Copy, PartialEq)]
+enum Bound {
+    /// None.
+    Free,
+    /// Those that take away: a highlight which the capture didn't have leaves no black hole where the model has none.
+    Negative,
+    /// All: under other lights what the capture had beyond the model lies elsewhere, or is not lit.
+    All,
+}
+
 /// The residual of a component where its model is `model`, interpolated: of every view the radiance that its residual leads to, the mean of
-/// these in the (signed) square-root signal, minus the model. What is bright beyond the model in a photograph is added, times `irradiance`.
-/// With `bounded`, what is missing to the model is taken away in the same share as in the photograph, or by the same amount if that is
-/// less: so that a highlight which the capture didn't have leaves no black hole where the model has none.
+/// these in the (signed) square-root signal, minus the model. A residual is scaled by `irradiance`; a bounded one by the lesser of that
+/// and the model's ratio to the model in the view.
 fn residual(
     seen: &[([Shown; 2], f32)],
     component: usize,
     model: [f32; 3],
     irradiance: [f32; 3],
-    bounded: bool,
+    bound: Bound,
 ) -> [f32; 3] {
-    let mode = MODE.load(std::sync::atomic::Ordering::Relaxed);
     let mut sum = [0f32; 3];
     for (shown, weight) in seen {
-        let Shown { residual, model: captured } = &shown[component];
+        let Shown { photograph, model: captured } = &shown[component];
         for c in 0..3 {
-            let scale = if bounded && residual[c] < 0.0 && captured[c] > 0.0 {
+            let residual = photograph[c] - captured[c];
+            let bounded = bound == Bound::All || (bound == Bound::Negative && residual < 0.0);
+            let scale = if bounded && captured[c] > 0.0 {
                 irradiance[c].min(model[c] / captured[c])
             } else {
                 irradiance[c]
             };
+<<<<<<< HEAD
             let radiance = model[c] + scale * residual[c];
             sum[c] += weight * if mode & 1 == 1 { radiance.abs().sqrt().copysign(radiance) } else { radiance };
+=======
+            // The first is exact where model and captured model agree.
+            let radiance =
+                if scale == 1.0 { photograph[c] + (model[c] - captured[c]) } else { model[c] + scale * residual };
+            sum[c] += weight * radiance.abs().sqrt().copysign(radiance);
+>>>>>>> surface
         }
     }
     if seen.is_empty() {
         return [0.0; 3];
     }
+<<<<<<< HEAD
     std::array::from_fn(|c| if mode & 1 == 1 { sum[c] * sum[c].abs() } else { sum[c] } - model[c])
+=======
+    std::array::from_fn(|c| sum[c] * sum[c].abs() - model[c])
+>>>>>>> surface
 }
-pub(super) static MODE: std::sync::atomic::AtomicU32 = std::sync::atomic::AtomicU32::new(3);
-
 /// Weights of views from their angles, in ascending order: the first `views` count, each by how much nearer it is than the next one after
 /// them (Buehler et al. 2001, "Unstructured Lumigraph Rendering", equation 5). They sum to 1.
 fn weights(angles: impl Iterator<Item = f64>, views: usize) -> Vec<f64> {
     let angles: Vec<f64> = angles.collect();
+    // At a captured camera that view alone.
+    let exact = |k: usize| if k == 0 { 1.0 } else { 0.0 };
+    if angles.first().is_some_and(|&a| a < 1e-9) {
+        return (0..angles.len()).map(exact).collect();
+    }
     let last = match angles.get(views) {
         Some(&next) => next,
         None => angles.last().copied().unwrap_or(0.0) * 1.5,
     }
     .max(1e-9);
+<<<<<<< HEAD
     let mut weights: Vec<f64> = angles.iter().take(views).map(|&a| (1.0 - a / last).max(1e-9) / (a + 1e-9)).collect();
+=======
+    let mut weights: Vec<f64> =
+        angles.iter().take(views).map(|&a| (1.0 - a / last).max(1e-9) / a).collect();
+>>>>>>> surface
     let sum: f64 = weights.iter().sum();
     weights.iter_mut().for_each(|w| *w /= sum);
     weights.resize(angles.len(), 0.0);

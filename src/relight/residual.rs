@@ -1,7 +1,7 @@
-//! The residual of captured views, and reading it at surface points.
+//! Captured views, photograph and model, read at surface points.
 
 use crate::asset::{Camera, Photograph};
-use crate::image::{Grid, Mask, RgbImage};
+use crate::image::{Grid, RgbImage};
 use crate::surface::raster::Raster;
 
 /// A captured view counts less within this many pixels of its silhouettes, depth edges and missing pixels.
@@ -13,10 +13,8 @@ const MARGIN_PIXELS: f64 = 6.0;
 pub(super) struct Captured<'a> {
     pub(super) camera: Camera,
     raster: Raster,
-    mask: &'a Mask,
-    /// Photograph minus model per component; missing where the confidence is 0.
-    residual: Vec<RgbImage>,
-    /// The model, likewise.
+    photograph: &'a Photograph,
+    /// The model per component, on the pixels of the mask that meet the mesh.
     model: Vec<RgbImage>,
     /// 0 where the view says nothing, 1 away from silhouettes.
     confidence: Grid<f32>,
@@ -25,7 +23,7 @@ pub(super) struct Captured<'a> {
 /// One component of a captured view at a surface point.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Shown {
-    pub(super) residual: [f32; 3],
+    pub(super) photograph: [f32; 3],
     pub(super) model: [f32; 3],
 }
 
@@ -35,24 +33,18 @@ pub(super) enum Sight {
     Unseen,
     /// Visible by the mesh, but the mask says that the object is not there.
     Cut,
-    /// Residual and model per component, and how far they can be trusted, 0 to 1.
+    /// Photograph and model per component, and how far they can be trusted, 0 to 1.
     Seen([Shown; 2], f32),
 }
 
 impl<'a> Captured<'a> {
-    /// `residual` is NaN where the photograph is missing.
-    pub(super) fn new(
-        camera: Camera,
-        raster: Raster,
-        photograph: &'a Photograph,
-        residual: Vec<RgbImage>,
-        model: Vec<RgbImage>,
-    ) -> Self {
+    /// Pixels that are not finite in the photograph say nothing.
+    pub(super) fn new(camera: Camera, raster: Raster, photograph: &'a Photograph, model: Vec<RgbImage>) -> Self {
         let (width, height) = (raster.width, raster.height);
         let valid = |k: usize| {
             raster.is_covered(k)
                 && photograph.mask.data[k]
-                && residual.iter().all(|image| image.data[k].iter().all(|x| x.is_finite()))
+                && photograph.images.iter().all(|image| image.data[k].iter().all(|x| x.is_finite()))
         };
         // Distance to the nearest pixel that is not valid, in rings; the first ring at depth edges.
         let mut ring: Vec<u8> = (0..width * height).map(|k| if valid(k) { u8::MAX } else { 0 }).collect();
@@ -82,63 +74,64 @@ impl<'a> Captured<'a> {
         }
         let share = |r: u8| (r as f32 / FEATHER as f32).min(1.0);
         let confidence = Grid { width, height, data: ring.into_iter().map(share).collect() };
-        Captured { camera, raster, mask: &photograph.mask, residual, model, confidence }
+        Captured { camera, raster, photograph, model, confidence }
     }
 
     /// What the view shows at a surface point: cubic between pixels where all around can be read, else bilinear.
     pub(super) fn look(&self, point: [f64; 3]) -> Sight {
         let Some((at, depth)) = self.camera.project(point) else { return Sight::Unseen };
         let (width, height) = (self.raster.width, self.raster.height);
-        let (left, top) = ((at[0] - 0.5).floor(), (at[1] - 0.5).floor());
-        if !(left >= 0.0 && top >= 0.0 && left + 1.0 < width as f64 && top + 1.0 < height as f64) {
+        if !(at[0] > 0.0 && at[1] > 0.0 && at[0] < width as f64 && at[1] < height as f64) {
             return Sight::Unseen;
         }
+        let (left, top) = ((at[0] - 0.5).floor(), (at[1] - 0.5).floor());
         let (s, t) = (at[0] - 0.5 - left, at[1] - 0.5 - top);
-        let (x, y) = (left as usize, top as usize);
         let margin = MARGIN_PIXELS * depth / self.camera.focal[0].abs();
         let near = |k: usize| self.raster.is_covered(k) && (self.raster.depth[k] - depth).abs() < margin;
         let readable = |k: usize| self.confidence.data[k] > 0.0 && near(k);
+        // Index of the pixel `i` right of and `j` below the upper left one of the four around.
+        let pixel = |i: i64, j: i64| {
+            let (x, y) = (left as i64 + i, top as i64 + j);
+            (x >= 0 && y >= 0 && x < width as i64 && y < height as i64).then(|| y as usize * width + x as usize)
+        };
         let mut sum = [Shown::default(); 2];
         let mut total = 0f32;
         let mut confidence = 0f32;
         let mut add = |k: usize, weight: f32| {
-            for (sum, (residual, model)) in sum.iter_mut().zip(self.residual.iter().zip(&self.model)) {
+            for (sum, (image, model)) in sum.iter_mut().zip(self.photograph.images.iter().zip(&self.model)) {
                 for c in 0..3 {
-                    sum.residual[c] += weight * residual.data[k][c];
+                    sum.photograph[c] += weight * image.data[k][c];
                     sum.model[c] += weight * model.data[k][c];
                 }
             }
             total += weight;
             confidence += weight * self.confidence.data[k];
         };
-        let inner = x >= 1 && y >= 1 && x + 2 < width && y + 2 < height;
-        let all = || (0..4).all(|j| (0..4).all(|i| readable((y + j - 1) * width + x + i - 1)));
-        if inner && all() {
-            let (columns, rows) = (catmull_rom(s), catmull_rom(t));
-            for j in 0..4 {
-                for i in 0..4 {
-                    add((y + j - 1) * width + x + i - 1, (rows[j] * columns[i]) as f32);
+        let (columns, rows) = (catmull_rom(s), catmull_rom(t));
+        if (-1..3).all(|j| (-1..3).all(|i| pixel(i, j).is_some_and(readable))) {
+            for (j, row) in (-1..3).zip(rows) {
+                for (i, column) in (-1..3).zip(columns) {
+                    if let Some(k) = pixel(i, j) {
+                        add(k, (row * column) as f32);
+                    }
                 }
             }
             return Sight::Seen(sum, confidence);
         }
-        let taps = [
-            (y * width + x, (1.0 - s) * (1.0 - t)),
-            (y * width + x + 1, s * (1.0 - t)),
-            ((y + 1) * width + x, (1.0 - s) * t),
-            ((y + 1) * width + x + 1, s * t),
-        ];
+        let corners = [(0, 0, (1.0 - s) * (1.0 - t)), (1, 0, s * (1.0 - t)), (0, 1, (1.0 - s) * t), (1, 1, s * t)];
+        let taps = corners.map(|(i, j, weight)| (pixel(i, j), weight));
         for (k, weight) in taps {
-            if readable(k) {
+            if let Some(k) = k.filter(|&k| readable(k)) {
                 add(k, weight as f32);
             }
         }
         if total > 0.02 {
             let scaled = |x: [f32; 3]| x.map(|x| x / total);
-            let sum = sum.map(|s| Shown { residual: scaled(s.residual), model: scaled(s.model) });
+            let sum = sum.map(|s| Shown { photograph: scaled(s.photograph), model: scaled(s.model) });
             return Sight::Seen(sum, confidence.max(1e-4));
         }
-        let cut = taps.iter().all(|&(k, weight)| weight < 1e-6 || (near(k) && !self.mask.data[k]));
+        let masked_out = |k: usize| near(k) && !self.photograph.mask.data[k];
+        let cut = taps.iter().all(|&(k, weight)| weight < 1e-6 || k.is_some_and(masked_out));
         if cut { Sight::Cut } else { Sight::Unseen }
     }
 }

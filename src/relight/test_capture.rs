@@ -1,8 +1,9 @@
 //! Assets made in memory from the test captures.
 
-use crate::asset::{Asset, Camera, Component, Mesh, Photograph, PointLight, View};
-use crate::image::{Grid, RgbImage};
+use crate::asset::{Asset, Camera, Photograph};
+use crate::measure::mask_coverage;
 use crate::surface::atlas::{AtlasRaster, layout, rasterise_atlas, texels_per_unit};
+use crate::surface::raster::rasterise;
 use std::path::{Path, PathBuf};
 
 /// Folder of a capture: of the test data, or the bundled sample.
@@ -17,6 +18,7 @@ pub fn folder(name: &str) -> Option<PathBuf> {
     found
 }
 
+<<<<<<< HEAD
 fn exr(path: &Path) -> RgbImage {
     exr::prelude::read_first_rgba_layer_from_file(
         path,
@@ -110,6 +112,20 @@ pub fn load(name: &str) -> Option<Asset> {
             }
         }
         asset.photographs.push(Some(Photograph { mask, images: vec![on, off] }));
+=======
+/// A capture as an asset without charts and reflectance.
+pub fn load(name: &str) -> Option<Asset> {
+    let mut capture = crate::capture::read(folder(name)?, &Default::default()).unwrap();
+    let mesh = std::mem::take(&mut capture.mesh);
+    let observations = crate::separate::separate(&mut capture).unwrap();
+    let mut asset =
+        Asset { mesh, white: observations.white, components: observations.components, ..Asset::default() };
+    for frame in observations.frames {
+        let covered = || mask_coverage(&rasterise(&asset.mesh, &frame.view.camera));
+        let mask = frame.mask.unwrap_or_else(covered);
+        asset.photographs.push(Some(Photograph { mask, images: frame.images }));
+        asset.views.push(frame.view);
+>>>>>>> surface
     }
     Some(asset)
 }
@@ -125,7 +141,7 @@ pub fn fit(asset: &mut Asset, density: f64) -> AtlasRaster {
         components: &asset.components,
         photographs: &asset.photographs,
     };
-    asset.reflectance = Some(crate::reflectance::maps::fit_maps(&sources, &raster));
+    asset.reflectance = Some(crate::reflectance::maps::fit_maps(&sources, &charts, &raster));
     asset.charts = Some(charts);
     raster
 }

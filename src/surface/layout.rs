@@ -8,7 +8,7 @@ use std::collections::{HashMap, VecDeque};
 /// A triangle lies in a chart only if the cosine between its normal and the chart's facing is at least this.
 const STEEPEST: f64 = 0.3;
 /// Price of a unit of chart border, in units of (area lost to tilt) / (square root of the mesh's area).
-const BORDER_PRICE: f64 = 0.03;
+const BORDER_PRICE: f64 = 0.08;
 /// Free texels between the packed charts and around them, beyond the texels that bilinear reading touches.
 const GUTTER: i64 = 1;
 
