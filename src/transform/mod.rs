@@ -1,3 +1,4 @@
 //! Wavelet transforms.
 
 pub mod daubechies;
+pub mod colour;
