@@ -41,7 +41,7 @@ pub struct Samples {
 }
 
 /// Least cosine between a triangle's normal and the view that counts as seen.
-const LEAST_COSINE: f64 = 0.1;
+const LEAST_COSINE: f64 = 0.05;
 
 impl Samples {
     /// Chooses the patches' sides for `density` samples per photograph pixel (where a patch is seen largest), casts the
