@@ -2,3 +2,4 @@
 
 pub mod daubechies;
 pub mod shape_adaptive;
+pub mod colour;
