@@ -249,7 +249,7 @@ impl<'a> ReflectanceStage<'a> {
         let photographs: Vec<Option<Photograph>> =
             targets.iter().map(|t| Some(Photograph { mask: t.mask.clone(), images: t.images.clone() })).collect();
         let sources = maps::Sources { mesh, views, components, photographs: &photographs };
-        let maps = maps::fit_maps(&sources, &raster);
+        let maps = maps::fit_maps(&sources, &charts, &raster);
         Ok(ReflectanceStage { mesh, charts, chart_bytes, maps })
     }
     /// The maps carry the look between captured views; they are coded a little coarser than the photographs.

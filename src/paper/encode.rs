@@ -83,12 +83,6 @@ pub fn encode(
         samples.layout.side_log2.iter().map(|&log2| VolumeShape::padded(log2, views, options.view_levels)).collect();
     let coefficients = samples.coefficients();
     let wanted = (coefficients as f64 * options.keep_percent / 100.0) as usize;
-<<<<<<< HEAD
-    let volumes =
-        Volumes { samples, components, model: decoded_model.as_ref(), shapes: &shapes, effort: options.effort };
-    let (mut planes, threshold) = volumes.largest(wanted);
-    let quantiser = DeadZone { threshold, step: threshold * options.relative_step };
-=======
     let residuals = parallel::map(shapes.len(), |patch| residual(samples, components, decoded_model.as_ref(), patch));
     let mut rotations = [model.map_or(IDENTITY, |m| m.rotation), IDENTITY, IDENTITY];
     for component in 0..components.len() {
@@ -100,7 +94,6 @@ pub fn encode(
         Volumes::<3>::new(samples, &residuals, &rotations, &shapes, options.effort).largest(wanted)
     };
     let quantiser = DeadZone { threshold: kept.threshold, step: kept.threshold * options.relative_step };
->>>>>>> paper
 
     let header = Header {
         modelled: model.is_some(),
@@ -267,9 +260,7 @@ pub fn sample_errors(samples: &Samples, decoded: &Decoded, white: [f64; 3]) -> V
         for (at, _) in data.visible.iter().enumerate().filter(|(_, visible)| **visible) {
             let (view, sample) = (at / area, at % area);
             for (component, sum) in sums.iter_mut().enumerate() {
-                let Some(found) = decoded.sample(component, view, &samples.views[view], patch, sample) else {
-                    continue;
-                };
+                let Some(found) = decoded.sample(component, view, &samples.views[view], patch, sample) else { continue };
                 for c in 0..3 {
                     let measured = data.radiance[component][at][c] as f64 / white[c];
                     let found = found[c] as f64 / white[c];

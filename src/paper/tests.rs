@@ -55,8 +55,7 @@ fn photographs(mesh: &Mesh, views: &[View]) -> Vec<(Mask, Vec<RgbImage>)> {
             let mut mask = Mask::filled(48, 48, false);
             let mut images = vec![RgbImage::filled(48, 48, [0.0; 3]); 2];
             for i in 0..48 * 48 {
-                let Some(hit) = occluders.first_hit(&view.camera, [(i % 48) as f64 + 0.5, (i / 48) as f64 + 0.5])
-                else {
+                let Some(hit) = occluders.first_hit(&view.camera, [(i % 48) as f64 + 0.5, (i / 48) as f64 + 0.5]) else {
                     continue;
                 };
                 let (patch, point, _) = layout.locate(hit.triangle, hit.barycentric).unwrap();
@@ -78,8 +77,11 @@ const COMPONENTS: [Component; 2] = [Component::Diffuse, Component::Specular];
 fn samples(count: usize) -> (Mesh, Vec<View>, Samples) {
     let (mesh, views) = (mesh(6), views(count));
     let pictures = photographs(&mesh, &views);
-    let frames: Vec<Frame> =
-        views.iter().zip(&pictures).map(|(view, (mask, images))| Frame { view, mask: Some(mask), images }).collect();
+    let frames: Vec<Frame> = views
+        .iter()
+        .zip(&pictures)
+        .map(|(view, (mask, images))| Frame { view, mask: Some(mask), images })
+        .collect();
     let samples = Samples::gather(&mesh, &frames, 1.0);
     (mesh, views, samples)
 }

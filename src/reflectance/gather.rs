@@ -77,16 +77,12 @@ pub fn fit_maps(sources: &Sources, charts: &Charts, atlas: &AtlasRaster) -> Refl
         })
     };
     // Colours are filled like lobes of equal width.
-<<<<<<< HEAD
-    let diffuse: Vec<Option<Lobe>> = fitted.iter().map(|f| f.0.map(|specular| Lobe { specular, sigma: 1.0 })).collect();
-=======
     let mut diffuse: Vec<Option<Lobe>> = vec![None; used.len()];
     for (members, (colours, _)) in members.iter().zip(&fitted) {
         for (&member, colour) in members.iter().zip(colours) {
             diffuse[member] = colour.map(|specular| Lobe { specular, sigma: 1.0 });
         }
     }
->>>>>>> surface
     let diffuse = torrance_sparrow::fill_from_neighbours(&diffuse, around);
     let mut maps =
         ReflectanceMaps { relightable, diffuse: Grid::filled(width, height, [0f32; 3]), ..ReflectanceMaps::default() };
@@ -170,7 +166,9 @@ fn sight(
             for (sum, image) in radiance.iter_mut().zip(&photograph.images) {
                 (0..3).for_each(|c| sum[c] += weight * image.data[index][c]);
             }
-            photograph.mask.data[index] && raster.is_covered(index) && (raster.depth[index] - depth).abs() < margin
+            photograph.mask.data[index]
+                && raster.is_covered(index)
+                && (raster.depth[index] - depth).abs() < margin
         });
         if visible && radiance.iter().flatten().all(|x| x.is_finite()) {
             result.push(Seen { geometry, radiance });

@@ -153,8 +153,7 @@ impl<'a> Renderer<'a> {
 
     /// The captured views that look most alike, with the angle at the object's middle; photographs or not.
     fn nearest(&self, camera: &Camera, light_number: usize, views: usize) -> Vec<(usize, f64)> {
-        let direction =
-            |c: &Camera| (DVec3::from_array(c.centre()) - DVec3::from_array(self.middle)).normalize_or_zero();
+        let direction = |c: &Camera| (DVec3::from_array(c.centre()) - DVec3::from_array(self.middle)).normalize_or_zero();
         let wanted = direction(camera);
         let mut found: Vec<(usize, f64)> = (0..self.asset.views.len())
             .filter(|&k| self.light_number[k] == light_number && matches!(self.asset.photographs.get(k), Some(Some(_))))
@@ -292,12 +291,7 @@ impl Scene<'_, '_> {
                 (None, _) => Bound::Free,
             };
             let shown = |model: [f32; 3], irradiance: [f32; 3], fade: f32| -> [f32; 3] {
-<<<<<<< HEAD
-                let residual =
-                    if layers.residual && whole { residual(&seen, k, model, irradiance, bounded) } else { [0.0; 3] };
-=======
                 let residual = if layers.residual && whole { residual(&seen, k, model, irradiance, bound) } else { [0.0; 3] };
->>>>>>> surface
                 std::array::from_fn(|c| fade * (residual[c] + if layers.model { model[c] } else { 0.0 }))
             };
             match &self.lights {
@@ -388,25 +382,16 @@ fn residual(
             } else {
                 irradiance[c]
             };
-<<<<<<< HEAD
-            let radiance = model[c] + scale * residual[c];
-            sum[c] += weight * if mode & 1 == 1 { radiance.abs().sqrt().copysign(radiance) } else { radiance };
-=======
             // The first is exact where model and captured model agree.
             let radiance =
                 if scale == 1.0 { photograph[c] + (model[c] - captured[c]) } else { model[c] + scale * residual };
             sum[c] += weight * radiance.abs().sqrt().copysign(radiance);
->>>>>>> surface
         }
     }
     if seen.is_empty() {
         return [0.0; 3];
     }
-<<<<<<< HEAD
-    std::array::from_fn(|c| if mode & 1 == 1 { sum[c] * sum[c].abs() } else { sum[c] } - model[c])
-=======
     std::array::from_fn(|c| sum[c] * sum[c].abs() - model[c])
->>>>>>> surface
 }
 /// Weights of views from their angles, in ascending order: the first `views` count, each by how much nearer it is than the next one after
 /// them (Buehler et al. 2001, "Unstructured Lumigraph Rendering", equation 5). They sum to 1.
@@ -422,12 +407,8 @@ fn weights(angles: impl Iterator<Item = f64>, views: usize) -> Vec<f64> {
         None => angles.last().copied().unwrap_or(0.0) * 1.5,
     }
     .max(1e-9);
-<<<<<<< HEAD
-    let mut weights: Vec<f64> = angles.iter().take(views).map(|&a| (1.0 - a / last).max(1e-9) / (a + 1e-9)).collect();
-=======
     let mut weights: Vec<f64> =
         angles.iter().take(views).map(|&a| (1.0 - a / last).max(1e-9) / a).collect();
->>>>>>> surface
     let sum: f64 = weights.iter().sum();
     weights.iter_mut().for_each(|w| *w /= sum);
     weights.resize(angles.len(), 0.0);

@@ -80,19 +80,6 @@ pub fn truncate<const L: usize>(
     coefficients
 }
 
-<<<<<<< HEAD
-/// The samples of the captured views from quantised coefficients.
-pub fn restore(
-    levels: &[i32],
-    shape: VolumeShape,
-    views: usize,
-    quantiser: DeadZone,
-    work: &mut Workspace,
-) -> Vec<f32> {
-    let mut samples: Vec<f32> = levels.iter().map(|&q| quantiser.dequantise(q)).collect();
-    if levels.iter().any(|&q| q != 0) {
-        daubechies::inverse(&mut samples, shape, &mut work.scratch);
-=======
 /// The samples of the captured views from quantised coefficients, `L` volumes at once.
 pub fn restore<const L: usize>(
     mut coefficients: Vec<[f32; L]>,
@@ -102,7 +89,6 @@ pub fn restore<const L: usize>(
 ) -> Vec<[f32; L]> {
     if coefficients.iter().flatten().any(|c| *c != 0.0) {
         daubechies::inverse(&mut coefficients, shape, &mut work.scratch);
->>>>>>> paper
     }
     coefficients.truncate(views * shape.area());
     coefficients
@@ -203,13 +189,8 @@ mod tests {
     #[test]
     fn nothing_visible_keeps_nothing() {
         let shape = VolumeShape::padded(2, 5, 2);
-<<<<<<< HEAD
-        let coefficients = truncate(&[1.0; 80], &[false; 80], shape, 0.1, Effort::default(), &mut Workspace::default());
-        assert!(coefficients.len() == 128 && coefficients.iter().all(|c| *c == 0.0));
-=======
         let coefficients =
             truncate(&[[1.0]; 80], &[false; 80], shape, 0.1, Effort::default(), &mut Workspace::default());
         assert!(coefficients.is_empty());
->>>>>>> paper
     }
 }

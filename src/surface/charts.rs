@@ -254,7 +254,9 @@ pub fn decode(bytes: &[u8], mesh: &Mesh, budget: &Budget) -> Result<Charts> {
         return Err(Error::format(SECTION, bytes.len() as u64, "its length does not fit its content"));
     }
     for t in 0..mesh.triangles.len() {
-        let inside = |[x, y]: [f64; 2]| x >= 0.5 && y >= 0.5 && x <= width as f64 - 0.5 && y <= height as f64 - 0.5;
+        let inside = |[x, y]: [f64; 2]| {
+            x >= 0.5 && y >= 0.5 && x <= width as f64 - 0.5 && y <= height as f64 - 0.5
+        };
         if !charts.corners(mesh, t).into_iter().all(inside) {
             return Err(Error::format(SECTION, bytes.len() as u64, format!("triangle {t} lies outside the atlas")));
         }

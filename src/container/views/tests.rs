@@ -194,11 +194,3 @@ fn real_captures() {
         assert!(moved < 0.01 && bytes.len() < bound, "{moved} pixels, {} bytes", bytes.len());
     }
 }
-<<<<<<< HEAD
-#[test]
-fn zz_print() {
-    let b = encode(&turntable(3), &SCENE).unwrap();
-    println!("GOLD {}", b.iter().map(|x| format!("{x:02x}")).collect::<String>());
-}
-=======
->>>>>>> container

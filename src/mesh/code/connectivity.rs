@@ -297,14 +297,6 @@ impl Models {
         let here = &growth.gates[gate as usize];
         let before = &growth.gates[here.previous as usize];
         let after = &growth.gates[here.next as usize];
-<<<<<<< HEAD
-        let triangle = (before.previous == here.next) as usize;
-        let quad = (before.previous == after.next) as usize;
-        let (previous, next) = (growth.previous_vertex(gate), growth.next_vertex(gate));
-        let loops = if triangle == 1 {
-            1
-        } else if quad == 1 {
-=======
         // Triangles at a vertex, 1 and more, as 0 up to `most`.
         let degree = |vertex: u32, most: u32| (growth.degrees[vertex as usize] - 1).min(most) as usize;
         let (a, b, p, n) = (here.from, here.to, before.from, after.to);
@@ -314,22 +306,16 @@ impl Models {
         let around = if before.previous == here.next {
             1
         } else if before.previous == after.next {
->>>>>>> container
             2
         } else {
             0
         };
-<<<<<<< HEAD
-        let context = (loops * DEGREES + a) * DEGREES + b;
-        if self.new[context].code(coder, symbol == Symbol::New) {
-=======
         let last = self.last;
         let of_loop = |contexts: [usize; 3]| contexts.map(|context| around * CONTEXTS + context);
 
         let contexts = of_loop([((a7 * 8 + b7) * 3 + p2) * 3 + n2, a7 * 5 + p4, (b7 * 5 + n4) * 4 + last]);
         if decide(&mut self.new, contexts, coder, symbol == Symbol::New) {
             self.last = 0;
->>>>>>> container
             return Some(Symbol::New);
         }
         if growth.previous_vertex(gate).is_some() {

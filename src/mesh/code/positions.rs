@@ -102,11 +102,7 @@ impl Order {
     }
 }
 
-<<<<<<< HEAD
-/// Numbers of parallelograms, and of triangles around a vertex beyond them, that are told apart.
-=======
 /// Classes of vertices: parallelograms (0 to 4) and triangles around the vertex beyond them (0 to 9). Part of the format.
->>>>>>> container
 const PARALLELOGRAMS: usize = 4;
 const MISSING: usize = 9;
 /// Weights that the prediction along the surface starts with, by missing triangles. Part of the format.
@@ -151,29 +147,6 @@ impl Residuals {
     }
 }
 
-<<<<<<< HEAD
-fn env(name: &str, default: f64) -> f64 {
-    std::env::var(name).ok().and_then(|x| x.parse().ok()).unwrap_or(default)
-}
-
-fn subtract(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    std::array::from_fn(|k| a[k] - b[k])
-}
-fn add(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    std::array::from_fn(|k| a[k] + b[k])
-}
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-fn scale(a: [f64; 3], by: f64) -> [f64; 3] {
-    a.map(|x| x * by)
-}
-fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
-
-/// Codes all positions; in decoding those given are ignored and replaced.
-=======
 /// State of the coding of positions.
 struct Positions<'a> {
     surface: &'a Surface<'a>,
@@ -194,7 +167,6 @@ fn vector(position: Lattice) -> Vector {
 }
 
 /// Codes all positions; in decoding those given are ignored and replaced. An error when the bytes tell one outside the lattice.
->>>>>>> container
 pub(super) fn code<C: BitCoder>(
     coder: &mut C,
     surface: &Surface,
@@ -202,13 +174,6 @@ pub(super) fn code<C: BitCoder>(
     largest: i32,
 ) -> Result<(), ()> {
     let vertices = positions.len();
-<<<<<<< HEAD
-    let shrink = [0.05, 0.05, 0.24, 0.38, 0.5, 0.6, 0.68, 0.77, 0.8, 0.8];
-    let mut weights: Vec<Weights> =
-        (0..(PARALLELOGRAMS + 1) * MISSING).map(|c| Weights::new([shrink[c % MISSING]; 3])).collect();
-    let mut slopes: Vec<Weights> = (0..(PARALLELOGRAMS + 1) * MISSING).map(|_| Weights::new([0.5, 0.5, 0.0])).collect();
-    let mut numbers = vec![Number::default(); 3 * MAGNITUDES];
-=======
     let classes = (PARALLELOGRAMS + 1) * (MISSING + 1);
     let mut state = Positions {
         surface,
@@ -222,7 +187,6 @@ pub(super) fn code<C: BitCoder>(
     };
     let mut residuals: [Residuals; 2] =
         std::array::from_fn(|_| Residuals { high: Default::default(), sign: BitModel::default() });
->>>>>>> container
     let mut order = Order::new(surface, vertices);
     for _ in 0..vertices {
         let vertex = order.pop();
@@ -276,14 +240,6 @@ impl Positions<'_> {
             length += square.sqrt();
             count += 1;
         }
-<<<<<<< HEAD
-        let missing = (surface.corners_of(v).len() - count).min(MISSING - 1);
-        let class = count.min(PARALLELOGRAMS) * MISSING + missing;
-        let base =
-            if neighbour_count > 0.0 { scale(neighbours, 1.0 / neighbour_count) } else { last.map(|x| x as f64) };
-        let mut features = [[0.0; 3]; FEATURES];
-        let mut guess = base;
-=======
         let missing = (surface.corners_of(vertex).len() - count).min(MISSING);
         let class = count.min(PARALLELOGRAMS) * (MISSING + 1) + missing;
         let (mut base, mut features) = (vector(self.last), [[0.0; 3]; 3]);
@@ -291,7 +247,6 @@ impl Positions<'_> {
             base = scale(neighbours, 1.0 / neighbour_count);
             near = near.map(|sum| sum / neighbour_count);
         }
->>>>>>> container
         if count > 0 {
             let share = 1.0 / count as f64;
             features = [scale(across_sum, share), scale(along_sum, share), subtract(scale(middle_sum, share), base)];
@@ -336,40 +291,6 @@ impl Positions<'_> {
                 expect = 0.75 * expect + 0.25 * coded[0];
             }
             if turn == 2 {
-<<<<<<< HEAD
-                expect = expected[1];
-                if count > 0 {
-                    // Heights over the mean of the neighbours by the planes of both normals.
-                    let (du, dv) = (position[axes[0]] as f64 - base[axes[0]], position[axes[1]] as f64 - base[axes[1]]);
-                    for (plane, n) in planes.iter_mut().zip([normal, wide]) {
-                        if n[axis] != 0.0 {
-                            let height = -(n[axes[0]] * du + n[axes[1]] * dv) / n[axis];
-                            let bound = 4.0 * length;
-                            plane[0] = height.clamp(-bound, bound);
-                        }
-                    }
-                    let (gu, gv) = (guess[axes[0]] - base[axes[0]], guess[axes[1]] - base[axes[1]]);
-                    if normal[axis] != 0.0 {
-                        planes[2][0] =
-                            guess[axis] - base[axis] + (normal[axes[0]] * gu + normal[axes[1]] * gv) / normal[axis];
-                        planes[2][0] = planes[2][0].clamp(-4.0 * length, 4.0 * length);
-                    }
-                    let solution = slopes[class].solve(ridge_s * length * length);
-                    wanted = base[axis]
-                        + planes[0][0] * solution[0]
-                        + planes[1][0] * solution[1]
-                        + planes[2][0] * solution[2];
-                }
-            }
-            let predicted = clamp(wanted);
-            let bucket = {
-                let squared = (expect * expect * 4.0) as u64;
-                (64 - squared.leading_zeros() as usize).min(MAGNITUDES - 1)
-            };
-            let residual =
-                numbers[turn * MAGNITUDES + bucket].code_signed(coder, position[axis].wrapping_sub(predicted));
-            let value = predicted as i64 + residual as i64;
-=======
                 (kind, expect) = (OFF, expected[OFF]);
                 if parallelograms > 0 {
                     heights = prediction::heights(base, guess, position, normals, axes, length);
@@ -380,7 +301,6 @@ impl Positions<'_> {
             let predicted = (wanted + 0.5).floor().clamp(0.0, largest as f64) as i32;
             let residual = residuals[kind].code(coder, expect, position[axis].wrapping_sub(predicted));
             let value = predicted as i64 + residual;
->>>>>>> container
             if !(0..=largest as i64).contains(&value) {
                 return Err(());
             }
@@ -420,17 +340,4 @@ impl Positions<'_> {
             }
         }
     }
-<<<<<<< HEAD
-    if !C::DECODES && std::env::var("MESH_STATS").is_ok() {
-        for c in 0..4 {
-            println!(
-                "  class {c}: n {} mean |r| {:?}",
-                counts[c],
-                stats[c].map(|x| (x * 10.0 / counts[c] as f64).round() / 10.0)
-            );
-        }
-    }
-    Ok(())
-=======
->>>>>>> container
 }

@@ -73,11 +73,6 @@ fn real_meshes_become_small() {
         let length = encoded.bytes.len();
         let bits = length as f64 * 8.0 / vertices as f64;
         println!("{name}: {vertices} vertices, {triangles} triangles, {length} bytes, {bits:.2} bits a vertex");
-<<<<<<< HEAD
-        if length >= bound {
-            println!("TOO LONG");
-        } //assert!(length < bound, "{name}: {length} bytes");
-=======
         assert!(length < bound, "{name}: {length} bytes");
         let coarser = [11, 10].map(|bits| round_trip(&mesh, bits).bytes.len());
         println!("  with 11 and 10 bits: {coarser:?}");
@@ -241,6 +236,5 @@ fn large_claims_need_bytes() {
         header.code(&mut coder);
         let bytes = [&[VERSION][..], &coder.finish(), &[fill; 64]].concat();
         let _ = decode(&bytes, &Budget::new(Limits { memory_bytes: 1 << 30, ..Limits::default() }));
->>>>>>> container
     }
 }

@@ -45,16 +45,6 @@ pub fn encode(mesh: &Mesh, options: &MeshOptions) -> Result<EncodedMesh> {
     let mut coder = RangeEncoder::new();
     header.code(&mut coder);
     let (growth, triangle_order, vertex_order) = encode_connectivity(&mut coder, mesh);
-<<<<<<< HEAD
-    if std::env::var("MESH_STATS").is_ok() {
-        println!(
-            "  connectivity {} bytes, {:.3} bits a triangle",
-            coder.len() - before,
-            (coder.len() - before) as f64 * 8.0 / mesh.triangles.len() as f64
-        );
-    }
-=======
->>>>>>> container
     let surface = Surface::new(&growth.triangles, &growth.opposite, mesh.positions.len());
     let mut lattice: Vec<Lattice> =
         vertex_order.iter().map(|&v| nearest(&header, mesh.positions[v as usize])).collect();
@@ -181,17 +171,6 @@ fn encode_connectivity(coder: &mut RangeEncoder, mesh: &Mesh) -> (Growth, Vec<u3
         };
         models.symbol(coder, &growth, gate, symbol);
         growth.apply(gate, symbol);
-<<<<<<< HEAD
-        counts[match symbol {
-            Symbol::New => 0,
-            Symbol::Previous => 1,
-            Symbol::Next => 2,
-            Symbol::Border => 3,
-            Symbol::Known(_) => 4,
-            _ => 5,
-        }] += 1;
-=======
->>>>>>> container
         if let Some((triangle, third)) = found {
             edges.coded[triangle as usize] = true;
             triangle_order.push(triangle);
@@ -201,12 +180,6 @@ fn encode_connectivity(coder: &mut RangeEncoder, mesh: &Mesh) -> (Growth, Vec<u3
             }
         }
     }
-<<<<<<< HEAD
-    if std::env::var("MESH_STATS").is_ok() {
-        println!("  N P X B O seeds {counts:?}");
-    }
-=======
->>>>>>> container
     // Vertices without triangles come last.
     vertex_order.extend((0..mesh.positions.len() as u32).filter(|&v| renumbered[v as usize] == NONE));
     (growth, triangle_order, vertex_order)
