@@ -153,13 +153,11 @@ fn length_exponent(section: &ViewsSection, points: &[[f64; 3]]) -> Result<i32> {
                 })
         })
     };
-    let mut exponents = LENGTH_EXPONENTS.filter(|&exponent| fits(exponent)).peekable();
-    let coarsest = exponents.peek().copied();
     let finest = LENGTH_EXPONENTS.filter(|&exponent| fits(exponent)).max();
-    exponents
+    LENGTH_EXPONENTS
+        .filter(|&exponent| fits(exponent))
         .find(|&exponent| holds(exponent))
         .or(finest)
-        .or(coarsest)
         .ok_or_else(|| Error::parameter("cameras or lights too far from the world's origin"))
 }
 

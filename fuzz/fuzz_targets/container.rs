@@ -1,0 +1,28 @@
+//! Any bytes as a file: by directory, as a stream, as a prefix, and verified.
+#![no_main]
+use libfuzzer_sys::fuzz_target;
+use tsuya::Limits;
+use tsuya::container::{Container, Tag, metadata, read_prefix, read_stream, thumbnail, verify};
+
+fuzz_target!(|bytes: &[u8]| {
+    let limits = Limits { memory_bytes: 1 << 24, frames: 64, picture_side: 1024, mesh_elements: 1 << 12 };
+    let verified = verify(bytes, limits);
+    let streamed = read_stream(bytes, limits);
+    let _ = read_prefix(bytes, limits);
+    let Ok(mut container) = Container::open_slice(bytes, limits) else {
+        assert!(verified.is_err() && streamed.is_err());
+        return;
+    };
+    for section in container.sections().to_vec() {
+        let _ = container.read_range(section.tag, 1, 3);
+        let Ok(content) = container.read(&section) else {
+            assert!(verified.is_err());
+            continue;
+        };
+        match section.tag {
+            Tag::METADATA => drop(metadata::decode(&content, &container.budget())),
+            Tag::THUMBNAIL => drop(thumbnail::decode(content)),
+            _ => {}
+        }
+    }
+});
