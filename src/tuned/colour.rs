@@ -1,5 +1,7 @@
 //! The colour transform of a component, chosen from its pixels.
 
+use crate::transform::colour::principal;
+
 /// Sums over pixels for the covariance of their colours.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct ColourSums {
@@ -24,43 +26,10 @@ impl ColourSums {
     /// Orthonormal rotation to the principal axes, strongest first, rows in 1/16384. Each axis points to brighter colours.
     pub fn rotation(&self) -> [[i16; 3]; 3] {
         let n = self.count.max(1.0);
-        let mut a: [[f64; 3]; 3] = std::array::from_fn(|i| {
+        let covariance = std::array::from_fn(|i| {
             std::array::from_fn(|j| self.product[i][j] / n - self.sum[i] * self.sum[j] / (n * n))
         });
-        let mut v = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
-        // Cyclic Jacobi rotations; a 3 x 3 matrix is diagonal after a few sweeps.
-        for _ in 0..12 {
-            for (p, q) in [(0, 1), (0, 2), (1, 2)] {
-                if a[p][q].abs() < 1e-300 {
-                    continue;
-                }
-                let theta = (a[q][q] - a[p][p]) / (2.0 * a[p][q]);
-                let t = theta.signum() / (theta.abs() + (theta * theta + 1.0).sqrt());
-                let c = 1.0 / (t * t + 1.0).sqrt();
-                let s = t * c;
-                for k in 0..3 {
-                    let (x, y) = (a[k][p], a[k][q]);
-                    (a[k][p], a[k][q]) = (c * x - s * y, s * x + c * y);
-                }
-                for k in 0..3 {
-                    let (x, y) = (a[p][k], a[q][k]);
-                    (a[p][k], a[q][k]) = (c * x - s * y, s * x + c * y);
-                }
-                for row in &mut v {
-                    let (x, y) = (row[p], row[q]);
-                    (row[p], row[q]) = (c * x - s * y, s * x + c * y);
-                }
-            }
-        }
-        let mut axes: Vec<usize> = vec![0, 1, 2];
-        axes.sort_by(|&i, &j| a[j][j].total_cmp(&a[i][i]));
-        let mut rows = [[0i16; 3]; 3];
-        for (row, axis) in rows.iter_mut().zip(axes) {
-            let column = [v[0][axis], v[1][axis], v[2][axis]];
-            let sign = if column.iter().sum::<f64>() < 0.0 { -1.0 } else { 1.0 };
-            *row = column.map(|c| (sign * c * 16384.0).round() as i16);
-        }
-        rows
+        principal(covariance).map(|axis| axis.map(|v| (v * 16384.0).round() as i16))
     }
 }
 
