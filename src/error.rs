@@ -61,7 +61,11 @@ impl Error {
     }
     /// An error in a section of a `.tsuya` file.
     pub fn format(section: impl Into<String>, offset: impl TryInto<u64>, message: impl Into<String>) -> Self {
-        Error::Format { section: section.into(), offset: offset.try_into().unwrap_or(u64::MAX), message: message.into() }
+        Error::Format {
+            section: section.into(),
+            offset: offset.try_into().unwrap_or(u64::MAX),
+            message: message.into(),
+        }
     }
     /// An error in an input file.
     pub fn input(path: impl AsRef<Path>, message: impl Into<String>) -> Self {

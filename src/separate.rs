@@ -39,7 +39,10 @@ pub fn separate(capture: &mut Capture) -> Result<Observations> {
         return Err(Error::parameter("separation needs the white board's on / off ratio of each colour: give --beta"));
     }
     if let Some(frame) = capture.frames.iter().find(|frame| frame.cross.is_some() != polarised) {
-        return Err(Error::parameter(format!("frame {}: all frames need a cross photograph, or none", frame.view.name)));
+        return Err(Error::parameter(format!(
+            "frame {}: all frames need a cross photograph, or none",
+            frame.view.name
+        )));
     }
     let beta = capture.beta.filter(|_| polarised);
     let components = if polarised { vec![Component::Diffuse, Component::Specular] } else { vec![Component::Combined] };
@@ -73,7 +76,9 @@ pub fn recombine(
 ) -> Result<(RgbImage, Option<RgbImage>)> {
     match (components, images) {
         ([Component::Combined], [combined]) => Ok((combined.clone(), None)),
-        ([Component::Diffuse, Component::Specular], [diffuse, specular]) if diffuse.data.len() == specular.data.len() => {
+        ([Component::Diffuse, Component::Specular], [diffuse, specular])
+            if diffuse.data.len() == specular.data.len() =>
+        {
             let mut off = diffuse.clone();
             for (off, specular) in off.data.iter_mut().zip(&specular.data) {
                 (0..3).for_each(|colour| off[colour] += specular[colour]);

@@ -242,7 +242,8 @@ fn read_cameras_txt(path: &Path) -> Result<Cameras> {
         let model = words.next().unwrap_or_default();
         let width = parse(path, line, "WIDTH", words.next())?;
         let height = parse(path, line, "HEIGHT", words.next())?;
-        let parameters = words.map(|w| parse(path, line, "a camera parameter", Some(w))).collect::<Result<Vec<f64>>>()?;
+        let parameters =
+            words.map(|w| parse(path, line, "a camera parameter", Some(w))).collect::<Result<Vec<f64>>>()?;
         let camera =
             camera(model, width, height, &parameters).map_err(|e| Error::input(path, format!("line {line}: {e}")))?;
         cameras.insert(id, camera);
@@ -298,7 +299,8 @@ mod tests {
             parameters.iter().for_each(|p| cameras.extend(p.to_le_bytes()));
         }
         let mut images = 2u64.to_le_bytes().to_vec();
-        let rows: [(u32, [f64; 7], u32, &[u8], u64); 2] = [
+        type Row<'a> = (u32, [f64; 7], u32, &'a [u8], u64);
+        let rows: [Row; 2] = [
             (2, [0.5, 0.5, 0.5, 0.5, 1.0, 2.0, 3.0], 3, b"b c.png\0", 2),
             (1, [1.0, 0.0, 0.0, 0.0, 1.0, 2.0, 3.0], 4, b"a.png\0", 0),
         ];
@@ -331,7 +333,8 @@ mod tests {
         assert_eq!(a.view.camera.to_camera([10.0, 20.0, 30.0]), [11.0, 22.0, 33.0]);
         // The quaternion (1, 1, 1, 1) / 2 turns x into y, y into z, z into x.
         assert_eq!(b.view.camera.to_camera([10.0, 20.0, 30.0]), [31.0, 12.0, 23.0]);
-        let expected = Lens::Radial { numerator: [0.1, 0.01, 0.0, 0.0], denominator: [0.0; 3], tangential: [0.001, 0.002] };
+        let expected =
+            Lens::Radial { numerator: [0.1, 0.01, 0.0, 0.0], denominator: [0.0; 3], tangential: [0.001, 0.002] };
         assert_eq!((a.lens, b.lens), (Lens::Pinhole, expected));
     }
 

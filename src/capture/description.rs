@@ -97,7 +97,10 @@ impl Description {
         found.sort();
         match found.as_slice() {
             [one] => Ok(one.clone()),
-            [] => Err(Error::input(&folder, "the capture names no mesh and there is none beside it; give one with --mesh")),
+            [] => Err(Error::input(
+                &folder,
+                "the capture names no mesh and there is none beside it; give one with --mesh",
+            )),
             [a, b, ..] => Err(Error::input(
                 &folder,
                 format!("several meshes ({}, {}, ...): give one with --mesh", a.display(), b.display()),

@@ -85,7 +85,8 @@ impl Lens {
         }
         let at = self.distort(ideal);
         let miss = (at[0] - distorted[0]).hypot(at[1] - distorted[1]);
-        (miss < 1e-9 && ideal[0].hypot(ideal[1]) <= self.radius_limit(1e3)).then_some(ideal)
+        let radius = ideal[0].hypot(ideal[1]);
+        (miss < 1e-9 && radius <= self.radius_limit(radius, 64)).then_some(ideal)
     }
 
     fn radial_scale(&self, radius: f64) -> f64 {
@@ -105,14 +106,13 @@ impl Lens {
     }
 
     /// The ideal radius up to which the distorted one grows; beyond it the polynomial folds back and means nothing.
-    fn radius_limit(&self, largest: f64) -> f64 {
-        // Even steps of the angle resolve wide fields and narrow ones alike.
-        const STEPS: u32 = 4096;
+    fn radius_limit(&self, largest: f64, steps: u32) -> f64 {
         let mut before = (0.0, 0.0);
-        for step in 1..=STEPS {
-            let radius = (largest.atan() * step as f64 / STEPS as f64).tan();
+        for step in 1..=steps {
+            // Even steps of the angle resolve wide fields and narrow ones alike.
+            let radius = if step == steps { largest } else { (largest.atan() * step as f64 / steps as f64).tan() };
             let bent = radius * self.radial_scale(radius);
-            if bent.is_nan() || bent <= before.1 {
+            if bent.is_nan() || (bent <= before.1 && radius > 0.0) {
                 return before.0;
             }
             before = (radius, bent);
@@ -123,12 +123,11 @@ impl Lens {
     /// For every pixel of a pinhole camera of the same size the position in the photograph, in pixels (centres at +0.5).
     fn source_positions(&self, camera: &Camera, mut visit: impl FnMut(usize, Option<[f64; 2]>)) {
         let (width, height) = (camera.width as usize, camera.height as usize);
-        let ideal = |x: f64, y: f64| {
-            [(x - camera.principal[0]) / camera.focal[0], (y - camera.principal[1]) / camera.focal[1]]
-        };
+        let ideal =
+            |x: f64, y: f64| [(x - camera.principal[0]) / camera.focal[0], (y - camera.principal[1]) / camera.focal[1]];
         let corners = [(0.0, 0.0), (width as f64, 0.0), (0.0, height as f64), (width as f64, height as f64)];
         let largest = corners.iter().map(|&(x, y)| ideal(x, y)).map(|[x, y]| x.hypot(y)).fold(0.0, f64::max);
-        let limit = self.radius_limit(largest);
+        let limit = self.radius_limit(largest, 4096);
         for y in 0..height {
             for x in 0..width {
                 let p = ideal(x as f64 + 0.5, y as f64 + 0.5);
@@ -311,7 +310,7 @@ mod tests {
     fn the_fold_of_a_polynomial_is_missing_not_wrong() {
         let lens = Lens::Radial { numerator: [-0.5, 0.0, 0.0, 0.0], denominator: [0.0; 3], tangential: [0.0; 2] };
         // r (1 - 0.5 r^2) turns at r = sqrt(2/3).
-        assert!((lens.radius_limit(2.0) - (2.0f64 / 3.0).sqrt()).abs() < 2e-3);
+        assert!((lens.radius_limit(2.0, 4096) - (2.0f64 / 3.0).sqrt()).abs() < 2e-3);
         let camera = Camera { width: 40, height: 40, focal: [10.0; 2], principal: [20.0; 2], ..Camera::default() };
         let straight = lens.remove_from_picture(&camera, &RgbImage::filled(40, 40, [1.0; 3]));
         assert!(straight.at(1, 1)[0].is_nan());

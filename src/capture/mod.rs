@@ -12,15 +12,15 @@
 //! - per frame `cross_file_path` (polarised: specular blocked) and `mask_path`.
 
 pub mod align;
+mod colmap;
 mod description;
 mod json;
 mod lens;
 mod photograph;
-mod transforms;
-mod colmap;
-mod white;
 #[cfg(test)]
 mod tests;
+mod transforms;
+mod white;
 
 pub use description::{Description, FrameDescription, WhiteReference, describe};
 pub use lens::Lens;
@@ -123,7 +123,8 @@ pub fn read_with_progress(
         let without: Vec<_> = described.iter().filter(|f| f.cross.is_none()).map(|f| f.view.name.clone()).collect();
         skipped += without.len();
         let names = without.join(", ");
-        warnings.push(format!("{} frames without a cross photograph skipped, as others have one: {names}", without.len()));
+        warnings
+            .push(format!("{} frames without a cross photograph skipped, as others have one: {names}", without.len()));
         described.retain(|frame| frame.cross.is_some());
     }
     let beta = options.beta.or(measured_beta);
@@ -146,7 +147,10 @@ pub fn read_with_progress(
     }
     if frames.is_empty() {
         let last = warnings.last().cloned().unwrap_or_default();
-        return Err(Error::input(&description.path, format!("no frame of {} could be read; {last}", description.frames.len())));
+        return Err(Error::input(
+            &description.path,
+            format!("no frame of {} could be read; {last}", description.frames.len()),
+        ));
     }
     if missing_pixels > 0 {
         warnings.push(format!("{missing_pixels} pixels are NaN or infinite and are taken as missing"));
@@ -184,7 +188,11 @@ fn check_beta(description: &Description, beta: Option<[f64; 3]>, crossed: bool) 
 type Outcome = std::result::Result<(Frame, u64), Fault>;
 
 /// Reads all frames, in order, on the current pool.
-fn read_frames(described: &[FrameDescription], space: &ColorSpace, progress: &(dyn Fn(usize, usize) + Sync)) -> Vec<Outcome> {
+fn read_frames(
+    described: &[FrameDescription],
+    space: &ColorSpace,
+    progress: &(dyn Fn(usize, usize) + Sync),
+) -> Vec<Outcome> {
     let done = AtomicUsize::new(0);
     let one = |frame: &FrameDescription| {
         let outcome = read_frame(frame, space);
@@ -243,29 +251,25 @@ fn check_registration(path: &Path, mesh: &Mesh, frames: &[FrameDescription], war
     let in_view = |p: [f64; 3]| {
         frames.iter().any(|frame| {
             let camera = &frame.view.camera;
-            let inside = |[x, y]: [f64; 2]| {
-                (0.0..camera.width as f64).contains(&x) && (0.0..camera.height as f64).contains(&y)
-            };
+            let inside =
+                |[x, y]: [f64; 2]| (0.0..camera.width as f64).contains(&x) && (0.0..camera.height as f64).contains(&y);
             camera.project(p).is_some_and(|(pixel, _)| inside(pixel))
         })
     };
     let seen = mesh.positions.iter().filter(|p| in_view(p.map(f64::from))).count();
     if seen == 0 {
         // A few large triangles may fill the pictures without a corner in them.
-        const STEPS: usize = 24;
-        let inside_triangle = |triangle: &[u32; 3]| {
-            let corners = triangle.map(|v| mesh.positions[v as usize]);
-            let weights = (0..STEPS).flat_map(|i| (0..STEPS - i).map(move |j| (i as f64, j as f64)));
-            weights.into_iter().any(|(i, j)| {
-                let n = STEPS as f64;
-                let (u, v) = ((i + 1.0 / 3.0) / n, (j + 1.0 / 3.0) / n);
-                let w = 1.0 - u - v;
-                in_view(std::array::from_fn(|c| {
-                    u * corners[0][c] as f64 + v * corners[1][c] as f64 + w * corners[2][c] as f64
-                }))
+        let met = frames.iter().take(64).any(|frame| {
+            let camera = &frame.view.camera;
+            let centre = glam::DVec3::from_array(camera.centre());
+            (0..25).any(|n| {
+                let [u, v] = [n % 5, n / 5].map(|step| (step as f64 + 0.5) / 5.0);
+                let pixel = [u * camera.width as f64, v * camera.height as f64];
+                let direction = glam::DVec3::from_array(camera.ray(pixel));
+                mesh.triangles.iter().take(2000).any(|triangle| ray_meets(mesh, triangle, centre, direction))
             })
-        };
-        if mesh.triangles.iter().take(2000).any(inside_triangle) {
+        });
+        if met {
             return Ok(());
         }
         return Err(Error::input(
@@ -286,4 +290,17 @@ fn check_registration(path: &Path, mesh: &Mesh, frames: &[FrameDescription], war
         ));
     }
     Ok(())
+}
+
+/// Whether a ray meets a triangle from either side (Moeller and Trumbore 1997).
+fn ray_meets(mesh: &Mesh, triangle: &[u32; 3], origin: glam::DVec3, direction: glam::DVec3) -> bool {
+    let [a, b, c] = triangle.map(|v| glam::DVec3::from_array(mesh.positions[v as usize].map(f64::from)));
+    let (ab, ac) = (b - a, c - a);
+    let across = direction.cross(ac);
+    let determinant = ab.dot(across);
+    let from_a = origin - a;
+    let u = from_a.dot(across) / determinant;
+    let beside = from_a.cross(ab);
+    let v = direction.dot(beside) / determinant;
+    u >= 0.0 && v >= 0.0 && u + v <= 1.0 && ac.dot(beside) / determinant > 0.0
 }

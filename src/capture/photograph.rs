@@ -104,13 +104,17 @@ struct RawPicture {
 
 fn read_raw(path: &Path, size: Option<(u32, u32)>) -> Result<RawPicture, Fault> {
     let bytes = std::fs::read(path).map_err(|e| Fault::Unreadable(Error::io(path, e)))?;
+    decode(path, &bytes, size)
+}
+
+fn decode(path: &Path, bytes: &[u8], size: Option<(u32, u32)>) -> Result<RawPicture, Fault> {
     if bytes.is_empty() {
         return Err(unreadable(path, "the picture file is empty (0 bytes)"));
     }
     if bytes.starts_with(&[0x76, 0x2f, 0x31, 0x01]) {
-        read_exr(path, &bytes, size)
+        read_exr(path, bytes, size)
     } else {
-        read_display_referred(path, &bytes, size)
+        read_display_referred(path, bytes, size)
     }
 }
 
@@ -198,11 +202,16 @@ fn read_exr(path: &Path, bytes: &[u8], size: Option<(u32, u32)>) -> Result<RawPi
         if channel.sampling.0 != 1 || channel.sampling.1 != 1 {
             return Err(unreadable(path, "EXR: subsampled channels are not supported"));
         }
-        for (index, value) in channel.sample_data.values_as_f32().enumerate() {
-            let x = (index % layer.size.0) as i64 + offset.0 as i64;
-            let y = (index / layer.size.0) as i64 + offset.1 as i64;
-            if (0..width as i64).contains(&x) && (0..height as i64).contains(&y) {
-                pixels.at_mut(x as usize, y as usize)[slot] = value;
+        let samples: Vec<f32> = channel.sample_data.values_as_f32().collect();
+        for (y, row) in (offset.1 as i64..).zip(samples.chunks_exact(layer.size.0.max(1))) {
+            if !(0..height as i64).contains(&y) {
+                continue;
+            }
+            let target = &mut pixels.data[y as usize * width..(y as usize + 1) * width];
+            let start = (offset.0 as i64).clamp(0, width as i64) as usize;
+            let skip = (-(offset.0 as i64)).max(0) as usize;
+            for (pixel, value) in target[start..].iter_mut().zip(row.iter().skip(skip)) {
+                pixel[slot] = *value;
             }
         }
     }
@@ -292,6 +301,29 @@ mod tests {
         for length in [0, 1, 4, 20, whole.len() / 2, whole.len() - 1] {
             std::fs::write(&path, &whole[..length]).unwrap();
             assert!(matches!(read_picture(&path, &space, None), Err(Fault::Unreadable(_))), "{length}");
+        }
+    }
+
+    #[test]
+    fn flipped_bytes_never_panic() {
+        let folder = tempfile::tempdir().unwrap();
+        let picture = image::RgbImage::from_fn(9, 7, |x, y| image::Rgb([(x * 20) as u8, (y * 30) as u8, 5]));
+        for name in ["a.png", "a.tiff", "a.jpg", "a.exr"] {
+            let file = folder.path().join(name);
+            match name {
+                "a.exr" => exr::prelude::write_rgb_file(&file, 9, 7, |x, y| (x as f32, y as f32, 0.5)).unwrap(),
+                _ => picture.save(&file).unwrap(),
+            }
+            let whole = std::fs::read(&file).unwrap();
+            for at in 0..whole.len().min(700) {
+                for value in [0, 0x7f, 0xff, whole[at] ^ 1] {
+                    let mut bytes = whole.clone();
+                    bytes[at] = value;
+                    if let Ok(picture) = decode(&file, &bytes, Some((9, 7))) {
+                        assert_eq!(picture.pixels.data.len(), 63);
+                    }
+                }
+            }
         }
     }
 }

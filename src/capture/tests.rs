@@ -45,7 +45,9 @@ impl Small {
         if crossed {
             small.picture("white.exr", |_, _| (2.0, 2.0, 4.0));
             small.picture("white_cross.exr", |_, _| (1.0, 0.8, 1.0));
-            small.keys = ", \"white_reference\": {\"file_path\": \"white.exr\", \"cross_file_path\": \"white_cross.exr\"}".into();
+            small.keys =
+                ", \"white_reference\": {\"file_path\": \"white.exr\", \"cross_file_path\": \"white_cross.exr\"}"
+                    .into();
         }
         small
     }
@@ -82,7 +84,7 @@ fn the_sample_reads_as_measured() {
     let white = [1.0293731689453125, 0.9779090881347656, 0.9007015228271484];
     (0..3).for_each(|c| assert!((capture.white[c] - white[c]).abs() < 1e-6, "{:?}", capture.white));
     let beta = capture.beta.unwrap();
-    assert!(beta.iter().all(|b| (0.3..0.7).contains(b)), "{beta:?}");
+    assert!(beta.iter().all(|b| (b - 0.25).abs() < 1e-3), "{beta:?}");
     // The mask and the mesh must be in the same place: mesh vertices project into the mask, but for its border.
     let frame = &capture.frames[7];
     let mask = frame.mask.as_ref().unwrap();
@@ -91,20 +93,23 @@ fn the_sample_reads_as_measured() {
     let share = capture.mesh.positions.iter().filter(|p| inside(project(p))).count() as f64 / 752.0;
     assert!(share > 0.96, "{share}");
     let light = frame.view.light.unwrap();
-    assert_eq!(light.intensity, [60.480000000000004, 57.455999999999996, 52.92]);
+    (0..3).for_each(|c| assert!((light.intensity[c] - [60.48, 57.456, 52.92][c]).abs() < 1e-12));
 }
 
 #[test]
-fn shared_captures_read() {
+fn white_boards_of_the_shared_captures() {
+    // These figures were summed in single precision, hence the tolerance.
     let figures = [
         ("captures/bunny-ring", 36, [1.0293755531311035, 0.9779027104377747, 0.9007015228271484]),
         ("captures/spot-dome", 72, [1.029374122619629, 0.9779057502746582, 0.9007054567337036]),
     ];
     for (part, frames, white) in figures {
         let Some(path) = data(part) else { continue };
-        let capture = read(path.join("transforms.json"), &ReadOptions::default()).unwrap();
-        assert_eq!(capture.frames.len(), frames);
-        (0..3).for_each(|c| assert!((capture.white[c] - white[c]).abs() < 1e-6, "{part} {:?}", capture.white));
+        let description = describe(path.join("transforms.json")).unwrap();
+        assert_eq!(description.frames.len(), frames);
+        let space = ColorSpace::named("srgb").unwrap();
+        let (found, _) = white::calibrate(&description.white_reference.unwrap(), &space).unwrap();
+        (0..3).for_each(|c| assert!((found[c] - white[c]).abs() < 4e-6, "{part} {:?}", found));
     }
 }
 
@@ -129,7 +134,8 @@ fn temple_ring_reads_from_colmap() {
         }
     }
     let mean = |inside: bool| {
-        let values = frame.photograph.data.iter().zip(&covered.data).filter(|(_, m)| **m == inside).map(|(p, _)| p[1] as f64);
+        let values =
+            frame.photograph.data.iter().zip(&covered.data).filter(|(_, m)| **m == inside).map(|(p, _)| p[1] as f64);
         values.clone().sum::<f64>() / values.count() as f64
     };
     assert!(mean(true) > 8.0 * mean(false), "{} {}", mean(true), mean(false));
@@ -158,7 +164,10 @@ fn polarised_captures_have_beta_and_white() {
     mixed.frames[1] = format!("\"file_path\": \"1.exr\", \"transform_matrix\": {POSE}");
     let capture = mixed.read(&ReadOptions::default()).unwrap();
     assert_eq!((capture.frames.len(), capture.skipped_frames), (2, 1));
-    assert!(capture.warnings[0].contains("1 frames without a cross photograph skipped") && capture.warnings[0].contains("1.exr"));
+    assert!(
+        capture.warnings[0].contains("1 frames without a cross photograph skipped")
+            && capture.warnings[0].contains("1.exr")
+    );
 
     small.picture("white.exr", |_, _| (f32::NAN, 1.0, 1.0));
     assert!(small.error().contains("white.exr: the white board has a mean radiance of [NaN, NaN, NaN]"));
@@ -168,14 +177,18 @@ fn polarised_captures_have_beta_and_white() {
 
 #[test]
 fn missing_and_damaged_photographs_cost_their_frame() {
-    let damage: [(&str, Box<dyn Fn(&Path)>); 4] = [
+    type Damage = Box<dyn Fn(&Path)>;
+    let damage: [(&str, Damage); 4] = [
         ("0 bytes", Box::new(|path| fs::write(path, "").unwrap())),
         ("No such file", Box::new(|path| fs::remove_file(path).unwrap())),
         ("not a picture", Box::new(|path| fs::write(path, "hello").unwrap())),
-        ("EXR", Box::new(|path| {
-            let bytes = fs::read(path).unwrap();
-            fs::write(path, &bytes[..bytes.len() / 2]).unwrap();
-        })),
+        (
+            "EXR",
+            Box::new(|path| {
+                let bytes = fs::read(path).unwrap();
+                fs::write(path, &bytes[..bytes.len() / 2]).unwrap();
+            }),
+        ),
     ];
     for (words, damage) in damage {
         for name in ["1.exr", "c1.exr"] {
@@ -184,7 +197,11 @@ fn missing_and_damaged_photographs_cost_their_frame() {
             let capture = small.read(&ReadOptions::default()).unwrap();
             assert_eq!((capture.frames.len(), capture.skipped_frames), (2, 1));
             assert!(capture.warnings[0].starts_with("frame 1.exr skipped: "), "{:?}", capture.warnings);
-            assert!(capture.warnings[0].contains(words) && capture.warnings[0].contains(name), "{:?}", capture.warnings);
+            assert!(
+                capture.warnings[0].contains(words) && capture.warnings[0].contains(name),
+                "{:?}",
+                capture.warnings
+            );
         }
     }
     // A truncated PNG.
@@ -208,7 +225,10 @@ fn contradictions_are_errors() {
     let small = Small::new(false);
     exr::prelude::write_rgb_file(small.path("2.exr"), 8, 12, |_, _| (1.0f32, 1.0f32, 1.0f32)).unwrap();
     let error = small.error();
-    assert!(error.contains("2.exr: the picture is 8 x 12 pixels, its camera is declared as 16 x 12; resize"), "{error}");
+    assert!(
+        error.contains("2.exr: the picture is 8 x 12 pixels, its camera is declared as 16 x 12; resize"),
+        "{error}"
+    );
 
     let mut small = Small::new(false);
     small.frames[0] += ", \"mask_path\": \"m.png\"";
@@ -270,7 +290,11 @@ fn a_mesh_beside_the_cameras_is_an_error() {
     assert!(small.read(&ReadOptions::default()).is_ok());
     // One vertex of many.
     let strip: String = (0..100).map(|i| format!("v {} 0 0\nv {} 1 0\n", i * 20, i * 20)).collect();
-    fs::write(small.path("mesh.obj"), format!("{strip}{}", (1..198).map(|i| format!("f {i} {} {}\n", i + 1, i + 2)).collect::<String>())).unwrap();
+    fs::write(
+        small.path("mesh.obj"),
+        format!("{strip}{}", (1..198).map(|i| format!("f {i} {} {}\n", i + 1, i + 2)).collect::<String>()),
+    )
+    .unwrap();
     let capture = small.read(&ReadOptions::default()).unwrap();
     assert!(capture.warnings.iter().any(|w| w.starts_with("only 1.0")), "{:?}", capture.warnings);
 }
@@ -291,7 +315,7 @@ fn the_mesh_is_found_or_asked_for() {
 #[test]
 fn distorted_photographs_become_pinhole_ones() {
     let mut small = Small::new(true);
-    small.keys += ", \"camera_model\": \"SIMPLE_RADIAL\", \"k1\": 0.3";
+    small.keys += ", \"camera_model\": \"SIMPLE_RADIAL\", \"k1\": 0.5";
     small.frames[0] += ", \"mask_path\": \"m.png\"";
     small.mask("m.png", 16, 12, true);
     let capture = small.read(&ReadOptions::default()).unwrap();
@@ -301,7 +325,8 @@ fn distorted_photographs_become_pinhole_ones() {
     assert!(!*frame.mask.as_ref().unwrap().at(0, 0));
     // The picture is a ramp in x: the value tells the source position.
     let ideal = [(12.5 - 8.0) / 20.0, (6.5 - 6.0) / 20.0];
-    let bent = Lens::Radial { numerator: [0.3, 0.0, 0.0, 0.0], denominator: [0.0; 3], tangential: [0.0; 2] }.distort(ideal);
+    let bent =
+        Lens::Radial { numerator: [0.5, 0.0, 0.0, 0.0], denominator: [0.0; 3], tangential: [0.0; 2] }.distort(ideal);
     let expected = bent[0] * 20.0 + 8.0 - 0.5;
     assert!((frame.photograph.at(12, 6)[0] as f64 - expected).abs() < 1e-5);
     assert_eq!(capture.missing_pixels, 0);

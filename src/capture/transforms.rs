@@ -253,7 +253,9 @@ mod tests {
                 "a picture of 0 x 4 pixels",
             ),
             (
-                frame(&format!("\"file_path\": \"a\", \"transform_matrix\": {POSE}, \"camera_model\": \"EQUIRECTANGULAR\"")),
+                frame(&format!(
+                    "\"file_path\": \"a\", \"transform_matrix\": {POSE}, \"camera_model\": \"EQUIRECTANGULAR\""
+                )),
                 "camera model EQUIRECTANGULAR is not supported",
             ),
         ];

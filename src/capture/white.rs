@@ -13,7 +13,8 @@ pub(super) fn calibrate(reference: &WhiteReference, space: &ColorSpace) -> Resul
         let picture = read_picture(path, space, None)?;
         let mean = middle_mean(&picture.colour);
         let bright = mean.iter().all(|m| m.is_finite() && *m > 0.0);
-        let message = || format!("the white board has a mean radiance of {mean:?} in its middle: it should be positive");
+        let message =
+            || format!("the white board has a mean radiance of {mean:?} in its middle: it should be positive");
         if bright { Ok(mean) } else { Err(Error::input(path, message())) }
     };
     let white = read(&reference.photograph)?;

@@ -60,7 +60,11 @@ impl Section {
     /// The rest of a header whose tag has been read; bytes come from `next`. `offset` is that of the tag.
     pub(crate) fn parse(tag: Tag, offset: u64, mut next: impl FnMut() -> Result<u8>) -> Result<Section> {
         if !tag.is_valid() {
-            return Err(Error::format("file", offset, format!("'{tag}' is no section tag: four letters, the third upper case")));
+            return Err(Error::format(
+                "file",
+                offset,
+                format!("'{tag}' is no section tag: four letters, the third upper case"),
+            ));
         }
         let codec = match next()? {
             0 => SectionCodec::None,
@@ -128,9 +132,11 @@ impl Section {
         }
         let length = usize::try_from(self.decoded).map_err(|_| wrong("longer than this machine's memory"))?;
         let mut decoded = Vec::new();
-        decoded
-            .try_reserve_exact(length)
-            .map_err(|_| Error::Limits { what: "decompressed section", asked: self.decoded, allowed: 0 })?;
+        decoded.try_reserve_exact(length).map_err(|_| Error::Limits {
+            what: "decompressed section",
+            asked: self.decoded,
+            allowed: 0,
+        })?;
         let mut decompressor = zstd::bulk::Decompressor::new().map_err(|e| Error::io("-", e))?;
         let produced = decompressor.decompress_to_buffer(&stored, &mut decoded);
         match produced {

@@ -17,7 +17,9 @@ fn thumbnail_bytes() -> Vec<u8> {
 fn sample() -> Vec<u8> {
     let mut data = metadata::Metadata::default();
     data.set_units("m");
-    data.set_provenance("made by a test, made by a test, made by a test, made by a test, made by a test, made by a test");
+    data.set_provenance(
+        "made by a test, made by a test, made by a test, made by a test, made by a test, made by a test",
+    );
     let mut writer = Writer::new(Vec::new()).unwrap();
     writer.section(Tag::METADATA, SectionCodec::Zstd, &metadata::encode(&data).unwrap()).unwrap();
     writer.section(Tag::THUMBNAIL, SectionCodec::None, &thumbnail::encode(&thumbnail_bytes()).unwrap()).unwrap();
@@ -87,7 +89,10 @@ fn every_truncation_and_extension_is_found_and_whole_sections_are_saved() {
     let sections = verify(&bytes[..], limits()).unwrap();
     for length in 0..bytes.len() {
         let cut = &bytes[..length];
-        assert!(verify(cut, limits()).is_err() && open(cut).is_err() && read_stream(cut, limits()).is_err(), "{length}");
+        assert!(
+            verify(cut, limits()).is_err() && open(cut).is_err() && read_stream(cut, limits()).is_err(),
+            "{length}"
+        );
         let whole = sections.iter().filter(|section| section.end().unwrap() <= length as u64).count();
         match read_prefix(cut, limits()) {
             Ok(prefix) => assert!(prefix.sections.len() == whole && prefix.damage.is_some()),

@@ -6,7 +6,7 @@
 
 use super::Tag;
 use crate::asset::{Camera, Component, PointLight, View};
-use crate::entropy::{BitCoder, BitModel, Number, RangeDecoder, code_raw};
+use crate::entropy::{BitCoder, BitModel, Number, RangeDecoder, code_end, code_raw};
 use crate::limits::{Budget, check};
 use crate::{Error, Result};
 
@@ -196,7 +196,7 @@ pub fn decode(bytes: &[u8], budget: &Budget) -> Result<ViewsSection> {
     }
     let mut reader = Reader { coder: RangeDecoder::new(stream), models: Models::new(), budget };
     let section = reader.section()?;
-    if !reader.coder.ends_as_written(0) {
+    if !code_end(&mut reader.coder) || !reader.coder.ends_as_written(0) {
         return Err(wrong("bytes do not end with the last view"));
     }
     Ok(section)
@@ -333,7 +333,11 @@ impl Reader<'_> {
     }
 
     fn light(
-        &mut self, camera: &Camera, lights: &mut Vec<[i64; 3]>, intensities: &mut Vec<[f64; 3]>, header: &Header,
+        &mut self,
+        camera: &Camera,
+        lights: &mut Vec<[i64; 3]>,
+        intensities: &mut Vec<[f64; 3]>,
+        header: &Header,
     ) -> Result<PointLight> {
         let predicted = predicted_light(lights, header.light_lag);
         let shift = self.lattice(|models| &mut models.light);

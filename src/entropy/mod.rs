@@ -4,7 +4,7 @@ pub mod mixer;
 pub mod model;
 pub mod range_coder;
 
-pub use model::{BitModel, Number, code_raw};
+pub use model::{BitModel, Number, code_end, code_raw};
 pub use range_coder::{RangeDecoder, RangeEncoder};
 
 /// Where the bits of a model go: the encoder writes the given bit, the decoder returns the one it read.

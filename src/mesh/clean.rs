@@ -64,7 +64,13 @@ pub fn clean(mesh: Mesh) -> (Mesh, CleanReport) {
             continue;
         }
         // Same corners in the same cyclic order; the other orientation is the back of a double-sided sheet.
-        let rotated = if a < b && a < c { [a, b, c] } else if b < c { [b, c, a] } else { [c, a, b] };
+        let rotated = if a < b && a < c {
+            [a, b, c]
+        } else if b < c {
+            [b, c, a]
+        } else {
+            [c, a, b]
+        };
         if seen.insert(rotated) {
             triangles.push([a, b, c]);
         } else {

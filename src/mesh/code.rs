@@ -2,10 +2,11 @@
 
 mod connectivity;
 mod positions;
+mod prediction;
 
 use crate::asset::Mesh;
 use crate::container::Tag;
-use crate::entropy::{Number, RangeDecoder, code_raw};
+use crate::entropy::{Number, RangeDecoder, code_end, code_raw};
 use crate::limits::{Budget, check};
 use crate::{Error, Result};
 use connectivity::{Growth, Models, Symbol};
@@ -21,10 +22,14 @@ const VERSION: u8 = 0;
 /// Most vertices, and most triangles. Part of the format.
 const LARGEST_COUNT: u64 = 1 << 28;
 /// Vertices or triangles that one byte of the section may stand for, so that the work is bounded by the bytes: the cheapest
-/// triangle costs one bit of probability 65504 / 65536, the 11358th part of a byte. Part of the format.
+/// triangle costs one bit of probability 65504 / 65536, the 11354th part of a byte. Part of the format.
 const ELEMENTS_PER_BYTE: u64 = 16_384;
 /// Bits of a lattice coordinate on the longest side. Part of the format.
 const POSITION_BITS: std::ops::RangeInclusive<u32> = 1..=24;
+
+/// Memory that decoding takes for a triangle and for a vertex; 12 bytes of each stay.
+const TRIANGLE_BYTES: u64 = 256;
+const VERTEX_BYTES: u64 = 128;
 
 /// What stands before the triangles.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -81,11 +86,14 @@ pub fn decode(bytes: &[u8], budget: &Budget) -> Result<Mesh> {
     let mut lattice = vec![[0; 3]; vertices];
     positions::code(&mut coder, &surface, &mut lattice, header.largest())
         .map_err(|()| wrong("position outside the lattice"))?;
-    if !coder.ends_as_written(bytes_at_least(header.vertices, header.triangles)) {
+    if !code_end(&mut coder) || !coder.ends_as_written(bytes_at_least(header.vertices, header.triangles)) {
         return Err(wrong("bytes do not end with the last position"));
     }
     let positions = lattice.into_iter().map(|point| header.place(point)).collect();
-    Ok(Mesh { positions, triangles: growth.triangles })
+    budget.release(header.triangles as u64 * (TRIANGLE_BYTES - 12) + header.vertices as u64 * (VERTEX_BYTES - 12));
+    let mut triangles = growth.triangles;
+    triangles.shrink_to_fit();
+    Ok(Mesh { positions, triangles })
 }
 
 fn check_header(header: &Header, stream_bytes: usize, budget: &Budget) -> Result<()> {
@@ -105,8 +113,8 @@ fn check_header(header: &Header, stream_bytes: usize, budget: &Budget) -> Result
     if !header.place([header.largest(); 3]).iter().all(|x| x.is_finite()) {
         return Err(wrong("lattice reaches beyond finite numbers"));
     }
-    budget.charge_items("triangles of the mesh", triangles as u64, 160)?;
-    budget.charge_items("vertices of the mesh", vertices as u64, 96)
+    budget.charge("triangles of the mesh", triangles as u64 * TRIANGLE_BYTES)?;
+    budget.charge("vertices of the mesh", vertices as u64 * VERTEX_BYTES)
 }
 
 fn decode_connectivity(coder: &mut RangeDecoder, header: &Header) -> Result<Growth> {

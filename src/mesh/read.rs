@@ -18,16 +18,21 @@ pub const EXTENSIONS: [&str; 4] = ["ply", "obj", "glb", "gltf"];
 pub fn read(path: impl AsRef<Path>) -> Result<Mesh> {
     let path = path.as_ref();
     let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
+    parse(path, &bytes)
+}
+
+/// As [`read`], from bytes; `path` names the file in errors and finds what a glTF file refers to.
+fn parse(path: &Path, bytes: &[u8]) -> Result<Mesh> {
     if bytes.is_empty() {
         return Err(Error::input(path, "the mesh file is empty (0 bytes)"));
     }
     let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
     let mesh = if bytes.starts_with(b"ply") {
-        read_ply(path, &bytes)
+        read_ply(path, bytes)
     } else if bytes.starts_with(b"glTF") || extension == "gltf" {
-        read_gltf(path, &bytes)
+        read_gltf(path, bytes)
     } else if extension == "obj" {
-        read_obj(path, &bytes)
+        read_obj(path, bytes)
     } else {
         Err(Error::input(path, "not a mesh that tsuya reads: it should be PLY, OBJ, GLB or glTF"))
     }?;
@@ -48,7 +53,10 @@ fn check(path: &Path, mesh: &Mesh) -> Result<()> {
         }
     }
     if mesh.triangles.is_empty() {
-        return Err(Error::input(path, format!("the mesh has {count} vertices but no triangle; a point cloud can't be used")));
+        return Err(Error::input(
+            path,
+            format!("the mesh has {count} vertices but no triangle; a point cloud can't be used"),
+        ));
     }
     Ok(())
 }
@@ -117,7 +125,9 @@ impl PropertyAccess for PlyOther {
 
 fn read_ply(path: &Path, bytes: &[u8]) -> Result<Mesh> {
     let in_element = |element: &str, e: ply_rs_bw::parser::ParseError| {
-        Error::input(path, format!("{element}: {e} (truncated or damaged PLY?)"))
+        // The parser's messages run over several lines; the first two say where and what.
+        let text: Vec<_> = e.to_string().lines().take(2).map(|line| line.trim().to_owned()).collect();
+        Error::input(path, format!("{element}: {} (truncated or damaged PLY?)", text.join(" ")))
     };
     let mut reader = Reader::new(Cursor::new(bytes));
     let header = Parser::<PlyOther>::new().read_header(&mut reader).map_err(|e| in_element("PLY header", e))?;
@@ -137,7 +147,10 @@ fn read_ply(path: &Path, bytes: &[u8]) -> Result<Mesh> {
                 for (index, face) in faces.iter().enumerate() {
                     // Vertices may follow the faces in the file; `check` then finds the fault.
                     if let Some(corner) = face.0.iter().find(|&&v| count > 0 && v as usize >= count) {
-                        return Err(Error::input(path, format!("face {index} names vertex {corner}, the mesh has {count}")));
+                        return Err(Error::input(
+                            path,
+                            format!("face {index} names vertex {corner}, the mesh has {count}"),
+                        ));
                     }
                     push_fan(&mut mesh.triangles, &face.0);
                 }
@@ -179,16 +192,19 @@ impl BufRead for CountLines<'_> {
 fn read_obj(path: &Path, bytes: &[u8]) -> Result<Mesh> {
     let lines = std::rc::Rc::new(std::cell::Cell::new(0));
     let mut reader = CountLines { inner: Cursor::new(bytes), lines: lines.clone() };
-    let options = tobj::LoadOptions { triangulate: true, ignore_points: true, ignore_lines: true, ..Default::default() };
+    let options =
+        tobj::LoadOptions { triangulate: true, ignore_points: true, ignore_lines: true, ..Default::default() };
     // Materials are not needed, and a missing .mtl file must not matter.
     let no_materials = |_: &Path| Ok((Vec::new(), Default::default()));
-    let (models, _) = tobj::load_obj_buf(&mut reader, &options, no_materials)
-        .map_err(|e| Error::input(path, format!("{}: {e}", locate_obj_fault(bytes).unwrap_or(format!("line {}", lines.get())))))?;
+    let (models, _) = tobj::load_obj_buf(&mut reader, &options, no_materials).map_err(|e| {
+        Error::input(path, format!("{}: {e}", locate_obj_fault(bytes).unwrap_or(format!("line {}", lines.get()))))
+    })?;
     let mut mesh = Mesh::default();
     for model in models {
         let offset = mesh.positions.len() as u32;
         mesh.positions.extend(model.mesh.positions.chunks_exact(3).map(|p| [p[0], p[1], p[2]]));
-        mesh.triangles.extend(model.mesh.indices.chunks_exact(3).map(|t| [t[0] + offset, t[1] + offset, t[2] + offset]));
+        mesh.triangles
+            .extend(model.mesh.indices.chunks_exact(3).map(|t| [t[0] + offset, t[1] + offset, t[2] + offset]));
     }
     if mesh.positions.iter().flatten().any(|c| !c.is_finite()) {
         let place = locate_obj_fault(bytes).unwrap_or_default();
@@ -227,6 +243,18 @@ fn locate_obj_fault(bytes: &[u8]) -> Option<String> {
 
 fn read_gltf(path: &Path, bytes: &[u8]) -> Result<Mesh> {
     let damaged = |e: gltf::Error| Error::input(path, format!("glTF: {e}"));
+    // The glTF crate's validation itself takes the index of the positions on trust.
+    let unchecked = gltf::Gltf::from_slice_without_validation(bytes).map_err(damaged)?;
+    let json = unchecked.document.as_json();
+    for (mesh, part) in json.meshes.iter().enumerate() {
+        let mut attributes = part.primitives.iter().flat_map(|primitive| primitive.attributes.values());
+        if let Some(index) = attributes.find(|index| index.value() >= json.accessors.len()) {
+            return Err(Error::input(
+                path,
+                format!("glTF: mesh {mesh} names accessor {}, which is not there", index.value()),
+            ));
+        }
+    }
     let file = gltf::Gltf::from_slice(bytes).map_err(damaged)?;
     let buffers = gltf::import_buffers(&file.document, path.parent(), file.blob).map_err(damaged)?;
     let document = file.document;
@@ -273,7 +301,7 @@ fn append_primitive(
     let positions = primitive.get(&gltf::Semantic::Positions);
     let accessors = [("positions", positions), ("indices", primitive.indices())];
     for (name, accessor) in accessors.iter().filter_map(|(name, a)| Some((name, a.as_ref()?))) {
-        check_accessor(accessor).map_err(|e| Error::input(path, format!("{what}, {name}: {e}")))?;
+        check_accessor(name, accessor).map_err(|e| Error::input(path, format!("{what}, {name}: {e}")))?;
     }
     let reader = primitive.reader(|buffer| buffers.get(buffer.index()).map(|data| &data.0[..]));
     let Some(positions) = reader.read_positions() else {
@@ -308,8 +336,18 @@ fn append_primitive(
     Ok(())
 }
 
-/// Whether an accessor stays inside its view and the view inside its buffer, which the glTF crate takes on trust.
-fn check_accessor(accessor: &gltf::Accessor<'_>) -> std::result::Result<(), String> {
+/// Whether an accessor has the type of its use and stays inside its view, and the view inside its buffer: the glTF crate takes
+/// that on trust.
+fn check_accessor(name: &str, accessor: &gltf::Accessor<'_>) -> std::result::Result<(), String> {
+    use gltf::accessor::{DataType, Dimensions};
+    let (kind, shape) = (accessor.data_type(), accessor.dimensions());
+    let fits = match name {
+        "positions" => kind == DataType::F32 && shape == Dimensions::Vec3,
+        _ => matches!(kind, DataType::U8 | DataType::U16 | DataType::U32) && shape == Dimensions::Scalar,
+    };
+    if !fits {
+        return Err(format!("{kind:?} {shape:?} is not supported"));
+    }
     if accessor.sparse().is_some() {
         return Err("sparse accessors are not supported".into());
     }
@@ -325,3 +363,7 @@ fn check_accessor(accessor: &gltf::Accessor<'_>) -> std::result::Result<(), Stri
     }
     Ok(())
 }
+
+#[cfg(test)]
+#[path = "read_tests.rs"]
+mod tests;

@@ -9,8 +9,10 @@ use crate::entropy::{BitCoder, RangeDecoder};
 use crate::error::{Error, Result};
 use crate::image::{Mask, RgbImage};
 use crate::limits::Budget;
+use crate::quantise::dead_zone::DeadZone;
 use crate::residual::volume::{Workspace, restore};
 use crate::surface::patches::{LARGEST_SIDE_LOG2, PatchPoint};
+use crate::transform::colour::{self, Rotation};
 use crate::transform::daubechies::VolumeShape;
 
 /// A decoded section.
@@ -24,9 +26,8 @@ pub struct Decoded {
     pub views: usize,
     /// The reflection model; absent where the file was written without.
     pub model: Option<Model>,
-    /// For each patch and each plane (component slowest, then colour) the residual, linear radiance, signed: view by view, in
-    /// rows.
-    pub residual: Vec<Vec<Vec<f32>>>,
+    /// For each patch and each component the residual, linear radiance, signed: view by view, in rows.
+    pub residual: Vec<Vec<Vec<[f32; 3]>>>,
 }
 
 /// Reads a section for the given decoded mesh, components and number of views.
@@ -58,6 +59,7 @@ pub fn decode(bytes: &[u8], mesh: &Mesh, components: &[Component], views: usize,
         let mut coded = CodedModel {
             diffuse_scale: header.diffuse_scale,
             diffuse_step: header.diffuse_step,
+            rotation: header.rotations[0],
             diffuse: shapes.iter().map(|s| std::array::from_fn(|_| vec![0; s.area()])).collect(),
             specular_scale: header.specular_scale,
             lobes: vec![[0; 4]; if header.lobes { mesh.positions.len() } else { 0 }],
@@ -85,11 +87,28 @@ pub fn decode(bytes: &[u8], mesh: &Mesh, components: &[Component], views: usize,
         return Err(wrong(HEADER_BYTES, "bytes are left over after the last patch"));
     }
     let residual = parallel::map(shapes.len(), |patch| {
-        let mut work = Workspace::default();
-        let restored = |plane: &Vec<i32>| restore(plane, shapes[patch], views, header.quantiser, &mut work);
-        levels[patch].iter().map(restored).collect()
+        levels[patch]
+            .chunks_exact(3)
+            .zip(&header.rotations[1..])
+            .map(|(planes, rotation)| restore_component(planes, shapes[patch], views, &header.quantiser, rotation))
+            .collect()
     });
     Ok(Decoded { layout, components: components.to_vec(), views, model, residual })
+}
+
+/// One component's residual in one patch from its levels.
+fn restore_component(
+    planes: &[Vec<i32>],
+    shape: VolumeShape,
+    views: usize,
+    quantiser: &DeadZone,
+    rotation: &Rotation,
+) -> Vec<[f32; 3]> {
+    let coefficients: Vec<[f32; 3]> =
+        (0..shape.len()).map(|i| std::array::from_fn(|c| quantiser.dequantise(planes[c][i]))).collect();
+    let mut samples = restore(coefficients, shape, views, &mut Workspace::default());
+    samples.iter_mut().for_each(|x| *x = colour::inverse(rotation, *x));
+    samples
 }
 
 /// Codes the patches' sides, each by the one before it.
@@ -122,8 +141,8 @@ impl Decoded {
     /// `K_d` (the mean radiance where the lights were unknown) at a place of the surface.
     pub fn diffuse_reflectance(&self, triangle: u32, barycentric: [f64; 3]) -> Option<[f32; 3]> {
         let (patch, _, at) = self.layout.locate(triangle, barycentric)?;
-        let planes = &self.model.as_ref()?.diffuse[patch];
-        Some(std::array::from_fn(|c| read_grid(self.layout.side_log2[patch], at, |i| planes[c][i]).max(0.0)))
+        let grid = &self.model.as_ref()?.diffuse[patch];
+        Some(read_grid(self.layout.side_log2[patch], at, grid).map(|k| k.max(0.0)))
     }
     /// The highlight's parameters at a place of the surface.
     pub fn lobe(&self, triangle: u32, barycentric: [f64; 3]) -> Option<crate::reflectance::Lobe> {
@@ -171,15 +190,13 @@ impl Decoded {
         let point = self.layout.sample(patch, sample % side, sample / side)?;
         let model = predicted(self.model.as_ref(), &self.layout, &self.components, component, patch, sample, &point, view);
         let at = (index << (2 * side_log2)) + sample;
-        Some(std::array::from_fn(|c| model[c] + self.residual[patch][component * 3 + c][at]))
+        let residual = self.residual[patch][component][at];
+        Some(std::array::from_fn(|c| model[c] + residual[c]))
     }
     fn residual_at(&self, component: usize, view: usize, patch: usize, at: [f64; 2]) -> [f32; 3] {
         let side_log2 = self.layout.side_log2[patch];
         let start = view << (2 * side_log2);
-        std::array::from_fn(|c| {
-            let plane = &self.residual[patch][component * 3 + c];
-            read_grid(side_log2, at, |i| plane[start + i])
-        })
+        read_grid(side_log2, at, &self.residual[patch][component][start..])
     }
     fn modelled_at(&self, component: usize, view: &View, patch: usize, point: &PatchPoint, at: [f64; 2]) -> [f32; 3] {
         match (&self.model, self.components[component]) {

@@ -10,6 +10,7 @@ use crate::entropy::RangeEncoder;
 use crate::error::{Error, Result};
 use crate::quantise::dead_zone::DeadZone;
 use crate::residual::volume::{Effort, Workspace, truncate};
+use crate::transform::colour::{self, IDENTITY, Rotation};
 use crate::transform::daubechies::VolumeShape;
 
 /// How to encode.
@@ -82,9 +83,17 @@ pub fn encode(
         samples.layout.side_log2.iter().map(|&log2| VolumeShape::padded(log2, views, options.view_levels)).collect();
     let coefficients = samples.coefficients();
     let wanted = (coefficients as f64 * options.keep_percent / 100.0) as usize;
-    let volumes = Volumes { samples, components, model: decoded_model.as_ref(), shapes: &shapes, effort: options.effort };
-    let (mut planes, threshold) = volumes.largest(wanted);
-    let quantiser = DeadZone { threshold, step: threshold * options.relative_step };
+    let residuals = parallel::map(shapes.len(), |patch| residual(samples, components, decoded_model.as_ref(), patch));
+    let mut rotations = [model.map_or(IDENTITY, |m| m.rotation), IDENTITY, IDENTITY];
+    for component in 0..components.len() {
+        rotations[component + 1] = principal_colours(residuals.iter().map(|patch| &patch[component]));
+    }
+    let kept = if components.len() == 2 {
+        Volumes::<6>::new(samples, &residuals, &rotations, &shapes, options.effort).largest(wanted)
+    } else {
+        Volumes::<3>::new(samples, &residuals, &rotations, &shapes, options.effort).largest(wanted)
+    };
+    let quantiser = DeadZone { threshold: kept.threshold, step: kept.threshold * options.relative_step };
 
     let header = Header {
         modelled: model.is_some(),
@@ -98,6 +107,7 @@ pub fn encode(
         diffuse_scale: model.map_or(0.0, |m| m.diffuse_scale),
         diffuse_step: model.map_or(0.0, |m| m.diffuse_step),
         specular_scale: model.map_or(0.0, |m| m.specular_scale),
+        rotations,
     };
     let mut bytes = header.write();
     let mut coder = RangeEncoder::new();
@@ -107,104 +117,127 @@ pub fn encode(
     }
     let model_bytes = coder.len();
     let mut models = Models::new(components.len());
-    let mut kept = 0;
-    for (planes, &shape) in planes.iter_mut().zip(&shapes) {
-        let mut levels: Vec<Vec<i32>> = planes
-            .drain(..)
-            .map(|plane| match plane.is_empty() {
-                true => vec![0; shape.len()],
-                false => plane.iter().map(|&c| quantiser.quantise(c)).collect(),
-            })
-            .collect();
-        kept += levels.iter().flatten().filter(|q| **q != 0).count();
+    let mut count = 0;
+    for (coefficients, &shape) in kept.coefficients.iter().zip(&shapes) {
+        let mut levels = vec![vec![0; shape.len()]; components.len() * 3];
+        for &(index, coefficient) in coefficients {
+            let level = quantiser.quantise(coefficient);
+            count += (level != 0) as usize;
+            levels[index as usize % (components.len() * 3)][index as usize / (components.len() * 3)] = level;
+        }
         code_volume(&mut coder, &mut models, &mut levels, components.len(), shape);
     }
     bytes.extend(coder.finish());
-    Ok(Encoded { bytes, model_bytes, kept, coefficients })
+    Ok(Encoded { bytes, model_bytes, kept: count, coefficients })
 }
 
-/// The residual volumes of all patches.
-struct Volumes<'a> {
+/// The residual of one patch, one vector a component; zero where not visible.
+fn residual(samples: &Samples, components: &[Component], model: Option<&Model>, patch: usize) -> Vec<Vec<[f32; 3]>> {
+    let data = &samples.patches[patch];
+    let mut residual = data.radiance.clone();
+    let Some(model) = model else { return residual };
+    let layout = &samples.layout;
+    let (side, area) = (1usize << layout.side_log2[patch], 1usize << (2 * layout.side_log2[patch]));
+    for i in 0..area {
+        let Some(point) = layout.sample(patch, i % side, i / side) else { continue };
+        for (view, captured) in samples.views.iter().enumerate() {
+            let at = view * area + i;
+            if !data.visible[at] {
+                continue;
+            }
+            for (component, residual) in residual.iter_mut().enumerate() {
+                let modelled = predicted(Some(model), layout, components, component, patch, i, &point, captured);
+                (0..3).for_each(|c| residual[at][c] -= modelled[c]);
+            }
+        }
+    }
+    residual
+}
+
+/// Colour axes of one component's residual.
+fn principal_colours<'a>(residuals: impl Iterator<Item = &'a Vec<[f32; 3]>>) -> Rotation {
+    let mut moments = [[0.0f64; 3]; 3];
+    for x in residuals.flatten() {
+        (0..9).for_each(|k| moments[k / 3][k % 3] += x[k / 3] as f64 * x[k % 3] as f64);
+    }
+    colour::principal(moments)
+}
+
+/// The residual volumes of all patches, `L` planes (components and colour axes) interleaved.
+struct Volumes<'a, const L: usize> {
     samples: &'a Samples,
-    components: &'a [Component],
-    model: Option<&'a Model>,
+    residuals: &'a [Vec<Vec<[f32; 3]>>],
+    rotations: &'a [Rotation; 3],
     shapes: &'a [VolumeShape],
     effort: Effort,
 }
 
-impl Volumes<'_> {
-    /// The residual of one patch: its planes, zero where not visible.
-    fn residual(&self, patch: usize) -> Vec<Vec<f32>> {
-        let data = &self.samples.patches[patch];
-        let mut planes = data.planes.clone();
-        let Some(model) = self.model else { return planes };
-        let layout = &self.samples.layout;
-        let (side, area) = (self.shapes[patch].side(), self.shapes[patch].area());
-        for i in 0..area {
-            let Some(point) = layout.sample(patch, i % side, i / side) else { continue };
-            for (view, captured) in self.samples.views.iter().enumerate() {
-                let at = view * area + i;
-                if !data.visible[at] {
-                    continue;
-                }
-                for component in 0..self.components.len() {
-                    let modelled =
-                        predicted(Some(model), layout, self.components, component, patch, i, &point, captured);
-                    (0..3).for_each(|c| planes[component * 3 + c][at] -= modelled[c]);
-                }
+/// What [`Volumes::largest`] keeps.
+struct Kept {
+    /// Per patch the coefficients: their place, interleaved by planes, and value.
+    coefficients: Vec<Vec<(u32, f32)>>,
+    /// The smallest magnitude among them.
+    threshold: f32,
+}
+
+impl<'a, const L: usize> Volumes<'a, L> {
+    fn new(
+        samples: &'a Samples,
+        residuals: &'a [Vec<Vec<[f32; 3]>>],
+        rotations: &'a [Rotation; 3],
+        shapes: &'a [VolumeShape],
+        effort: Effort,
+    ) -> Self {
+        Volumes { samples, residuals, rotations, shapes, effort }
+    }
+    /// Coefficients of one patch above a threshold.
+    fn coefficients(&self, patch: usize, threshold: f32) -> Vec<[f32; L]> {
+        let components = &self.residuals[patch];
+        let mut planes = vec![[0.0f32; L]; components.first().map_or(0, |c| c.len())];
+        for (component, residual) in components.iter().enumerate() {
+            let rotation = &self.rotations[component + 1];
+            for (planes, x) in planes.iter_mut().zip(residual) {
+                planes[component * 3..component * 3 + 3].copy_from_slice(&colour::forward(rotation, *x));
             }
         }
-        planes
+        let visible = &self.samples.patches[patch].visible;
+        truncate(&planes, visible, self.shapes[patch], threshold, self.effort, &mut Workspace::default())
     }
-    /// Coefficients of one patch above a threshold; an empty plane is zero.
-    fn coefficients(&self, patch: usize, threshold: f32, effort: Effort, residual: &[Vec<f32>]) -> Vec<Vec<f32>> {
-        let mut work = Workspace::default();
-        let (visible, shape) = (&self.samples.patches[patch].visible, self.shapes[patch]);
-        residual
-            .iter()
-            .map(|plane| {
-                let kept = truncate(plane, visible, shape, threshold, effort, &mut work);
-                if kept.iter().all(|c| *c == 0.0) { Vec::new() } else { kept }
-            })
-            .collect()
-    }
-    /// The `wanted` largest coefficients of all patches, and the smallest magnitude among them.
-    fn largest(&self, wanted: usize) -> (Vec<Vec<Vec<f32>>>, f32) {
+    /// The `wanted` largest coefficients of all patches.
+    fn largest(&self, wanted: usize) -> Kept {
         let count = self.shapes.len();
         if wanted == 0 || count == 0 {
-            return (self.shapes.iter().map(|_| vec![Vec::new(); self.components.len() * 3]).collect(), 1.0);
+            return Kept { coefficients: vec![Vec::new(); count], threshold: 1.0 };
         }
         // Which samples are free depends on the threshold, and the threshold on the filling: it is sought on some of the
         // patches, a little too low, and the last coefficients are taken out of all.
-        let some: Vec<usize> = (0..count).step_by((count / 400).clamp(1, 12)).collect();
-        let share = some.iter().map(|&p| self.shapes[p].area()).sum::<usize>() as f64
-            / self.shapes.iter().map(|s| s.area()).sum::<usize>() as f64;
-        let residuals = parallel::map(some.len(), |i| self.residual(some[i]));
+        let some: Vec<usize> = (0..count).step_by((count / 100).clamp(1, 23)).collect();
+        let area = |patches: &mut dyn Iterator<Item = usize>| patches.map(|p| self.shapes[p].area()).sum::<usize>() as f64;
+        let share = area(&mut some.iter().copied()) / area(&mut (0..count));
         let kept = |threshold: f32| -> usize {
-            let counts = parallel::map(some.len(), |i| {
-                let planes = self.coefficients(some[i], threshold, self.effort, &residuals[i]);
-                planes.iter().flatten().filter(|c| **c != 0.0).count()
-            });
-            counts.iter().sum()
+            let count = |i: usize| self.coefficients(some[i], threshold).iter().flatten().filter(|c| **c != 0.0).count();
+            parallel::map(some.len(), count).iter().sum()
         };
         let target = 1.02 * share * wanted as f64;
-        let largest = residuals.iter().flatten().flatten().fold(0.0f32, |m, x| m.max(x.abs()));
-        let (mut low, mut high) = ((largest * 1e-7).max(1e-20).ln(), (largest.max(1e-12) * 1e3).ln());
-        while high - low > 0.01 {
+        let sampled = some.iter().flat_map(|&p| self.residuals[p].iter().flatten().flatten());
+        let largest = sampled.fold(0.0f32, |m, x| m.max(x.abs()));
+        let (mut low, mut high) = ((largest * 1e-6).max(1e-20).ln(), (largest.max(1e-12) * 100.0).ln());
+        while high - low > 0.02 {
             let middle = 0.5 * (low + high);
             if kept(middle.exp()) as f64 > target { low = middle } else { high = middle }
         }
         let threshold = low.exp();
-        let planes =
-            parallel::map(count, |patch| self.coefficients(patch, threshold, self.effort, &self.residual(patch)));
-        let mut magnitudes: Vec<f32> =
-            planes.iter().flatten().flatten().map(|c| c.abs()).filter(|c| *c > 0.0).collect();
+        let coefficients = parallel::map(count, |patch| {
+            let coefficients = self.coefficients(patch, threshold);
+            let places = coefficients.iter().flatten().enumerate().filter(|(_, c)| **c != 0.0);
+            places.map(|(i, &c)| (i as u32, c)).collect::<Vec<_>>()
+        });
+        let mut magnitudes: Vec<f32> = coefficients.iter().flatten().map(|(_, c)| c.abs()).collect();
         if magnitudes.len() <= wanted {
-            return (planes, threshold);
+            return Kept { coefficients, threshold };
         }
         let (_, least, _) = magnitudes.select_nth_unstable_by(wanted - 1, |a, b| b.total_cmp(a));
-        let least = *least;
-        (planes, least)
+        Kept { coefficients, threshold: *least }
     }
 }
 
@@ -229,7 +262,7 @@ pub fn sample_errors(samples: &Samples, decoded: &Decoded, white: [f64; 3]) -> V
             for (component, sum) in sums.iter_mut().enumerate() {
                 let Some(found) = decoded.sample(component, view, &samples.views[view], patch, sample) else { continue };
                 for c in 0..3 {
-                    let measured = data.planes[component * 3 + c][at] as f64 / white[c];
+                    let measured = data.radiance[component][at][c] as f64 / white[c];
                     let found = found[c] as f64 / white[c];
                     sum[0] += (measured - found).powi(2);
                     sum[1] += (measured.max(0.0).sqrt() - found.max(0.0).sqrt()).powi(2);

@@ -19,8 +19,7 @@ pub fn fit(samples: &Samples, components: &[Component]) -> Model {
     let diffuse = parallel::map(samples.patches.len(), |patch| match diffuse_component {
         Some(component) => fit_diffuse(samples, patch, component, relightable),
         None => {
-            let area = 1 << (2 * samples.layout.side_log2[patch]);
-            std::array::from_fn(|_| vec![0.0; area])
+            vec![[0.0; 3]; 1 << (2 * samples.layout.side_log2[patch])]
         }
     });
     let lobes = match specular_component {
@@ -30,12 +29,12 @@ pub fn fit(samples: &Samples, components: &[Component]) -> Model {
     Model { relightable, diffuse, lobes }
 }
 
-fn fit_diffuse(samples: &Samples, patch: usize, component: usize, relightable: bool) -> [Vec<f32>; 3] {
+fn fit_diffuse(samples: &Samples, patch: usize, component: usize, relightable: bool) -> Vec<[f32; 3]> {
     let layout = &samples.layout;
     let side_log2 = layout.side_log2[patch];
     let (side, area) = (1usize << side_log2, 1usize << (2 * side_log2));
     let data = &samples.patches[patch];
-    let mut planes: [Vec<f32>; 3] = std::array::from_fn(|_| vec![0.0; area]);
+    let mut grid = vec![[0.0; 3]; area];
     let mut known = vec![false; area];
     for i in 0..area {
         let Some(point) = layout.sample(patch, i % side, i / side) else { continue };
@@ -46,7 +45,7 @@ fn fit_diffuse(samples: &Samples, patch: usize, component: usize, relightable: b
             if !data.visible[at] {
                 continue;
             }
-            let radiance = std::array::from_fn(|c| data.planes[component * 3 + c][at]);
+            let radiance = data.radiance[component][at];
             let centre = captured.camera.centre();
             match &captured.light {
                 Some(light) if relightable => {
@@ -61,15 +60,15 @@ fn fit_diffuse(samples: &Samples, patch: usize, component: usize, relightable: b
         }
         if let Some(diffuse) = sums.solve() {
             known[i] = true;
-            (0..3).for_each(|c| planes[c][i] = diffuse[c]);
+            grid[i] = diffuse;
         }
     }
-    spread(&mut planes, &mut known, side);
-    planes
+    spread(&mut grid, &mut known, side);
+    grid
 }
 
 /// Gives samples that nothing saw the mean of their neighbours, ring by ring.
-fn spread(planes: &mut [Vec<f32>; 3], known: &mut [bool], side: usize) {
+fn spread(grid: &mut [[f32; 3]], known: &mut [bool], side: usize) {
     while known.contains(&true) && known.contains(&false) {
         let before = known.to_vec();
         for i in 0..known.len() {
@@ -80,12 +79,12 @@ fn spread(planes: &mut [Vec<f32>; 3], known: &mut [bool], side: usize) {
             let (mut sum, mut count) = ([0.0f32; 3], 0.0);
             for (nx, ny) in [(x.wrapping_sub(1), y), (x + 1, y), (x, y.wrapping_sub(1)), (x, y + 1)] {
                 if nx < side && ny < side && before[ny * side + nx] {
-                    (0..3).for_each(|c| sum[c] += planes[c][ny * side + nx]);
+                    (0..3).for_each(|c| sum[c] += grid[ny * side + nx][c]);
                     count += 1.0;
                 }
             }
             if count > 0.0 {
-                (0..3).for_each(|c| planes[c][i] = sum[c] / count);
+                grid[i] = sum.map(|s| s / count);
                 known[i] = true;
             }
         }
@@ -141,8 +140,7 @@ fn gather(samples: &Samples, patch: usize, vertex: u32, component: usize, sighti
             let at = view * area + i;
             let (true, Some(light)) = (data.visible[at], &captured.light) else { continue };
             let geometry = crate::reflectance::Geometry::new(position, normal, captured.camera.centre(), light);
-            let radiance = std::array::from_fn(|c| data.planes[component * 3 + c][at]);
-            sightings.push(Sighting { radiance, geometry });
+            sightings.push(Sighting { radiance: data.radiance[component][at], geometry });
         }
     }
 }

@@ -88,19 +88,51 @@ impl Layout {
     }
 }
 
-/// Reads a patch's grid at `(u, v)`: bilinear between the four nearest samples, extended linearly at the borders.
-/// `value(index)` gives a sample, in rows.
-pub fn read_grid(side_log2: u8, [u, v]: [f64; 2], value: impl Fn(usize) -> f32) -> f32 {
+/// Reads a patch's grid (in rows) at `(u, v)` by cubic convolution (Catmull-Rom); beyond the outermost samples the grid is
+/// continued linearly.
+pub fn read_grid(side_log2: u8, [u, v]: [f64; 2], grid: &[[f32; 3]]) -> [f32; 3] {
     let side = 1usize << side_log2;
-    let split = |x: f64| {
-        let x = x * side as f64 - 0.5;
-        let cell = (x.floor().max(0.0) as usize).min(side - 2);
-        (cell, (x - cell as f64) as f32)
+    let (columns, rows) = (taps(u, side), taps(v, side));
+    let mut sum = [0.0f32; 3];
+    for (row, wy) in rows {
+        for (column, wx) in columns {
+            let x = grid[row * side + column];
+            (0..3).for_each(|c| sum[c] += wx * wy * x[c]);
+        }
+    }
+    sum
+}
+
+/// Four samples along an axis and their weights at `x` in `0..=1`.
+fn taps(x: f64, side: usize) -> [(usize, f32); 4] {
+    let x = x * side as f64 - 0.5;
+    let cell = (x.floor().max(0.0) as usize).min(side - 2);
+    let t = (x - cell as f64) as f32;
+    if !(0.0..=1.0).contains(&t) {
+        return [(cell, 1.0 - t), (cell + 1, t), (cell, 0.0), (cell, 0.0)];
+    }
+    let s = 1.0 - t;
+    // Keys' kernel, a = -1/2.
+    let (mut before, mut first, mut second, mut after) =
+        (-0.5 * t * s * s, 1.0 - t * t * (2.5 - 1.5 * t), 1.0 - s * s * (2.5 - 1.5 * s), -0.5 * s * t * t);
+    // A missing outer sample is continued: 2 x1 - x2.
+    let left = if cell == 0 {
+        first += 2.0 * before;
+        second -= before;
+        before = 0.0;
+        cell
+    } else {
+        cell - 1
     };
-    let ((column, fx), (row, fy)) = (split(u), split(v));
-    let at = |dx: usize, dy: usize| value((row + dy) * side + column + dx);
-    let blend = |a: f32, b: f32, f: f32| a + f * (b - a);
-    blend(blend(at(0, 0), at(1, 0), fx), blend(at(0, 1), at(1, 1), fx), fy)
+    let right = if cell + 2 >= side {
+        second += 2.0 * after;
+        first -= after;
+        after = 0.0;
+        cell + 1
+    } else {
+        cell + 2
+    };
+    [(left, before), (cell, first), (cell + 1, second), (right, after)]
 }
 
 #[cfg(test)]
@@ -111,8 +143,9 @@ mod tests {
     fn grids_are_read_as_planes() {
         // A linear function of (u, v) comes back everywhere, the borders included.
         let value = |i: usize| ((i % 4) as f32 + 0.5) / 4.0 * 2.0 - ((i / 4) as f32 + 0.5) / 4.0;
+        let grid: Vec<[f32; 3]> = (0..16).map(|i| [value(i); 3]).collect();
         for (u, v) in [(0.0, 0.0), (1.0, 0.3), (0.51, 0.77), (1.0, 1.0)] {
-            assert!((read_grid(2, [u, v], value) as f64 - (2.0 * u - v)).abs() < 1e-6);
+            assert!((read_grid(2, [u, v], &grid)[1] as f64 - (2.0 * u - v)).abs() < 1e-6);
         }
     }
 }

@@ -23,13 +23,14 @@ pub use encode::{Encoded, Options, SampleError, encode};
 pub use samples::{Frame, Samples};
 
 use crate::quantise::dead_zone::DeadZone;
+use crate::transform::colour::{IDENTITY, Rotation};
 
 /// The section's four letters.
 pub const TAG: &str = "PAPR";
 /// Version of the section; 0 is experimental.
 const VERSION: u8 = 0;
 /// Bytes before the range coded part.
-const HEADER_BYTES: usize = 36;
+const HEADER_BYTES: usize = 32 + 3 * 36;
 /// Most levels of the transform along the views.
 const MOST_VIEW_LEVELS: u8 = 7;
 
@@ -47,6 +48,8 @@ struct Header {
     diffuse_scale: f32,
     diffuse_step: f32,
     specular_scale: f32,
+    /// Of `sqrt(K_d)` and of the components' residuals.
+    rotations: [Rotation; 3],
 }
 
 impl Header {
@@ -60,20 +63,21 @@ impl Header {
         for number in [threshold, step, self.diffuse_scale, self.diffuse_step, self.specular_scale] {
             bytes.extend(number.to_le_bytes());
         }
-        // Reserved.
-        bytes.extend([0; 4]);
+        for number in self.rotations.iter().flatten().flatten() {
+            bytes.extend(number.to_le_bytes());
+        }
         bytes
     }
     fn read(bytes: &[u8]) -> crate::Result<Header> {
         let wrong = |offset: usize, message: &str| crate::Error::format(TAG, offset as u64, message);
         let Some(header) = bytes.first_chunk::<HEADER_BYTES>() else {
-            return Err(wrong(bytes.len(), "shorter than its header of 36 bytes"));
+            return Err(wrong(bytes.len(), "shorter than its header of 140 bytes"));
         };
         let [version, flags, components, view_levels] = [header[0], header[1], header[2], header[3]];
         if version != VERSION {
             return Err(crate::Error::Unsupported(format!("version {version} of section {TAG}")));
         }
-        if flags > 7 || header[32..] != [0; 4] {
+        if flags > 7 {
             return Err(wrong(1, "reserved bits are set"));
         }
         if !(1..=2).contains(&components) {
@@ -88,6 +92,13 @@ impl Header {
             let valid = number.is_finite() && (0.0..=1e30).contains(&number);
             if valid { Ok(number) } else { Err(wrong(offset, "a number in 0..=1e30 expected")) }
         };
+        let mut rotations = [IDENTITY; 3];
+        for (k, number) in rotations.iter_mut().flatten().flatten().enumerate() {
+            *number = f32::from_le_bytes(word(32 + 4 * k));
+            if !(-1.001..=1.001).contains(number) {
+                return Err(wrong(32 + 4 * k, "a rotation's element in -1..=1 expected"));
+            }
+        }
         Ok(Header {
             modelled: flags & 1 != 0,
             relightable: flags & 2 != 0,
@@ -100,6 +111,7 @@ impl Header {
             diffuse_scale: number(20)?,
             diffuse_step: number(24)?,
             specular_scale: number(28)?,
+            rotations,
         })
     }
 }

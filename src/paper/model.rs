@@ -8,6 +8,7 @@ use crate::quantise::dead_zone::DeadZone;
 use crate::reflectance::torrance_sparrow::SIGMA_RANGE;
 use crate::reflectance::{Lobe, lambert, torrance_sparrow};
 use crate::surface::patches::PatchPoint;
+use crate::transform::colour::{self, Rotation};
 use crate::transform::daubechies::{self, VolumeShape};
 
 /// Levels of `sqrt(K_s)`.
@@ -22,7 +23,9 @@ pub struct CodedModel {
     pub diffuse_scale: f32,
     /// Step of the wavelet coefficients of `sqrt(K_d / diffuse_scale)`.
     pub diffuse_step: f32,
-    /// For each patch three planes of wavelet levels.
+    /// Colour axes of `sqrt(K_d / diffuse_scale)`.
+    pub rotation: Rotation,
+    /// For each patch three planes of wavelet levels, one a colour axis.
     pub diffuse: Vec<[Vec<i32>; 3]>,
     /// `K_s` of the highest level.
     pub specular_scale: f32,
@@ -35,8 +38,8 @@ pub struct CodedModel {
 pub struct Model {
     /// Whether the lights were known; if not `diffuse` is a radiance and there are no lobes.
     pub relightable: bool,
-    /// `K_d` (or the mean radiance) at each sample of each patch: three planes, in rows.
-    pub diffuse: Vec<[Vec<f32>; 3]>,
+    /// `K_d` (or the mean radiance) at each sample of each patch, in rows.
+    pub diffuse: Vec<Vec<[f32; 3]>>,
     /// The lobe at each vertex; empty without a specular component.
     pub lobes: Vec<Lobe>,
 }
@@ -95,12 +98,15 @@ impl CodedModel {
         let quantiser = self.quantiser();
         let diffuse = self.diffuse.iter().zip(&layout.side_log2).map(|(planes, &side_log2)| {
             let shape = VolumeShape { side_log2, views: 1, view_levels: 0 };
-            std::array::from_fn(|c| {
-                let mut plane: Vec<f32> = planes[c].iter().map(|&q| quantiser.dequantise(q)).collect();
-                daubechies::inverse(&mut plane, shape, &mut scratch);
-                plane.iter_mut().for_each(|s| *s = s.max(0.0) * s.max(0.0) * self.diffuse_scale);
-                plane
-            })
+            let mut grid: Vec<[f32; 3]> = (0..shape.area())
+                .map(|i| std::array::from_fn(|c| quantiser.dequantise(planes[c].get(i).copied().unwrap_or(0))))
+                .collect();
+            daubechies::inverse(&mut grid, shape, &mut scratch);
+            grid.iter_mut().for_each(|axes| {
+                let roots = colour::inverse(&self.rotation, *axes);
+                *axes = roots.map(|s| s.max(0.0) * s.max(0.0) * self.diffuse_scale);
+            });
+            grid
         });
         let lobe = |levels: &[u8; 4]| {
             let root = |q: u8| q as f32 / SPECULAR_LEVELS;
@@ -117,16 +123,20 @@ impl CodedModel {
     pub fn quantise(model: &Model, layout: &Layout, diffuse_step: f32) -> CodedModel {
         let diffuse_scale = model.diffuse.iter().flatten().flatten().copied().fold(0.0, f32::max).max(1e-12);
         let specular_scale = model.lobes.iter().flat_map(|l| l.specular).fold(0.0, f32::max).max(1e-12);
-        let mut coded = CodedModel { diffuse_scale, diffuse_step, specular_scale, ..Default::default() };
+        let roots = |diffuse: &[f32; 3]| diffuse.map(|k| (k / diffuse_scale).sqrt());
+        let mut moments = [[0.0f64; 3]; 3];
+        for s in model.diffuse.iter().flatten().map(roots) {
+            (0..9).for_each(|k| moments[k / 3][k % 3] += s[k / 3] as f64 * s[k % 3] as f64);
+        }
+        let rotation = colour::principal(moments);
+        let mut coded = CodedModel { diffuse_scale, diffuse_step, rotation, specular_scale, ..Default::default() };
         let quantiser = coded.quantiser();
         let mut scratch = Vec::new();
-        for (planes, &side_log2) in model.diffuse.iter().zip(&layout.side_log2) {
+        for (grid, &side_log2) in model.diffuse.iter().zip(&layout.side_log2) {
             let shape = VolumeShape { side_log2, views: 1, view_levels: 0 };
-            coded.diffuse.push(std::array::from_fn(|c| {
-                let mut plane: Vec<f32> = planes[c].iter().map(|k| (k / diffuse_scale).sqrt()).collect();
-                daubechies::forward(&mut plane, shape, &mut scratch);
-                plane.iter().map(|&s| quantiser.quantise(s)).collect()
-            }));
+            let mut axes: Vec<[f32; 3]> = grid.iter().map(|k| colour::forward(&rotation, roots(k))).collect();
+            daubechies::forward(&mut axes, shape, &mut scratch);
+            coded.diffuse.push(std::array::from_fn(|c| axes.iter().map(|a| quantiser.quantise(a[c])).collect()));
         }
         let (low, high) = (SIGMA_RANGE.0.ln(), SIGMA_RANGE.1.ln());
         for lobe in &model.lobes {
@@ -148,8 +158,7 @@ impl Model {
         point: &PatchPoint,
         view: &View,
     ) -> [f32; 3] {
-        let diffuse = std::array::from_fn(|c| self.diffuse[patch][c][index]);
-        self.shade(layout, patch, point, view, diffuse)
+        self.shade(layout, patch, point, view, self.diffuse[patch][index])
     }
     /// Modelled radiance of the diffuse (or only) component anywhere on a patch.
     pub(super) fn diffuse_at(
@@ -160,11 +169,8 @@ impl Model {
         at: [f64; 2],
         view: &View,
     ) -> [f32; 3] {
-        let diffuse = std::array::from_fn(|c| {
-            let plane = &self.diffuse[patch][c];
-            read_grid(layout.side_log2[patch], at, |i| plane[i]).max(0.0)
-        });
-        self.shade(layout, patch, point, view, diffuse)
+        let diffuse = read_grid(layout.side_log2[patch], at, &self.diffuse[patch]);
+        self.shade(layout, patch, point, view, diffuse.map(|k| k.max(0.0)))
     }
     fn shade(&self, layout: &Layout, patch: usize, point: &PatchPoint, view: &View, diffuse: [f32; 3]) -> [f32; 3] {
         match (self.relightable, &view.light) {

@@ -23,8 +23,8 @@ pub struct Frame<'a> {
 pub struct PatchSamples {
     /// Per view and sample, view by view and row by row: whether the photograph shows it.
     pub visible: Vec<bool>,
-    /// For each component and colour (component slowest) the linear radiance, in the order of `visible`; zero where not visible.
-    pub planes: Vec<Vec<f32>>,
+    /// For each component the linear radiance, in the order of `visible`; zero where not visible.
+    pub radiance: Vec<Vec<[f32; 3]>>,
 }
 
 /// What the photographs show of the whole surface.
@@ -41,7 +41,7 @@ pub struct Samples {
 }
 
 /// Least cosine between a triangle's normal and the view that counts as seen.
-const LEAST_COSINE: f64 = 0.1;
+const LEAST_COSINE: f64 = 0.05;
 
 impl Samples {
     /// Chooses the patches' sides for `density` samples per photograph pixel (where a patch is seen largest), casts the
@@ -62,7 +62,7 @@ impl Samples {
             let area = side * side;
             let mut patch = PatchSamples {
                 visible: vec![false; frames.len() * area],
-                planes: vec![vec![0.0; frames.len() * area]; components * 3],
+                radiance: vec![vec![[0.0; 3]; frames.len() * area]; components],
             };
             for i in 0..area {
                 let Some(point) = layout.sample(index, i % side, i / side) else { continue };
@@ -79,10 +79,7 @@ impl Samples {
                     }
                     patch.visible[view * area + i] = true;
                     for (component, spline) in splines[view].iter().enumerate() {
-                        let radiance = spline.read(at);
-                        for c in 0..3 {
-                            patch.planes[component * 3 + c][view * area + i] = radiance[c];
-                        }
+                        patch.radiance[component][view * area + i] = spline.read(at);
                     }
                 }
             }

@@ -6,8 +6,6 @@ use crate::entropy::{BitCoder, BitModel, Number};
 use crate::quantise::dead_zone::LARGEST_LEVEL;
 use crate::transform::daubechies::VolumeShape;
 
-/// Colours in the order in which they are coded: green, red, blue.
-const COLOUR_ORDER: [usize; 3] = [1, 0, 2];
 /// Distinct view bands of a volume: one low and at most 7 levels.
 const VIEW_BANDS: usize = 8;
 /// Distinct levels of a picture: one low and at most 4.
@@ -44,7 +42,7 @@ impl Models {
     }
 }
 
-/// Codes the planes of one patch: three colours for each component, component slowest, each `shape.len()` levels.
+/// Codes the planes of one patch: three colour axes for each component, component slowest, each `shape.len()` levels.
 /// In decoding the planes come in as zeros.
 pub(super) fn code_volume<C: BitCoder>(
     coder: &mut C,
@@ -80,7 +78,7 @@ pub(super) fn code_volume<C: BitCoder>(
     }
 }
 
-/// The three colours of one position.
+/// The three colour axes of one position.
 fn code_position<C: BitCoder>(
     coder: &mut C,
     models: &mut ComponentModels,
@@ -89,12 +87,12 @@ fn code_position<C: BitCoder>(
     position: Position,
 ) {
     let at = position.index;
-    for (order, &colour) in COLOUR_ORDER.iter().enumerate() {
-        let plane = &planes[colour];
+    for order in 0..3 {
+        let plane = &planes[order];
         let size = |index: Option<usize>| index.map_or(0, |i| plane[i].unsigned_abs().min(2)) as usize;
         let near = 2 * size(position.left) + 2 * size(position.up) + size(position.before) + size(position.diagonal);
         let near = [0, 1, 2, 3, 4, 5, 5, 6, 6, 6, 7, 7, 7][near.min(12)];
-        let earlier = |k: usize| if k < order { planes[COLOUR_ORDER[k]][at] } else { 0 };
+        let earlier = |k: usize| if k < order { planes[k][at] } else { 0 };
         let (one, two) = (earlier(0), earlier(1));
         let colours = one.unsigned_abs().min(2) as usize * 3 + two.unsigned_abs().min(2) as usize;
         let parents = size(position.parent) * 3 + size(position.view_parent);
@@ -114,7 +112,7 @@ fn code_position<C: BitCoder>(
         let around = (near / 2 + (colours > 0) as usize + (parents > 0) as usize).min(5);
         let more = models.magnitude[around].code(coder, plane[at].unsigned_abs().wrapping_sub(1));
         let level = (more.min(LARGEST_LEVEL as u32 - 1) + 1) as i32;
-        planes[colour][at] = if negative { -level } else { level };
+        planes[order][at] = if negative { -level } else { level };
     }
 }
 

@@ -3,6 +3,7 @@
 #[cfg(feature = "encode")]
 pub mod levenberg_marquardt;
 
+pub mod code;
 pub mod geometry;
 pub mod lambert;
 pub mod maps;

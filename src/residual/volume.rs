@@ -2,15 +2,20 @@
 //!
 //! Samples that no photograph shows are free: they are filled so that few coefficients describe the visible ones.
 
-use crate::quantise::dead_zone::DeadZone;
 use crate::transform::daubechies::{self, VolumeShape};
 
-/// Working memory of [`truncate`] and [`restore`].
-#[derive(Debug, Default)]
-pub struct Workspace {
-    scratch: Vec<f32>,
-    filled: Vec<f32>,
-    kept: Vec<bool>,
+/// Working memory for volumes of `L` interleaved planes.
+#[derive(Debug)]
+pub struct Workspace<const L: usize> {
+    scratch: Vec<[f32; L]>,
+    filled: Vec<[f32; L]>,
+    kept: Vec<[f32; L]>,
+}
+
+impl<const L: usize> Default for Workspace<L> {
+    fn default() -> Self {
+        Workspace { scratch: Vec::new(), filled: Vec::new(), kept: Vec::new() }
+    }
 }
 
 /// How many times [`truncate`] goes through the free samples.
@@ -28,76 +33,79 @@ impl Default for Effort {
     }
 }
 
-/// The coefficients of one volume, those below `threshold` zero.
+/// The coefficients of `L` volumes that see the same samples, those below `threshold` zero.
 ///
 /// `residual` and `visible` hold `shape.area()` samples for each of the captured views, at most `shape.views`; views
 /// that the shape pads are free, as are samples that are not visible. Alternating projections: transform, keep the large
 /// coefficients, put the visible samples back.
 #[cfg(feature = "encode")]
-pub fn truncate(
-    residual: &[f32],
+pub fn truncate<const L: usize>(
+    residual: &[[f32; L]],
     visible: &[bool],
     shape: VolumeShape,
     threshold: f32,
     effort: Effort,
-    work: &mut Workspace,
-) -> Vec<f32> {
-    let mut coefficients = vec![0.0; shape.len()];
+    work: &mut Workspace<L>,
+) -> Vec<[f32; L]> {
     let Workspace { scratch, filled, kept } = work;
     fill_along_views(residual, visible, shape, filled);
-    if filled.iter().all(|x| *x == 0.0) {
-        return coefficients;
+    // The transform keeps the energy: less of it than the threshold's in all lanes leaves nothing.
+    let energy = filled.iter().fold([0.0f32; L], |sum, x| std::array::from_fn(|l| sum[l] + x[l] * x[l]));
+    if energy.iter().all(|e| *e < threshold * threshold) {
+        return Vec::new();
     }
+    let mut coefficients = filled.clone();
     for round in 0..effort.choosing {
-        coefficients.copy_from_slice(filled);
         daubechies::forward(&mut coefficients, shape, scratch);
         // High thresholds first: the large coefficients settle before the small ones divide what is left.
         let left = (effort.choosing - 1 - round) as f32 / effort.choosing as f32;
-        let level = threshold * (1.0 + 3.0 * left);
-        coefficients.iter_mut().for_each(|c| *c = if c.abs() < level { 0.0 } else { *c });
+        cut(&mut coefficients, threshold * (1.0 + 3.0 * left));
         daubechies::inverse(&mut coefficients, shape, scratch);
-        replace_free(filled, &coefficients, visible);
+        restore_visible(&mut coefficients, filled, visible);
     }
-    coefficients.copy_from_slice(filled);
     daubechies::forward(&mut coefficients, shape, scratch);
+    cut(&mut coefficients, threshold);
     kept.clear();
-    kept.extend(coefficients.iter().map(|c| c.abs() >= threshold));
-    if !kept.contains(&true) {
-        coefficients.fill(0.0);
-        return coefficients;
+    kept.extend(coefficients.iter().map(|c| c.map(|c| if c == 0.0 { 0.0 } else { 1.0 })));
+    if kept.iter().flatten().all(|k| *k == 0.0) {
+        return Vec::new();
     }
-    mask(&mut coefficients, kept);
     for _ in 0..effort.fitting {
         daubechies::inverse(&mut coefficients, shape, scratch);
-        replace_free(filled, &coefficients, visible);
-        coefficients.copy_from_slice(filled);
+        restore_visible(&mut coefficients, filled, visible);
         daubechies::forward(&mut coefficients, shape, scratch);
-        mask(&mut coefficients, kept);
+        coefficients.iter_mut().zip(kept.iter()).for_each(|(c, kept)| (0..L).for_each(|l| c[l] *= kept[l]));
     }
-    coefficients.iter_mut().for_each(|c| *c = if c.abs() < threshold { 0.0 } else { *c });
+    cut(&mut coefficients, threshold);
     coefficients
 }
 
-/// The samples of the captured views from quantised coefficients.
-pub fn restore(levels: &[i32], shape: VolumeShape, views: usize, quantiser: DeadZone, work: &mut Workspace) -> Vec<f32> {
-    let mut samples: Vec<f32> = levels.iter().map(|&q| quantiser.dequantise(q)).collect();
-    if levels.iter().any(|&q| q != 0) {
-        daubechies::inverse(&mut samples, shape, &mut work.scratch);
+/// The samples of the captured views from quantised coefficients, `L` volumes at once.
+pub fn restore<const L: usize>(
+    mut coefficients: Vec<[f32; L]>,
+    shape: VolumeShape,
+    views: usize,
+    work: &mut Workspace<L>,
+) -> Vec<[f32; L]> {
+    if coefficients.iter().flatten().any(|c| *c != 0.0) {
+        daubechies::inverse(&mut coefficients, shape, &mut work.scratch);
     }
-    samples.truncate(views * shape.area());
-    samples
+    coefficients.truncate(views * shape.area());
+    coefficients
 }
 
 #[cfg(feature = "encode")]
-fn mask(values: &mut [f32], kept: &[bool]) {
-    values.iter_mut().zip(kept).for_each(|(value, kept)| *value = if *kept { *value } else { 0.0 });
+fn cut<const L: usize>(coefficients: &mut [[f32; L]], threshold: f32) {
+    for c in coefficients {
+        *c = c.map(|c| if c.abs() < threshold { 0.0 } else { c });
+    }
 }
 
 #[cfg(feature = "encode")]
-fn replace_free(filled: &mut [f32], from: &[f32], visible: &[bool]) {
-    for (i, (to, from)) in filled.iter_mut().zip(from).enumerate() {
-        if !visible.get(i).copied().unwrap_or(false) {
-            *to = *from;
+fn restore_visible<const L: usize>(samples: &mut [[f32; L]], measured: &[[f32; L]], visible: &[bool]) {
+    for ((sample, measured), visible) in samples.iter_mut().zip(measured).zip(visible) {
+        if *visible {
+            *sample = *measured;
         }
     }
 }
@@ -105,10 +113,15 @@ fn replace_free(filled: &mut [f32], from: &[f32], visible: &[bool]) {
 /// Where the filling starts: each sample's free views are interpolated linearly between the visible ones before and
 /// after, the axis taken as a ring. Samples that no view shows take the mean of the patch's in that view.
 #[cfg(feature = "encode")]
-fn fill_along_views(residual: &[f32], visible: &[bool], shape: VolumeShape, filled: &mut Vec<f32>) {
+fn fill_along_views<const L: usize>(
+    residual: &[[f32; L]],
+    visible: &[bool],
+    shape: VolumeShape,
+    filled: &mut Vec<[f32; L]>,
+) {
     let (area, views) = (shape.area(), shape.views);
     filled.clear();
-    filled.resize(shape.len(), 0.0);
+    filled.resize(shape.len(), [0.0; L]);
     let seen = |view: usize, i: usize| visible.get(view * area + i).copied().unwrap_or(false);
     let mut unseen = Vec::new();
     for i in 0..area {
@@ -129,7 +142,8 @@ fn fill_along_views(residual: &[f32], visible: &[bool], shape: VolumeShape, fill
             if shape.view_levels > 0 {
                 for between in last + 1..ahead {
                     let share = (between - last) as f32 / gap;
-                    filled[between % views * area + i] = last_value + share * (value - last_value);
+                    filled[between % views * area + i] =
+                        std::array::from_fn(|l| last_value[l] + share * (value[l] - last_value[l]));
                 }
             }
             filled[view * area + i] = value;
@@ -139,9 +153,10 @@ fn fill_along_views(residual: &[f32], visible: &[bool], shape: VolumeShape, fill
     if unseen.is_empty() || unseen.len() == area {
         return;
     }
+    let scale = 1.0 / (area - unseen.len()) as f32;
     for picture in filled.chunks_exact_mut(area) {
-        let mean = picture.iter().sum::<f32>() / (area - unseen.len()) as f32;
-        unseen.iter().for_each(|&i| picture[i] = mean);
+        let sum = picture.iter().fold([0.0f32; L], |sum, x| std::array::from_fn(|l| sum[l] + x[l]));
+        unseen.iter().for_each(|&i| picture[i] = sum.map(|s| s * scale));
     }
 }
 
@@ -154,16 +169,14 @@ mod tests {
         let shape = VolumeShape::padded(2, 12, 2);
         let views = 12;
         let visible: Vec<bool> = (0..views * 16).map(|i| (i / 16 + i % 3) % views < 6).collect();
-        let residual: Vec<f32> =
-            (0..views * 16).map(|i| (0.4 * (i / 16) as f32).sin() + 0.05 * ((i * 37) % 11) as f32).collect();
+        let residual: Vec<[f32; 1]> =
+            (0..views * 16).map(|i| [(0.4 * (i / 16) as f32).sin() + 0.05 * ((i * 37) % 11) as f32]).collect();
         let error = |threshold: f32, effort: Effort| {
             let mut work = Workspace::default();
             let coefficients = truncate(&residual, &visible, shape, threshold, effort, &mut work);
-            let count = coefficients.iter().filter(|c| **c != 0.0).count();
-            let quantiser = DeadZone { threshold, step: 0.02 * threshold };
-            let levels: Vec<i32> = coefficients.iter().map(|&c| quantiser.quantise(c)).collect();
-            let samples = restore(&levels, shape, views, quantiser, &mut work);
-            let squares = (0..residual.len()).filter(|&i| visible[i]).map(|i| (samples[i] - residual[i]).powi(2));
+            let count = coefficients.iter().filter(|c| c[0] != 0.0).count();
+            let samples = restore(coefficients, shape, views, &mut work);
+            let squares = (0..residual.len()).filter(|&i| visible[i]).map(|i| (samples[i][0] - residual[i][0]).powi(2));
             (squares.sum::<f32>(), count)
         };
         let (tight, _) = error(1e-3, Effort::default());
@@ -177,7 +190,7 @@ mod tests {
     fn nothing_visible_keeps_nothing() {
         let shape = VolumeShape::padded(2, 5, 2);
         let coefficients =
-            truncate(&[1.0; 80], &[false; 80], shape, 0.1, Effort::default(), &mut Workspace::default());
-        assert!(coefficients.len() == 128 && coefficients.iter().all(|c| *c == 0.0));
+            truncate(&[[1.0]; 80], &[false; 80], shape, 0.1, Effort::default(), &mut Workspace::default());
+        assert!(coefficients.is_empty());
     }
 }

@@ -63,8 +63,7 @@ impl Occluders {
             return None;
         }
         let (origin, direction) = (camera.centre(), camera.ray(pixel));
-        let ray =
-            Ray::new_inf(origin.map(|x| x as f32).into(), direction.map(|x| x as f32).into());
+        let ray = Ray::new_inf(origin.map(|x| x as f32).into(), direction.map(|x| x as f32).into());
         let mut hit = RayHit::none();
         let found = self.hierarchy.ray_traverse(ray, &mut hit, |ray, id| {
             self.triangles[self.hierarchy.primitive_indices[id] as usize].intersect(ray)
@@ -92,9 +91,8 @@ impl Occluders {
 /// Barycentric coordinates and distance where a ray meets a triangle's plane, clamped into the triangle.
 fn intersect(corners: [[f64; 3]; 3], origin: [f64; 3], direction: [f64; 3]) -> ([f64; 3], f64) {
     let sub = |a: [f64; 3], b: [f64; 3]| -> [f64; 3] { std::array::from_fn(|i| a[i] - b[i]) };
-    let cross = |a: [f64; 3], b: [f64; 3]| {
-        [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-    };
+    let cross =
+        |a: [f64; 3], b: [f64; 3]| [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
     let dot = crate::reflectance::geometry::dot;
     let (e1, e2, s) = (sub(corners[1], corners[0]), sub(corners[2], corners[0]), sub(origin, corners[0]));
     let h = cross(direction, e2);
@@ -148,24 +146,19 @@ impl Footprint {
     pub fn usable(&self) -> &Mask {
         &self.usable
     }
-    /// The image position of a point, if the four pixels around it are usable and none lies on a surface in front of or
-    /// behind it by more than the margin. Occlusion is [`Occluders::visible`]'s business.
+    /// The image position of a point, if its pixel is usable and does not lie on a surface in front of or behind it by
+    /// more than the margin. Occlusion is [`Occluders::visible`]'s business.
     pub fn place(&self, point: [f64; 3]) -> Option<[f64; 2]> {
         let (at, depth) = self.camera.project(point)?;
-        let (x, y) = (at[0] - 0.5, at[1] - 0.5);
-        if !(x >= 0.0 && y >= 0.0 && x <= self.usable.width as f64 - 1.0 && y <= self.usable.height as f64 - 1.0) {
+        let inside = at[0] >= 0.0 && at[1] >= 0.0;
+        let (x, y) = (at[0] as usize, at[1] as usize);
+        if !inside || x >= self.usable.width || y >= self.usable.height || !self.usable.at(x, y) {
             return None;
         }
-        let (column, row) = (x as usize, y as usize);
-        for (dx, dy) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
-            let (px, py) = ((column + dx).min(self.usable.width - 1), (row + dy).min(self.usable.height - 1));
-            let seen = *self.depth.at(px, py);
-            // Rays that just miss the scan do not speak against a point that the mask holds.
-            if !self.usable.at(px, py) || (seen.is_finite() && (seen - depth as f32).abs() > self.margin) {
-                return None;
-            }
-        }
-        Some(at)
+        // Rays that just miss the scan do not speak against a point that the mask holds.
+        let seen = *self.depth.at(x, y);
+        let other = seen.is_finite() && (seen - depth as f32).abs() > self.margin;
+        (!other).then_some(at)
     }
 }
 
@@ -221,8 +214,8 @@ mod tests {
             footprint.place(std::array::from_fn(|i| centre[i] + 4.0 * ray[i]))
         };
         assert!(at(22.5, 20.5).is_some());
-        assert!(at(20.9, 32.4).is_none(), "beside a missing pixel");
-        assert!(at(26.2, 33.0).is_none(), "beside the nearer square");
+        assert!(at(20.9, 32.4).is_none(), "on a missing pixel");
+        assert!(at(26.2, 33.0).is_none(), "behind the nearer square");
         assert!(at(10.0, 10.0).is_none(), "beside the mesh");
     }
 }

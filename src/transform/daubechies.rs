@@ -40,146 +40,122 @@ impl VolumeShape {
     }
 }
 
-/// Transforms a volume in place: multi-level along the views, then multi-level in each resulting picture (columns and rows
-/// in turn). `scratch` grows as needed.
-pub fn forward(volume: &mut [f32], shape: VolumeShape, scratch: &mut Vec<f32>) {
-    scratch.resize(shape.len(), 0.0);
-    let area = shape.area();
-    let mut views = shape.views;
-    for _ in 0..shape.view_levels {
-        forward_step(volume, scratch, views, area);
-        views /= 2;
+/// Transforms `L` volumes at once in place, their samples interleaved: multi-level along the views, then multi-level in each
+/// resulting picture (rows and columns in turn). `scratch` grows as needed.
+pub fn forward<const L: usize>(volume: &mut [[f32; L]], shape: VolumeShape, scratch: &mut Vec<[f32; L]>) {
+    scratch.resize(shape.len().max(scratch.len()), [0.0; L]);
+    let (side, area) = (shape.side(), shape.area());
+    for level in 0..shape.view_levels {
+        forward_step(volume, scratch, shape.views >> level, area, area);
     }
     for picture in volume.chunks_exact_mut(area) {
-        let mut side = shape.side();
-        while side > 1 {
-            for row in 0..side {
-                let row = &mut picture[row * shape.side()..][..side];
-                forward_row(row, scratch);
+        let mut count = side;
+        while count > 1 {
+            for row in picture.chunks_exact_mut(side).take(count) {
+                forward_step(row, scratch, count, 1, 1);
             }
-            forward_rows(picture, scratch, side, shape.side());
-            side /= 2;
+            forward_step(picture, scratch, count, side, count);
+            count /= 2;
         }
     }
 }
 
 /// Undoes [`forward`].
-pub fn inverse(volume: &mut [f32], shape: VolumeShape, scratch: &mut Vec<f32>) {
-    scratch.resize(shape.len(), 0.0);
-    let area = shape.area();
+pub fn inverse<const L: usize>(volume: &mut [[f32; L]], shape: VolumeShape, scratch: &mut Vec<[f32; L]>) {
+    scratch.resize(shape.len().max(scratch.len()), [0.0; L]);
+    let (side, area) = (shape.side(), shape.area());
     for picture in volume.chunks_exact_mut(area) {
-        let mut side = 2;
-        while side <= shape.side() {
-            inverse_rows(picture, scratch, side, shape.side());
-            for row in 0..side {
-                let row = &mut picture[row * shape.side()..][..side];
-                inverse_row(row, scratch);
+        let mut count = 2;
+        while count <= side {
+            inverse_step(picture, scratch, count, side, count);
+            for row in picture.chunks_exact_mut(side).take(count) {
+                inverse_step(row, scratch, count, 1, 1);
             }
-            side *= 2;
+            count *= 2;
         }
     }
     for level in (0..shape.view_levels).rev() {
-        inverse_step(volume, scratch, shape.views >> level, area);
+        inverse_step(volume, scratch, shape.views >> level, area, area);
     }
 }
 
-/// One level along the slowest axis: `count` slices of `size` values; low half first.
-fn forward_step(data: &mut [f32], scratch: &mut [f32], count: usize, size: usize) {
+/// One level along an axis of `count` lines, `stride` apart, `size` samples each; low half first.
+#[inline(always)]
+fn forward_step<const L: usize>(
+    data: &mut [[f32; L]],
+    scratch: &mut [[f32; L]],
+    count: usize,
+    stride: usize,
+    size: usize,
+) {
     let half = count / 2;
     for k in 0..half {
-        let taps: [&[f32]; 4] = std::array::from_fn(|t| &data[(2 * k + t) % count * size..][..size]);
+        let line = |tap: usize| {
+            let at = 2 * k + tap;
+            // Two lines are shorter than the filter: it goes round twice.
+            let at = if at < count { at } else { at % count };
+            &data[at * stride..][..size]
+        };
+        let (a, b, c, d) = (line(0), line(1), line(2), line(3));
         let (low, high) = scratch.split_at_mut(half * size);
         let (low, high) = (&mut low[k * size..][..size], &mut high[k * size..][..size]);
         for i in 0..size {
-            let x = [taps[0][i], taps[1][i], taps[2][i], taps[3][i]];
-            low[i] = analyse_low(x);
-            high[i] = analyse_high(x);
+            (low[i], high[i]) = analyse(&a[i], &b[i], &c[i], &d[i]);
         }
     }
-    data[..count * size].copy_from_slice(&scratch[..count * size]);
+    for k in 0..count {
+        data[k * stride..][..size].copy_from_slice(&scratch[k * size..][..size]);
+    }
 }
 
-fn inverse_step(data: &mut [f32], scratch: &mut [f32], count: usize, size: usize) {
+#[inline(always)]
+fn inverse_step<const L: usize>(
+    data: &mut [[f32; L]],
+    scratch: &mut [[f32; L]],
+    count: usize,
+    stride: usize,
+    size: usize,
+) {
     let half = count / 2;
     for k in 0..half {
-        let before = (k + half - 1) % half;
-        let slice = |index: usize| &data[index * size..][..size];
-        let (low, high) = (slice(k), slice(half + k));
-        let (low_before, high_before) = (slice(before), slice(half + before));
+        let before = if k == 0 { half - 1 } else { k - 1 };
+        let line = |index: usize| &data[index * stride..][..size];
+        let (low, high, low_before, high_before) = (line(k), line(half + k), line(before), line(half + before));
         let (even, odd) = scratch[2 * k * size..][..2 * size].split_at_mut(size);
         for i in 0..size {
-            [even[i], odd[i]] = synthesise([low[i], high[i], low_before[i], high_before[i]]);
+            (even[i], odd[i]) = synthesise(&low[i], &high[i], &low_before[i], &high_before[i]);
         }
     }
-    data[..count * size].copy_from_slice(&scratch[..count * size]);
-}
-
-fn forward_row(row: &mut [f32], scratch: &mut [f32]) {
-    let (count, half) = (row.len(), row.len() / 2);
-    for k in 0..half {
-        let x: [f32; 4] = std::array::from_fn(|t| row[(2 * k + t) % count]);
-        scratch[k] = analyse_low(x);
-        scratch[half + k] = analyse_high(x);
-    }
-    row.copy_from_slice(&scratch[..count]);
-}
-
-fn inverse_row(row: &mut [f32], scratch: &mut [f32]) {
-    let (count, half) = (row.len(), row.len() / 2);
-    for k in 0..half {
-        let before = (k + half - 1) % half;
-        [scratch[2 * k], scratch[2 * k + 1]] = synthesise([row[k], row[half + k], row[before], row[half + before]]);
-    }
-    row.copy_from_slice(&scratch[..count]);
-}
-
-/// One level down the columns of the top left `side x side` corner of a picture.
-fn forward_rows(picture: &mut [f32], scratch: &mut [f32], side: usize, stride: usize) {
-    let half = side / 2;
-    for k in 0..half {
-        for i in 0..side {
-            let x: [f32; 4] = std::array::from_fn(|t| picture[(2 * k + t) % side * stride + i]);
-            scratch[k * side + i] = analyse_low(x);
-            scratch[(half + k) * side + i] = analyse_high(x);
-        }
-    }
-    for (row, from) in scratch[..side * side].chunks_exact(side).enumerate() {
-        picture[row * stride..][..side].copy_from_slice(from);
+    for k in 0..count {
+        data[k * stride..][..size].copy_from_slice(&scratch[k * size..][..size]);
     }
 }
 
-fn inverse_rows(picture: &mut [f32], scratch: &mut [f32], side: usize, stride: usize) {
-    let half = side / 2;
-    for k in 0..half {
-        let before = (k + half - 1) % half;
-        for i in 0..side {
-            let at = |row: usize| picture[row * stride + i];
-            [scratch[2 * k * side + i], scratch[(2 * k + 1) * side + i]] =
-                synthesise([at(k), at(half + k), at(before), at(half + before)]);
-        }
-    }
-    for (row, from) in scratch[..side * side].chunks_exact(side).enumerate() {
-        picture[row * stride..][..side].copy_from_slice(from);
-    }
-}
-
+/// The low and the high coefficient of four samples.
 #[inline(always)]
-fn analyse_low(x: [f32; 4]) -> f32 {
-    LOW[0] * x[0] + LOW[1] * x[1] + LOW[2] * x[2] + LOW[3] * x[3]
-}
-
-#[inline(always)]
-fn analyse_high(x: [f32; 4]) -> f32 {
-    LOW[3] * x[0] - LOW[2] * x[1] + LOW[1] * x[2] - LOW[0] * x[3]
+fn analyse<const L: usize>(a: &[f32; L], b: &[f32; L], c: &[f32; L], d: &[f32; L]) -> ([f32; L], [f32; L]) {
+    let (mut low, mut high) = ([0.0; L], [0.0; L]);
+    for i in 0..L {
+        low[i] = LOW[0] * a[i] + LOW[1] * b[i] + LOW[2] * c[i] + LOW[3] * d[i];
+        high[i] = LOW[3] * a[i] - LOW[2] * b[i] + LOW[1] * c[i] - LOW[0] * d[i];
+    }
+    (low, high)
 }
 
 /// The even and the odd sample of a pair from its own low and high coefficient and those of the pair before.
 #[inline(always)]
-fn synthesise([low, high, low_before, high_before]: [f32; 4]) -> [f32; 2] {
-    [
-        LOW[0] * low + LOW[3] * high + LOW[2] * low_before + LOW[1] * high_before,
-        LOW[1] * low - LOW[2] * high + LOW[3] * low_before - LOW[0] * high_before,
-    ]
+fn synthesise<const L: usize>(
+    low: &[f32; L],
+    high: &[f32; L],
+    low_before: &[f32; L],
+    high_before: &[f32; L],
+) -> ([f32; L], [f32; L]) {
+    let (mut even, mut odd) = ([0.0; L], [0.0; L]);
+    for i in 0..L {
+        even[i] = LOW[0] * low[i] + LOW[3] * high[i] + LOW[2] * low_before[i] + LOW[1] * high_before[i];
+        odd[i] = LOW[1] * low[i] - LOW[2] * high[i] + LOW[3] * low_before[i] - LOW[0] * high_before[i];
+    }
+    (even, odd)
 }
 
 #[cfg(test)]
@@ -206,14 +182,14 @@ mod tests {
             VolumeShape::padded(3, 36, 3),
             VolumeShape::padded(4, 2, 1),
         ] {
-            let before = noise(shape.len());
+            let before: Vec<[f32; 2]> = noise(shape.len() * 2).chunks(2).map(|c| [c[0], c[1]]).collect();
             let mut volume = before.clone();
             let mut scratch = Vec::new();
             forward(&mut volume, shape, &mut scratch);
-            let energy = |v: &[f32]| v.iter().map(|&x| (x as f64).powi(2)).sum::<f64>();
+            let energy = |v: &[[f32; 2]]| v.iter().flatten().map(|&x| (x as f64).powi(2)).sum::<f64>();
             assert!((energy(&volume) / energy(&before) - 1.0).abs() < 1e-6);
             inverse(&mut volume, shape, &mut scratch);
-            let error = volume.iter().zip(&before).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+            let error = volume.iter().flatten().zip(before.iter().flatten()).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
             assert!(error < 2e-6, "{shape:?} {error}");
         }
     }
@@ -221,14 +197,14 @@ mod tests {
     #[test]
     fn constants_and_slopes_end_in_the_low_band() {
         let shape = VolumeShape { side_log2: 0, views: 32, view_levels: 1 };
-        let mut slope: Vec<f32> = (0..32).map(|i| 3.0 + 0.25 * i as f32).collect();
+        let mut slope: Vec<[f32; 1]> = (0..32).map(|i| [3.0 + 0.25 * i as f32]).collect();
         forward(&mut slope, shape, &mut Vec::new());
         // Two vanishing moments: only the pair that wraps around sees the jump.
-        assert!(slope[16..31].iter().all(|x| x.abs() < 1e-5), "{:?}", &slope[16..]);
+        assert!(slope[16..31].iter().all(|x| x[0].abs() < 1e-5), "{:?}", &slope[16..]);
         let whole = VolumeShape { side_log2: 3, views: 8, view_levels: 3 };
-        let mut constant = vec![1.0; whole.len()];
+        let mut constant = vec![[1.0]; whole.len()];
         forward(&mut constant, whole, &mut Vec::new());
-        assert!((constant[0] - (whole.len() as f32).sqrt()).abs() < 1e-4);
-        assert!(constant[1..].iter().all(|x| x.abs() < 1e-5));
+        assert!((constant[0][0] - (whole.len() as f32).sqrt()).abs() < 1e-4);
+        assert!(constant[1..].iter().all(|x| x[0].abs() < 1e-5));
     }
 }

@@ -1,4 +1,5 @@
 //! Wavelet transforms: decorrelate samples before they are quantised.
 
+pub mod colour;
 pub mod daubechies;
 pub mod shape_adaptive;

@@ -97,11 +97,13 @@ pub fn read_points(path: impl AsRef<Path>, description: &Description) -> Result<
         if !(0.0..=camera.width as f64).contains(&pixel[0]) || !(0.0..=camera.height as f64).contains(&pixel[1]) {
             return Err(pixel_node.error(format!("outside the picture of {} x {} pixels", camera.width, camera.height)));
         }
-        let bent = [(pixel[0] - camera.principal[0]) / camera.focal[0], (pixel[1] - camera.principal[1]) / camera.focal[1]];
+        let bent =
+            [(pixel[0] - camera.principal[0]) / camera.focal[0], (pixel[1] - camera.principal[1]) / camera.focal[1]];
         let Some(ideal) = described.lens.undistort(bent) else {
             return Err(pixel_node.error("the lens model has no ray for this position"));
         };
-        let pixel = [ideal[0] * camera.focal[0] + camera.principal[0], ideal[1] * camera.focal[1] + camera.principal[1]];
+        let pixel =
+            [ideal[0] * camera.focal[0] + camera.principal[0], ideal[1] * camera.focal[1] + camera.principal[1]];
         correspondences.push(Correspondence { frame, pixel, mesh: point.need("mesh")?.numbers()? });
     }
     Ok(correspondences)

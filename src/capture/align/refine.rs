@@ -91,7 +91,8 @@ fn normal_equations(
         let arm = pose.rotation * (mesh - centroid) * pose.scale;
         let q = to_camera * pose.transform(mesh) + DVec3::from_array(camera.translation);
         let [fx, fy] = camera.focal;
-        let rows = [DVec3::new(fx / q.z, 0.0, -fx * q.x / (q.z * q.z)), DVec3::new(0.0, fy / q.z, -fy * q.y / (q.z * q.z))];
+        let rows =
+            [DVec3::new(fx / q.z, 0.0, -fx * q.x / (q.z * q.z)), DVec3::new(0.0, fy / q.z, -fy * q.y / (q.z * q.z))];
         let projected = [fx * q.x / q.z + camera.principal[0], fy * q.y / q.z + camera.principal[1]];
         for (axis, row) in rows.into_iter().enumerate() {
             // d pixel / d world; turning by w moves the point by w x arm.

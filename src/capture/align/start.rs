@@ -84,10 +84,8 @@ fn direct_linear(camera: &Camera, points: &[Correspondence]) -> Option<(DMat3, D
     let centre = points.iter().map(|p| DVec3::from_array(p.mesh)).sum::<DVec3>() / count;
     let distance = points.iter().map(|p| (DVec3::from_array(p.mesh) - centre).length()).sum::<f64>() / count;
     let size = distance / 3f64.sqrt();
-    let image: Vec<[f64; 2]> = points
-        .iter()
-        .map(|p| std::array::from_fn(|i| (p.pixel[i] - camera.principal[i]) / camera.focal[i]))
-        .collect();
+    let image: Vec<[f64; 2]> =
+        points.iter().map(|p| std::array::from_fn(|i| (p.pixel[i] - camera.principal[i]) / camera.focal[i])).collect();
     let middle: [f64; 2] = std::array::from_fn(|i| image.iter().map(|p| p[i]).sum::<f64>() / count);
     let radius = image.iter().map(|p| (p[0] - middle[0]).hypot(p[1] - middle[1])).sum::<f64>() / count / 2f64.sqrt();
     if size <= 0.0 || radius <= 0.0 {
@@ -192,7 +190,8 @@ fn from_triangulated(cameras: &[Camera], points: &[Correspondence], with_scale: 
             let direction = DVec3::from_array(camera.ray(point.pixel)).normalize();
             let centre = DVec3::from_array(camera.centre());
             // Squared distance from the ray.
-            let across = DMat3::IDENTITY - DMat3::from_cols(direction * direction.x, direction * direction.y, direction * direction.z);
+            let across = DMat3::IDENTITY
+                - DMat3::from_cols(direction * direction.x, direction * direction.y, direction * direction.z);
             matrix += across;
             right += across * centre;
             count += 1;

@@ -61,12 +61,18 @@ fn pose_error(found: &Alignment, truth: &Similarity) -> f64 {
 
 #[test]
 fn exact_points_give_the_exact_pose() {
-    for (frames, per_frame, scale) in [(1, 6, None), (1, 20, None), (4, 8, Some(0.013)), (2, 3, None), (2, 4, Some(25.0))] {
+    for (frames, per_frame, scale) in
+        [(1, 6, None), (1, 20, None), (4, 8, Some(0.013)), (2, 3, None), (2, 4, Some(25.0))]
+    {
         let (cameras, pose) = (ring(frames), truth(scale.unwrap_or(1.0)));
         let points = marked(&cameras, &pose, per_frame, 0.0);
         let found = align(&cameras, &points, scale.is_some()).unwrap();
         let error = pose_error(&found, &pose);
-        assert!(error < 1e-8 && found.max_pixels < 1e-6, "{frames} {per_frame} {scale:?}: {error} {}", found.max_pixels);
+        assert!(
+            error < 1e-8 && found.max_pixels < 1e-6,
+            "{frames} {per_frame} {scale:?}: {error} {}",
+            found.max_pixels
+        );
         assert!((found.scale / pose.scale - 1.0).abs() < 1e-9);
     }
 }
@@ -79,7 +85,12 @@ fn noisy_points_give_a_near_pose() {
     let found = align(&cameras, &points, false).unwrap();
     let error = pose_error(&found, &pose);
     assert!(error < 1.5e-3, "{error}");
-    assert!((0.3..0.5).contains(&found.rms_pixels) && found.max_pixels < 1.0, "{} {}", found.rms_pixels, found.max_pixels);
+    assert!(
+        (0.3..0.5).contains(&found.rms_pixels) && found.max_pixels < 1.0,
+        "{} {}",
+        found.rms_pixels,
+        found.max_pixels
+    );
     let scaled = truth(2.0);
     let found = align(&cameras, &marked(&cameras, &scaled, 12, 0.5), true).unwrap();
     assert!((found.scale / 2.0 - 1.0).abs() < 1e-3, "{}", found.scale);

@@ -89,11 +89,14 @@ fn odd_views_come_back() {
     assert_eq!(decode(&encode(&none, &[]).unwrap(), &budget()).unwrap(), none);
 }
 
-/// The bits of the decoded cameras do not depend on platform or version.
+/// Three turntable views written by version 0.1: the bits of their cameras and lights depend on no platform.
+const GOLDEN: &str = "00c0733332c07fffffc09999995cfbc165d717683ddb4f63741b1acf59e9ac9106a95437f451ca20bef61a20bc0bd17e33f332816033046b2c51107b5c5a74936241fa4a7680842bc7cf13df5a77c49c840f1273c5ba074e6293dc09a75c143aaa00d560";
+
 #[test]
 fn golden_bytes_decode_to_the_same_bits() {
-    let section = turntable(3);
-    let bytes = encode(&section, &SCENE).unwrap();
+    let digits = GOLDEN.as_bytes().chunks(2);
+    let bytes: Vec<u8> =
+        digits.map(|pair| u8::from_str_radix(std::str::from_utf8(pair).unwrap(), 16).unwrap()).collect();
     let decoded = decode(&bytes, &budget()).unwrap();
     let mut hasher = crc32fast::Hasher::new();
     for view in &decoded.views {
@@ -102,7 +105,8 @@ fn golden_bytes_decode_to_the_same_bits() {
             hasher.update(&value.to_le_bytes());
         }
     }
-    assert_eq!((crc32fast::hash(&bytes), hasher.finalize()), (0, 0));
+    assert_eq!((decoded.views[2].name.as_str(), hasher.finalize()), ("off/002.exr", 3092400343));
+    assert!(largest_movement(&turntable(3), &decoded, &SCENE) < 0.01);
 }
 
 #[test]
@@ -190,5 +194,3 @@ fn real_captures() {
         assert!(moved < 0.01 && bytes.len() < bound, "{moved} pixels, {} bytes", bytes.len());
     }
 }
-#[test]
-fn zz_print() { let b = encode(&turntable(3), &SCENE).unwrap(); println!("GOLD {}", b.iter().map(|x| format!("{x:02x}")).collect::<String>()); }

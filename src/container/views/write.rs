@@ -147,14 +147,15 @@ fn length_exponent(section: &ViewsSection, points: &[[f64; 3]]) -> Result<i32> {
             });
             corners
                 && view.light.is_none_or(|light| {
-                    let distance = |p: &[f64; 3]| (0..3).map(|k| (p[k] - light.position[k]).powi(2)).sum::<f64>().sqrt();
+                    let distance =
+                        |p: &[f64; 3]| (0..3).map(|k| (p[k] - light.position[k]).powi(2)).sum::<f64>().sqrt();
                     unit <= LIGHT_TOLERANCE * points.iter().map(distance).fold(f64::INFINITY, f64::min)
                 })
         })
     };
-    let mut exponents = LENGTH_EXPONENTS.into_iter().filter(|&exponent| fits(exponent)).peekable();
+    let mut exponents = LENGTH_EXPONENTS.filter(|&exponent| fits(exponent)).peekable();
     let coarsest = exponents.peek().copied();
-    let finest = LENGTH_EXPONENTS.into_iter().filter(|&exponent| fits(exponent)).max();
+    let finest = LENGTH_EXPONENTS.filter(|&exponent| fits(exponent)).max();
     exponents
         .find(|&exponent| holds(exponent))
         .or(finest)
@@ -238,6 +239,7 @@ fn write(section: &ViewsSection, quaternions: &[[f64; 4]], header: &Header) -> R
             models.intensity_index.code(coder, back as u32);
         }
     }
+    code_end(coder);
     let mut bytes = vec![VERSION];
     bytes.extend(std::mem::take(coder).finish());
     Ok(bytes)
@@ -262,9 +264,7 @@ fn write_name(coder: &mut RangeEncoder, models: &mut Models, last: &[u8], name: 
     }
 }
 
-fn write_intrinsics(
-    coder: &mut RangeEncoder, models: &mut Models, known: &mut Vec<Camera>, camera: &Camera,
-) -> Camera {
+fn write_intrinsics(coder: &mut RangeEncoder, models: &mut Models, known: &mut Vec<Camera>, camera: &Camera) -> Camera {
     let narrow = |values: [f64; 2]| values.map(|x| x as f32 as f64);
     let (focal, principal) = (narrow(camera.focal), narrow(camera.principal));
     let camera = Camera { width: camera.width, height: camera.height, focal, principal, ..Camera::default() };
@@ -290,8 +290,12 @@ fn write_intrinsics(
 }
 
 fn write_pose(
-    coder: &mut RangeEncoder, models: &mut Models, poses: &mut [Option<Pose>; 2], was_same: &mut bool,
-    (view, rotation): (&View, [f64; 4]), header: &Header,
+    coder: &mut RangeEncoder,
+    models: &mut Models,
+    poses: &mut [Option<Pose>; 2],
+    was_same: &mut bool,
+    (view, rotation): (&View, [f64; 4]),
+    header: &Header,
 ) -> Result<Pose> {
     let [last, before] = *poses;
     let wanted = view.camera.translation.map(|part| (part / step(header.length_exponent)).round() as i64);
@@ -306,7 +310,8 @@ fn write_pose(
     let mut predicted = last.unwrap_or(REST);
     if let (Some(last), Some(before)) = (last, before) {
         let further = extrapolated_rotation(last.rotation, before.rotation);
-        let better = size(&difference(further, rotation, exponent)) < size(&difference(last.rotation, rotation, exponent));
+        let better =
+            size(&difference(further, rotation, exponent)) < size(&difference(last.rotation, rotation, exponent));
         if models.extrapolated[0].code(coder, better) {
             predicted.rotation = further;
         }

@@ -103,8 +103,7 @@ impl Growth {
     pub(super) fn seed(&mut self, corners: [u32; 3]) {
         let half_edge = self.triangle(corners);
         let [a, b, c] = corners;
-        let [ba, ac, cb] =
-            [self.gate(b, a, half_edge), self.gate(a, c, half_edge + 2), self.gate(c, b, half_edge + 1)];
+        let [ba, ac, cb] = [self.gate(b, a, half_edge), self.gate(a, c, half_edge + 2), self.gate(c, b, half_edge + 1)];
         self.link(ba, ac);
         self.link(ac, cb);
         self.link(cb, ba);
@@ -123,7 +122,8 @@ impl Growth {
         }
         None
     }
-    /// Beginning and end of a gate, and the vertices before and after it where the gates there are open.
+    /// Beginning and end of a gate.
+    #[cfg(feature = "encode")]
     pub(super) fn ends(&self, gate: u32) -> (u32, u32) {
         let gate = &self.gates[gate as usize];
         (gate.from, gate.to)
@@ -131,19 +131,15 @@ impl Growth {
     /// The gate that begins where [`Symbol::Before`] or [`Symbol::After`] mean.
     fn walk(&self, gate: u32, steps: u32, forward: bool) -> u32 {
         let start = if forward { self.gates[gate as usize].next } else { self.gates[gate as usize].previous };
-        (0..steps + forward as u32).fold(start, |at, _| {
-            if forward { self.gates[at as usize].next } else { self.gates[at as usize].previous }
-        })
+        (0..steps + forward as u32)
+            .fold(start, |at, _| if forward { self.gates[at as usize].next } else { self.gates[at as usize].previous })
     }
     /// The nearest place on the loop where a vertex is.
+    #[cfg(feature = "encode")]
     pub(super) fn near(&self, gate: u32, vertex: u32) -> Option<Symbol> {
         let is = |steps, forward| self.gates[self.walk(gate, steps, forward) as usize].from == vertex;
         (1..=FARTHEST).find_map(|steps| {
-            if is(steps, false) {
-                Some(Symbol::Before(steps))
-            } else {
-                is(steps, true).then_some(Symbol::After(steps))
-            }
+            if is(steps, false) { Some(Symbol::Before(steps)) } else { is(steps, true).then_some(Symbol::After(steps)) }
         })
     }
     fn open(&self, gate: u32) -> Option<&Gate> {
@@ -159,7 +155,7 @@ impl Growth {
         let next = self.gates[gate as usize].next;
         self.open(next).filter(|_| next != gate).map(|gate| gate.to)
     }
-    /// Does what a symbol says; returns the third vertex. `Previous` and `Next` only where they are allowed.
+    /// Does what a symbol says. `Previous` and `Next` only where they are allowed.
     pub(super) fn apply(&mut self, gate: u32, symbol: Symbol) {
         let Gate { from: a, to: b, previous, next, .. } = self.gates[gate as usize];
         match symbol {
@@ -239,97 +235,138 @@ impl Growth {
 
 /// Longest way along a loop that a symbol may tell. Part of the format.
 pub(super) const FARTHEST: u32 = 8;
-/// Degrees that are told apart.
-const DEGREES: usize = 10;
+/// Contexts of one decision for one kind of loop. Part of the format.
+const CONTEXTS: usize = 576;
+
+/// One decision in three contexts; the mean of what they say counts.
+#[derive(Clone, Copy, Default)]
+struct Decision([BitModel; 3]);
 
 /// What has been learned about symbols.
 pub(super) struct Models {
-    new: Vec<BitModel>,
-    previous: Vec<BitModel>,
-    next: Vec<BitModel>,
-    border: [BitModel; 4],
-    near: [BitModel; 2],
+    new: Vec<Decision>,
+    previous: Vec<Decision>,
+    next: Vec<Decision>,
+    near: BitModel,
     forward: BitModel,
     steps: [Number; 2],
+    border: [BitModel; 4],
     known: Number,
     seed_new: [BitModel; 3],
     seed_known: Number,
+    /// The last symbol: 0 new, 1 previous, 2 next, 3 any other.
+    last: usize,
+}
+
+/// Codes a decision: each of its contexts counts its own way.
+fn decide<C: BitCoder>(models: &mut [Decision], contexts: [usize; 3], coder: &mut C, bit: bool) -> bool {
+    let sum: u32 = (0..3).map(|k| models[contexts[k]].0[k].probability()).sum();
+    let bit = coder.bit(sum / 3, bit);
+    for (k, context) in contexts.into_iter().enumerate() {
+        models[context].0[k].update(bit);
+    }
+    bit
 }
 
 impl Models {
     pub(super) fn new() -> Self {
+        let decisions = || vec![Decision::default(); 3 * CONTEXTS];
         Models {
-            new: vec![BitModel::default(); 4 * DEGREES * DEGREES],
-            previous: vec![BitModel::default(); 4 * DEGREES * DEGREES],
-            next: vec![BitModel::default(); 4 * DEGREES * DEGREES],
-            border: [BitModel::default(); 4],
-            near: Default::default(),
-            forward: Default::default(),
+            new: decisions(),
+            previous: decisions(),
+            next: decisions(),
+            near: BitModel::default(),
+            forward: BitModel::default(),
             steps: Default::default(),
+            border: Default::default(),
             known: Number::default(),
-            seed_new: [BitModel::default(); 3],
+            seed_new: Default::default(),
             seed_known: Number::default(),
+            last: 0,
         }
     }
 
-    /// Codes the symbol at a gate. In decoding `symbol` is ignored; `None` for a vertex that did not come before.
+    /// Codes the symbol at a gate. In decoding `symbol` is ignored; `None` when the bytes tell an impossible one.
     pub(super) fn symbol<C: BitCoder>(
-        &mut self, coder: &mut C, growth: &Growth, gate: u32, symbol: Symbol,
+        &mut self,
+        coder: &mut C,
+        growth: &Growth,
+        gate: u32,
+        symbol: Symbol,
     ) -> Option<Symbol> {
         let here = &growth.gates[gate as usize];
-        let degree = |vertex: u32| (growth.degrees[vertex as usize] as usize - 1).min(DEGREES - 1);
-        let (a, b) = (degree(here.from), degree(here.to));
         let before = &growth.gates[here.previous as usize];
         let after = &growth.gates[here.next as usize];
-        let triangle = (before.previous == here.next) as usize;
-        let quad = (before.previous == after.next) as usize;
-        let (previous, next) = (growth.previous_vertex(gate), growth.next_vertex(gate));
-        let loops = if triangle == 1 { 1 } else if quad == 1 { 2 } else { 0 };
-        let context = (loops * DEGREES + a) * DEGREES + b;
-        if self.new[context].code(coder, symbol == Symbol::New) {
+        // Triangles at a vertex, 1 and more, as 0 up to `most`.
+        let degree = |vertex: u32, most: u32| (growth.degrees[vertex as usize] - 1).min(most) as usize;
+        let (a, b, p, n) = (here.from, here.to, before.from, after.to);
+        let (a7, b7, p7, n7) = (degree(a, 7), degree(b, 7), degree(p, 7), degree(n, 7));
+        let (a4, b4, p4, n4) = (degree(a, 4), degree(b, 4), degree(p, 4), degree(n, 4));
+        let (a2, b2, p2, n2) = (degree(a, 2), degree(b, 2), degree(p, 2), degree(n, 2));
+        let around = if before.previous == here.next {
+            1
+        } else if before.previous == after.next {
+            2
+        } else {
+            0
+        };
+        let last = self.last;
+        let of_loop = |contexts: [usize; 3]| contexts.map(|context| around * CONTEXTS + context);
+
+        let contexts = of_loop([((a7 * 8 + b7) * 3 + p2) * 3 + n2, a7 * 5 + p4, (b7 * 5 + n4) * 4 + last]);
+        if decide(&mut self.new, contexts, coder, symbol == Symbol::New) {
+            self.last = 0;
             return Some(Symbol::New);
         }
-        if let Some(p) = previous {
-            let context = (loops * DEGREES + a) * DEGREES + degree(p);
-            if self.previous[context].code(coder, symbol == Symbol::Previous) {
+        if growth.previous_vertex(gate).is_some() {
+            let contexts = of_loop([((a7 * 8 + p7) * 3 + b2) * 3 + n2, (a7 * 5 + b4) * 4 + last, a7]);
+            if decide(&mut self.previous, contexts, coder, symbol == Symbol::Previous) {
+                self.last = 1;
                 return Some(Symbol::Previous);
             }
         }
-        if let Some(n) = next {
-            let context = (loops * DEGREES + b) * DEGREES + degree(n);
-            if self.next[context].code(coder, symbol == Symbol::Next) {
+        if growth.next_vertex(gate).is_some() {
+            let contexts = of_loop([((b7 * 8 + n7) * 3 + a2) * 3 + p2, (b7 * 5 + a4) * 4 + last, b7]);
+            if decide(&mut self.next, contexts, coder, symbol == Symbol::Next) {
+                self.last = 2;
                 return Some(Symbol::Next);
             }
         }
-        let near = matches!(symbol, Symbol::Before(_) | Symbol::After(_));
-        if self.near[0].code(coder, near) {
-            let forward = self.forward.code(coder, matches!(symbol, Symbol::After(_)));
-            let (Symbol::Before(steps) | Symbol::After(steps) | Symbol::Known(steps)) = symbol else {
-                let steps = self.steps[forward as usize].code(coder, 0) + 1;
-                let symbol = if forward { Symbol::After(steps) } else { Symbol::Before(steps) };
-                return Some(symbol).filter(|_| steps <= FARTHEST);
-            };
-            self.steps[forward as usize].code(coder, steps - 1);
-            return Some(symbol);
+        self.last = 3;
+        let (near, forward, steps) = match symbol {
+            Symbol::Before(steps) => (true, false, steps),
+            Symbol::After(steps) => (true, true, steps),
+            _ => (false, false, 1),
+        };
+        if self.near.code(coder, near) {
+            let forward = self.forward.code(coder, forward);
+            let steps = self.steps[forward as usize].code(coder, steps - 1) + 1;
+            let symbol = if forward { Symbol::After(steps) } else { Symbol::Before(steps) };
+            return Some(symbol).filter(|_| steps <= FARTHEST);
         }
         let context = (before.state == State::Border) as usize + 2 * (after.state == State::Border) as usize;
         if self.border[context].code(coder, symbol == Symbol::Border) {
             return Some(Symbol::Border);
         }
-        let back = if let Symbol::Known(vertex) = symbol { growth.vertices - 1 - vertex } else { 0 };
+        let newest = growth.vertices - 1;
+        let back = if let Symbol::Known(vertex) = symbol { newest - vertex } else { 0 };
         let back = self.known.code(coder, back);
-        (growth.vertices - 1).checked_sub(back).map(Symbol::Known)
+        newest.checked_sub(back).map(Symbol::Known)
     }
 
-    /// Codes one vertex of a region's first triangle: `None` for a new one.
+    /// Codes one vertex of a region's first triangle: `Ok(None)` for a new one, `Err` when the bytes tell an impossible one.
     pub(super) fn seed_vertex<C: BitCoder>(
-        &mut self, coder: &mut C, vertices: u32, corner: usize, vertex: Option<u32>,
+        &mut self,
+        coder: &mut C,
+        vertices: u32,
+        corner: usize,
+        vertex: Option<u32>,
     ) -> Result<Option<u32>, ()> {
         if self.seed_new[corner].code(coder, vertex.is_none()) {
             return Ok(None);
         }
         let back = vertex.map_or(0, |vertex| vertices - 1 - vertex);
         let back = self.seed_known.code(coder, back);
-        vertices.checked_sub(back).and_then(|v| v.checked_sub(1)).map(Some).ok_or(())
+        vertices.checked_sub(1).and_then(|newest| newest.checked_sub(back)).map(Some).ok_or(())
     }
 }

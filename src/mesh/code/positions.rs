@@ -1,7 +1,8 @@
 //! Positions: each vertex is predicted from the triangles around it that are already known. Specified in `spec/mesh.md`.
 
 use super::connectivity::NONE;
-use crate::entropy::{BitCoder, Number};
+use super::prediction::{self, Learned, Vector, add, cross, dot, scale, subtract};
+use crate::entropy::{BitCoder, BitModel, Number, code_raw};
 
 /// Lattice positions.
 pub(super) type Lattice = [i32; 3];
@@ -101,123 +102,120 @@ impl Order {
     }
 }
 
-
-/// Numbers of parallelograms, and of triangles around a vertex beyond them, that are told apart.
+/// Classes of vertices: parallelograms (0 to 4) and triangles around the vertex beyond them (0 to 9). Part of the format.
 const PARALLELOGRAMS: usize = 4;
-const MISSING: usize = 10;
-/// Half octaves of expected magnitude.
-const MAGNITUDES: usize = 30;
-const FEATURES: usize = 3;
+const MISSING: usize = 9;
+/// Weights that the prediction along the surface starts with, by missing triangles. Part of the format.
+const FIRST_WEIGHTS: [f64; MISSING + 1] = [0.05, 0.05, 0.24, 0.38, 0.5, 0.6, 0.68, 0.77, 0.8, 0.8];
+/// Weights that the prediction of heights starts with. Part of the format.
+const FIRST_SLOPES: [f64; 3] = [0.5, 0.5, 0.0];
+/// Kinds of residuals: along the surface, and off it.
+const ALONG: usize = 0;
+const OFF: usize = 1;
 
-/// Weights that are learned by least squares as the vertices come.
-#[derive(Clone)]
-struct Weights {
-    /// Sums of products of the features, and of each feature with the truth.
-    squares: [[f64; FEATURES]; FEATURES],
-    products: [f64; FEATURES],
-    prior: [f64; FEATURES],
-    /// Sums of residuals and of edge lengths.
-    errors: [f64; 2],
-    lengths: f64,
+/// What the known surroundings of a vertex say about it.
+struct Surroundings {
+    class: usize,
+    parallelograms: usize,
+    /// Mean of the known neighbours, each as often as known triangle corners beside it say.
+    base: Vector,
+    /// What parallelograms add to it: across their edges, along them, and their edges' middles.
+    features: [Vector; 3],
+    /// Mean length of these edges.
+    length: f64,
+    /// Sum of the normals of the parallelograms' known triangles, and of all known triangles at the neighbours.
+    normals: [Vector; 2],
+    /// Mean magnitudes of the neighbours' residuals.
+    near: [f64; 2],
 }
 
-impl Weights {
-    fn new(prior: [f64; FEATURES]) -> Self {
-        Weights { squares: Default::default(), products: [0.0; FEATURES], prior, errors: [0.5, 0.25], lengths: 1.0 }
-    }
-    /// Solves the normal equations, held near the prior by `ridge`.
-    fn solve(&self, ridge: f64) -> [f64; FEATURES] {
-        let mut m = self.squares;
-        let mut b = self.products;
-        for k in 0..FEATURES {
-            m[k][k] += ridge;
-            b[k] += ridge * self.prior[k];
-        }
-        for k in 0..FEATURES {
-            for i in k + 1..FEATURES {
-                let factor = m[i][k] / m[k][k];
-                for j in k..FEATURES {
-                    m[i][j] -= factor * m[k][j];
-                }
-                b[i] -= factor * b[k];
-            }
-        }
-        let mut x = [0.0; FEATURES];
-        for k in (0..FEATURES).rev() {
-            let mut rest = b[k];
-            for j in k + 1..FEATURES {
-                rest -= m[k][j] * x[j];
-            }
-            x[k] = rest / m[k][k];
-        }
-        x
-    }
-    fn learn(&mut self, features: &[[f64; 3]; FEATURES], truth: [f64; 3]) {
-        for i in 0..FEATURES {
-            for j in 0..FEATURES {
-                for k in 0..3 {
-                    self.squares[i][j] += features[i][k] * features[j][k];
-                }
-            }
-            for k in 0..3 {
-                self.products[i] += features[i][k] * truth[k];
-            }
-        }
+/// Codes residuals of one kind, scaled by what is expected of them.
+struct Residuals {
+    high: [Number; 6],
+    sign: BitModel,
+}
+
+impl Residuals {
+    fn code<C: BitCoder>(&mut self, coder: &mut C, expected: f64, residual: i32) -> i64 {
+        let halves = 64 - ((4.0 * (expected * expected)) as u64).leading_zeros();
+        let shift = (halves.saturating_sub(2) / 2).saturating_sub(1);
+        let size = residual.unsigned_abs();
+        let high = self.high[(halves - 2 * shift) as usize].code(coder, size >> shift);
+        let low = code_raw(coder, shift, size);
+        let size = (high as i64) << shift | low as i64;
+        if size != 0 && self.sign.code(coder, residual < 0) { -size } else { size }
     }
 }
 
-fn env(name: &str, default: f64) -> f64 { std::env::var(name).ok().and_then(|x| x.parse().ok()).unwrap_or(default) }
-
-fn subtract(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    std::array::from_fn(|k| a[k] - b[k])
-}
-fn add(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    std::array::from_fn(|k| a[k] + b[k])
-}
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-fn scale(a: [f64; 3], by: f64) -> [f64; 3] {
-    a.map(|x| x * by)
-}
-fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+/// State of the coding of positions.
+struct Positions<'a> {
+    surface: &'a Surface<'a>,
+    known: Vec<bool>,
+    /// Magnitudes of the residuals coded at each vertex.
+    magnitudes: Vec<[f64; 2]>,
+    /// Sums of the normals of the known triangles at each vertex.
+    normals: Vec<Vector>,
+    along: Vec<Learned>,
+    off: Vec<Learned>,
+    /// Sums of magnitudes and of edge lengths, for each class.
+    scales: Vec<([f64; 2], f64)>,
+    last: Lattice,
 }
 
-/// Codes all positions; in decoding those given are ignored and replaced.
-pub(super) fn code<C: BitCoder>(coder: &mut C, surface: &Surface, positions: &mut [Lattice], largest: i32) -> Result<(), ()> {
+fn vector(position: Lattice) -> Vector {
+    position.map(|x| x as f64)
+}
+
+/// Codes all positions; in decoding those given are ignored and replaced. An error when the bytes tell one outside the lattice.
+pub(super) fn code<C: BitCoder>(
+    coder: &mut C,
+    surface: &Surface,
+    positions: &mut [Lattice],
+    largest: i32,
+) -> Result<(), ()> {
     let vertices = positions.len();
-    let shrink = [0.05, 0.05, 0.24, 0.38, 0.5, 0.6, 0.68, 0.77, 0.8, 0.8];
-    let mut weights: Vec<Weights> = (0..(PARALLELOGRAMS + 1) * MISSING).map(|c| Weights::new([shrink[c % MISSING]; 3])).collect();
-    let mut slopes: Vec<Weights> = (0..(PARALLELOGRAMS + 1) * MISSING).map(|_| Weights::new([0.5, 0.5, 0.0])).collect();
-    let mut numbers = vec![Number::default(); 3 * MAGNITUDES];
+    let classes = (PARALLELOGRAMS + 1) * (MISSING + 1);
+    let mut state = Positions {
+        surface,
+        known: vec![false; vertices],
+        magnitudes: vec![[0.0; 2]; vertices],
+        normals: vec![[0.0; 3]; vertices],
+        along: (0..classes).map(|class| Learned::new([FIRST_WEIGHTS[class % (MISSING + 1)]; 3])).collect(),
+        off: vec![Learned::new(FIRST_SLOPES); classes],
+        scales: vec![([0.5, 0.25], 1.0); classes],
+        last: [0; 3],
+    };
+    let mut residuals: [Residuals; 2] =
+        std::array::from_fn(|_| Residuals { high: Default::default(), sign: BitModel::default() });
     let mut order = Order::new(surface, vertices);
-    // Magnitude of what was coded at each vertex: along the surface, and off it.
-    let mut magnitudes: Vec<[f64; 2]> = vec![[0.0; 2]; vertices];
-    let mut normals: Vec<[f64; 3]> = vec![[0.0; 3]; vertices];
-    let mut last: Lattice = [0; 3];
-    let mut stats = [[0f64; 3]; 4];
-    let mut counts = [0; 4];
-    let (wn, wc, ridge_n, ridge_s) = (env("WN", 0.5), env("WC", 0.5), env("RN", 3.0), env("RS", 3.0));
     for _ in 0..vertices {
-        let v = order.pop();
-        let known = |u: u32| order.known[u as usize];
-        let place = |u: u32| positions[u as usize].map(|x| x as f64);
-        let mut count = 0;
-        let (mut perpendicular, mut shear, mut middle) = ([0.0; 3], [0.0; 3], [0.0; 3]);
-        let (mut normal, mut wide) = ([0.0; 3], [0.0; 3]);
-        let (mut neighbours, mut neighbour_count, mut length) = ([0.0; 3], 0.0, 0.0);
-        let mut near = [0.0; 2];
-        for &corner in surface.corners_of(v) {
+        let vertex = order.pop();
+        let position = state.vertex(coder, &mut residuals, positions, vertex, largest)?;
+        positions[vertex as usize] = position;
+        order.learn(surface, vertex);
+        state.finish(positions, vertex);
+    }
+    Ok(())
+}
+
+impl Positions<'_> {
+    fn look_around(&self, positions: &[Lattice], vertex: u32) -> Surroundings {
+        let surface = self.surface;
+        let known = |u: u32| self.known[u as usize];
+        let place = |u: u32| vector(positions[u as usize]);
+        let [mut across_sum, mut along_sum, mut middle_sum, mut neighbours] = [[0.0; 3]; 4];
+        let mut normals = [[0.0; 3]; 2];
+        let (mut count, mut neighbour_count, mut length, mut near) = (0, 0.0, 0.0, [0.0; 2]);
+        for &corner in surface.corners_of(vertex) {
             let edge = Surface::turn(corner);
             let (x, y) = (surface.vertex(edge), surface.vertex(Surface::turn(edge)));
             for u in [x, y] {
                 if known(u) {
                     neighbours = add(neighbours, place(u));
-                    wide = add(wide, normals[u as usize]);
+                    normals[1] = add(normals[1], self.normals[u as usize]);
                     neighbour_count += 1.0;
                     for k in 0..2 {
-                        near[k] += magnitudes[u as usize][k];
+                        near[k] += self.magnitudes[u as usize][k];
                     }
                 }
             }
@@ -229,114 +227,117 @@ pub(super) fn code<C: BitCoder>(coder: &mut C, surface: &Surface, positions: &mu
             if !known(c) {
                 continue;
             }
-            let (px, py, pc) = (place(x), place(y), place(c));
-            let along = subtract(py, px);
-            let half = scale(add(px, py), 0.5);
-            let across = subtract(half, pc);
-            let square = dot(along, along);
-            let part = if square > 0.0 { scale(along, dot(across, along) / square) } else { [0.0; 3] };
-            shear = add(shear, part);
-            perpendicular = add(perpendicular, subtract(across, part));
-            middle = add(middle, half);
-            normal = add(normal, cross(subtract(px, pc), subtract(py, pc)));
+            let (x, y, c) = (place(x), place(y), place(c));
+            let edge = subtract(y, x);
+            let middle = scale(add(x, y), 0.5);
+            let reach = subtract(middle, c);
+            let square = dot(edge, edge);
+            let along = if square > 0.0 { scale(edge, dot(reach, edge) / square) } else { [0.0; 3] };
+            across_sum = add(across_sum, subtract(reach, along));
+            along_sum = add(along_sum, along);
+            middle_sum = add(middle_sum, middle);
+            normals[0] = add(normals[0], cross(subtract(x, c), subtract(y, c)));
             length += square.sqrt();
             count += 1;
         }
-        let missing = (surface.corners_of(v).len() - count).min(MISSING - 1);
-        let class = count.min(PARALLELOGRAMS) * MISSING + missing;
-        let base = if neighbour_count > 0.0 { scale(neighbours, 1.0 / neighbour_count) } else { last.map(|x| x as f64) };
-        let mut features = [[0.0; 3]; FEATURES];
-        let mut guess = base;
+        let missing = (surface.corners_of(vertex).len() - count).min(MISSING);
+        let class = count.min(PARALLELOGRAMS) * (MISSING + 1) + missing;
+        let (mut base, mut features) = (vector(self.last), [[0.0; 3]; 3]);
+        if neighbour_count > 0.0 {
+            base = scale(neighbours, 1.0 / neighbour_count);
+            near = near.map(|sum| sum / neighbour_count);
+        }
         if count > 0 {
             let share = 1.0 / count as f64;
-            features = [scale(perpendicular, share), scale(shear, share), subtract(scale(middle, share), base)];
+            features = [scale(across_sum, share), scale(along_sum, share), subtract(scale(middle_sum, share), base)];
             length *= share;
-            let solution = weights[class].solve(ridge_n * length * length);
-            for (feature, weight) in features.iter().zip(solution) {
-                guess = add(guess, scale(*feature, weight));
+        }
+        Surroundings { class, parallelograms: count, base, features, length, normals, near }
+    }
+
+    /// Codes one position.
+    fn vertex<C: BitCoder>(
+        &mut self,
+        coder: &mut C,
+        residuals: &mut [Residuals; 2],
+        positions: &[Lattice],
+        vertex: u32,
+        largest: i32,
+    ) -> Result<Lattice, ()> {
+        let around = self.look_around(positions, vertex);
+        let Surroundings { class, parallelograms, base, features, length, normals, near } = around;
+        let mut guess = base;
+        if parallelograms > 0 {
+            let weights = self.along[class].weights(length);
+            for (feature, weight) in features.into_iter().zip(weights) {
+                guess = add(guess, scale(feature, weight));
             }
         }
-        let third = (0..3).max_by(|&a, &b| normal[a].abs().total_cmp(&normal[b].abs())).unwrap_or(2);
-        let axes = [(third + 1) % 3, (third + 2) % 3, third];
-        let clamp = |x: f64| (x + 0.5).floor().clamp(0.0, largest as f64) as i32;
-        let near = near.map(|sum| if neighbour_count > 0.0 { sum / neighbour_count } else { 0.0 });
-        let expected: [f64; 2] = std::array::from_fn(|k| {
-            let own = weights[class].errors[k] / weights[class].lengths * length;
-            if count > 0 { wn * near[k] + wc * own } else { largest as f64 / 16.0 }
+        // The axis that the surface faces most comes last: its height follows from the two others.
+        let facing = prediction::largest_axis(normals[0]);
+        let axes = [(facing + 1) % 3, (facing + 2) % 3, facing];
+        let expected: [f64; 2] = std::array::from_fn(|kind| {
+            let (errors, lengths) = self.scales[class];
+            let own = errors[kind] / lengths * length;
+            let expected = if parallelograms > 0 { 0.35 * near[kind] + 0.65 * own } else { largest as f64 / 16.0 };
+            expected.min(16_777_216.0)
         });
-        let mut position = positions[v as usize];
-        let mut residuals = [0i32; 3];
-        let mut planes = [[0.0; 3]; FEATURES];
+        let mut position = positions[vertex as usize];
+        let mut coded = [0.0; 3];
+        let mut heights = [0.0; 3];
         for (turn, &axis) in axes.iter().enumerate() {
-            let mut wanted = guess[axis];
-            let mut expect = expected[0];
+            let (mut wanted, mut expect, mut kind) = (guess[axis], expected[ALONG], ALONG);
             if turn == 1 {
-                expect = 0.75 * expect + 0.25 * residuals[0].abs() as f64;
+                expect = 0.75 * expect + 0.25 * coded[0];
             }
             if turn == 2 {
-                expect = expected[1];
-                if count > 0 {
-                    // Heights over the mean of the neighbours by the planes of both normals.
-                    let (du, dv) = (position[axes[0]] as f64 - base[axes[0]], position[axes[1]] as f64 - base[axes[1]]);
-                    for (plane, n) in planes.iter_mut().zip([normal, wide]) {
-                        if n[axis] != 0.0 {
-                            let height = -(n[axes[0]] * du + n[axes[1]] * dv) / n[axis];
-                            let bound = 4.0 * length;
-                            plane[0] = height.clamp(-bound, bound);
-                        }
-                    }
-                    let (gu, gv) = (guess[axes[0]] - base[axes[0]], guess[axes[1]] - base[axes[1]]);
-                    if normal[axis] != 0.0 {
-                        planes[2][0] = guess[axis] - base[axis] + (normal[axes[0]] * gu + normal[axes[1]] * gv) / normal[axis];
-                        planes[2][0] = planes[2][0].clamp(-4.0 * length, 4.0 * length);
-                    }
-                    let solution = slopes[class].solve(ridge_s * length * length);
-                    wanted = base[axis] + planes[0][0] * solution[0] + planes[1][0] * solution[1] + planes[2][0] * solution[2];
+                (kind, expect) = (OFF, expected[OFF]);
+                if parallelograms > 0 {
+                    heights = prediction::heights(base, guess, position, normals, axes, length);
+                    let weights = self.off[class].weights(length);
+                    wanted = base[axis] + heights[0] * weights[0] + heights[1] * weights[1] + heights[2] * weights[2];
                 }
             }
-            let predicted = clamp(wanted);
-            let bucket = {
-                let squared = (expect * expect * 4.0) as u64;
-                (64 - squared.leading_zeros() as usize).min(MAGNITUDES - 1)
-            };
-            let residual = numbers[turn * MAGNITUDES + bucket].code_signed(coder, position[axis].wrapping_sub(predicted));
-            let value = predicted as i64 + residual as i64;
+            let predicted = (wanted + 0.5).floor().clamp(0.0, largest as f64) as i32;
+            let residual = residuals[kind].code(coder, expect, position[axis].wrapping_sub(predicted));
+            let value = predicted as i64 + residual;
             if !(0..=largest as i64).contains(&value) {
                 return Err(());
             }
             position[axis] = value as i32;
-            residuals[turn] = residual;
-            stats[count.min(3)][turn] += residual.abs() as f64;
+            coded[turn] = residual.abs() as f64;
         }
-        counts[count.min(3)] += 1;
-        positions[v as usize] = position;
-        last = position;
-        magnitudes[v as usize] = [(residuals[0].abs() + residuals[1].abs()) as f64 * 0.5, residuals[2].abs() as f64];
-        if count > 0 {
-            let truth = subtract(position.map(|x| x as f64), base);
-            let class = &mut weights[class];
-            class.learn(&features, truth);
-            class.errors[0] += magnitudes[v as usize][0];
-            class.errors[1] += magnitudes[v as usize][1];
-            class.lengths += length;
-            let class = count.min(PARALLELOGRAMS) * MISSING + missing;
-            slopes[class].learn(&planes, [truth[axes[2]], 0.0, 0.0]);
+        let magnitudes = [(coded[0] + coded[1]) * 0.5, coded[2]];
+        self.magnitudes[vertex as usize] = magnitudes;
+        if parallelograms > 0 {
+            let truth = subtract(vector(position), base);
+            for k in 0..3 {
+                self.along[class].learn([features[0][k], features[1][k], features[2][k]], truth[k]);
+            }
+            self.along[class].count(length);
+            self.off[class].learn(heights, truth[axes[2]]);
+            self.off[class].count(length);
+            let (errors, lengths) = &mut self.scales[class];
+            errors[ALONG] += magnitudes[ALONG];
+            errors[OFF] += magnitudes[OFF];
+            *lengths += length;
         }
-        order.learn(surface, v);
-        // Normals of the triangles that became known.
-        for &corner in surface.corners_of(v) {
-            let corners = surface.triangles[corner as usize / 3];
-            if corners.iter().all(|&u| order.known[u as usize]) {
-                let [a, b, c] = corners.map(|u| positions[u as usize].map(|x| x as f64));
-                let n = cross(subtract(b, a), subtract(c, a));
+        Ok(position)
+    }
+
+    /// Makes a coded vertex known, with the triangles that it completes.
+    fn finish(&mut self, positions: &[Lattice], vertex: u32) {
+        self.known[vertex as usize] = true;
+        self.last = positions[vertex as usize];
+        for &corner in self.surface.corners_of(vertex) {
+            let corners = self.surface.triangles[corner as usize / 3];
+            if corners.iter().all(|&u| self.known[u as usize]) {
+                let [a, b, c] = corners.map(|u| vector(positions[u as usize]));
+                let normal = cross(subtract(b, a), subtract(c, a));
                 for u in corners {
-                    normals[u as usize] = add(normals[u as usize], n);
+                    self.normals[u as usize] = add(self.normals[u as usize], normal);
                 }
             }
         }
     }
-    if !C::DECODES && std::env::var("MESH_STATS").is_ok() {
-        for c in 0..4 { println!("  class {c}: n {} mean |r| {:?}", counts[c], stats[c].map(|x| (x * 10.0 / counts[c] as f64).round() / 10.0)); }
-    }
-    Ok(())
 }

@@ -44,15 +44,13 @@ pub fn encode(mesh: &Mesh, options: &MeshOptions) -> Result<EncodedMesh> {
     let header = lattice_of(mesh, options)?;
     let mut coder = RangeEncoder::new();
     header.code(&mut coder);
-    let before = coder.len();
     let (growth, triangle_order, vertex_order) = encode_connectivity(&mut coder, mesh);
-    if std::env::var("MESH_STATS").is_ok() {
-        println!("  connectivity {} bytes, {:.3} bits a triangle", coder.len() - before, (coder.len() - before) as f64 * 8.0 / mesh.triangles.len() as f64);
-    }
     let surface = Surface::new(&growth.triangles, &growth.opposite, mesh.positions.len());
-    let mut lattice: Vec<Lattice> = vertex_order.iter().map(|&v| nearest(&header, mesh.positions[v as usize])).collect();
+    let mut lattice: Vec<Lattice> =
+        vertex_order.iter().map(|&v| nearest(&header, mesh.positions[v as usize])).collect();
     positions::code(&mut coder, &surface, &mut lattice, header.largest())
         .map_err(|()| Error::parameter("position outside the lattice"))?;
+    code_end(&mut coder);
     let mut bytes = vec![VERSION];
     bytes.extend(coder.finish());
     bytes.resize(bytes.len().max(1 + bytes_at_least(header.vertices, header.triangles)), 0);
@@ -139,14 +137,12 @@ fn encode_connectivity(coder: &mut RangeEncoder, mesh: &Mesh) -> (Growth, Vec<u3
     let mut vertex_order: Vec<u32> = Vec::with_capacity(mesh.positions.len());
     let mut renumbered = vec![NONE; mesh.positions.len()];
     let mut seed = 0;
-    let mut counts = [0; 7];
     while triangle_order.len() < mesh.triangles.len() {
         let Some(gate) = growth.next_gate() else {
             while edges.coded[seed] {
                 seed += 1;
             }
-            let corners = mesh.triangles[seed].map(|_| 0);
-            let mut corners = corners;
+            let mut corners = [0; 3];
             for (k, &vertex) in mesh.triangles[seed].iter().enumerate() {
                 let known = Some(renumbered[vertex as usize]).filter(|v| *v != NONE);
                 // Known vertices are always found again.
@@ -160,7 +156,6 @@ fn encode_connectivity(coder: &mut RangeEncoder, mesh: &Mesh) -> (Growth, Vec<u3
             growth.seed(corners);
             edges.coded[seed] = true;
             triangle_order.push(seed as u32);
-            counts[6] += 1;
             continue;
         };
         let (a, b) = growth.ends(gate);
@@ -176,7 +171,6 @@ fn encode_connectivity(coder: &mut RangeEncoder, mesh: &Mesh) -> (Growth, Vec<u3
         };
         models.symbol(coder, &growth, gate, symbol);
         growth.apply(gate, symbol);
-        counts[match symbol { Symbol::New => 0, Symbol::Previous => 1, Symbol::Next => 2, Symbol::Border => 3, Symbol::Known(_) => 4, _ => 5 }] += 1;
         if let Some((triangle, third)) = found {
             edges.coded[triangle as usize] = true;
             triangle_order.push(triangle);
@@ -186,7 +180,6 @@ fn encode_connectivity(coder: &mut RangeEncoder, mesh: &Mesh) -> (Growth, Vec<u3
             }
         }
     }
-    if std::env::var("MESH_STATS").is_ok() { println!("  N P X B O seeds {counts:?}"); }
     // Vertices without triangles come last.
     vertex_order.extend((0..mesh.positions.len() as u32).filter(|&v| renumbered[v as usize] == NONE));
     (growth, triangle_order, vertex_order)

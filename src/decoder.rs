@@ -1,0 +1,147 @@
+//! From a file back to photographs, mesh and reflectance: the encoder's stages from bottom to top.
+
+use crate::asset::{Asset, Photograph, View};
+use crate::container::{Container, Tag, metadata, views};
+use crate::error::{Error, Result};
+use crate::limits::Limits;
+use crate::reflectance::code as reflectance_code;
+use crate::surface::{charts, raster};
+use crate::tuned::header::{Header, PREFIX_BYTES};
+use crate::{Budget, mesh, paper, tuned};
+use std::io::{Read, Seek};
+
+/// Which photographs to decode.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub enum Selection {
+    /// All of them.
+    #[default]
+    All,
+    /// None: mesh, views, reflectance only.
+    None,
+    /// These, by index in the file's views; what they are predicted from is read, too.
+    Views(Vec<usize>),
+}
+
+impl Selection {
+    fn takes(&self, view: usize) -> bool {
+        match self {
+            Selection::All => true,
+            Selection::None => false,
+            Selection::Views(views) => views.contains(&view),
+        }
+    }
+}
+
+/// What decoding may use and what it should give.
+#[derive(Debug, Clone, Default)]
+pub struct DecodeOptions {
+    /// Bounds on what the file may ask for.
+    pub limits: Limits,
+    /// Photographs wanted.
+    pub selection: Selection,
+}
+
+/// Decodes a file in memory.
+pub fn decode(bytes: &[u8], options: &DecodeOptions) -> Result<Asset> {
+    decode_from(&mut Container::open_slice(bytes, options.limits)?, options)
+}
+
+/// Decodes an open file; reads only the sections, and of the planes only the views, that are asked for.
+pub fn decode_from<R: Read + Seek>(file: &mut Container<R>, options: &DecodeOptions) -> Result<Asset> {
+    let budget = file.budget();
+    // 6. Container.
+    let metadata = match file.read_optional(Tag::METADATA)? {
+        Some(content) => metadata::decode(&content, &budget)?.0,
+        None => Default::default(),
+    };
+    let section = views::decode(&file.read_section(Tag::VIEWS)?, &budget)?;
+    // 2. Mesh.
+    let mesh = mesh::code::decode(&file.read_section(Tag::MESH)?, &budget)?;
+    if let Selection::Views(wanted) = &options.selection
+        && let Some(view) = wanted.iter().find(|&&view| view >= section.views.len())
+    {
+        return Err(Error::parameter(format!(
+            "view {view} does not exist: the file has {} views",
+            section.views.len()
+        )));
+    }
+    // 4. Reflectance.
+    let charts = file.read_optional(Tag::CHARTS)?.map(|bytes| charts::decode(&bytes, &mesh, &budget)).transpose()?;
+    let reflectance = match (&charts, file.read_optional(Tag::REFLECTANCE)?) {
+        (Some(charts), Some(bytes)) => Some(reflectance_code::decode(&bytes, &mesh, charts, &budget)?),
+        _ => None,
+    };
+    // 5. Residual.
+    let wanted = |view: usize| options.selection.takes(view);
+    let photographs = if options.selection == Selection::None {
+        vec![None; section.views.len()]
+    } else if file.find(Tag::PLANES).is_some() {
+        tuned_photographs(file, &mesh, &section, wanted, &budget)?
+    } else if file.find(Tag::PAPER).is_some() {
+        let bytes = file.read_section(Tag::PAPER)?;
+        let decoded = paper::decode(&bytes, &mesh, &section.components, section.views.len(), &budget)?;
+        charge_photographs(&mesh, &section, wanted, &budget)?;
+        paper_photographs(&decoded, &mesh, &section.views, wanted)
+    } else {
+        vec![None; section.views.len()]
+    };
+    let views::ViewsSection { white, components, views } = section;
+    Ok(Asset { metadata, mesh, charts, reflectance, white, components, views, photographs })
+}
+
+/// Photographs of profile `tuned`: the head of the section, then the streams of the views that are needed.
+fn tuned_photographs<R: Read + Seek>(
+    file: &mut Container<R>,
+    mesh: &crate::asset::Mesh,
+    section: &views::ViewsSection,
+    wanted: impl Fn(usize) -> bool + Sync + Send,
+    budget: &Budget,
+) -> Result<Vec<Option<Photograph>>> {
+    let prefix = file.read_range(Tag::PLANES, 0, PREFIX_BYTES as u64)?;
+    let length = PREFIX_BYTES as u64 + Header::length(&prefix)?;
+    let head = file.read_range(Tag::PLANES, 0, length)?;
+    let header = Header::parse(&head, section.views.len(), section.components.len(), budget)?;
+    let stored = file.find(Tag::PLANES).map_or(0, |s| s.stored);
+    if stored != length + header.stream_bytes() {
+        return Err(Error::format("PLAN", length, "the streams are not as long as the head says"));
+    }
+    let read = |step: &tuned::header::CodedStep| {
+        let bytes = step.lengths.iter().map(|&l| l as u64).sum();
+        file.read_range(Tag::PLANES, length + step.offset, bytes).map(Some)
+    };
+    tuned::decode::decode(&header, mesh, &section.views, section.white, wanted, read, budget)
+}
+
+fn charge_photographs(
+    mesh: &crate::asset::Mesh,
+    section: &views::ViewsSection,
+    wanted: impl Fn(usize) -> bool,
+    budget: &Budget,
+) -> Result<()> {
+    for (_, view) in section.views.iter().enumerate().filter(|(k, _)| wanted(*k)) {
+        let pixels = view.camera.width as u64 * view.camera.height as u64;
+        budget.charge_items("decoded views", pixels, 32 + 12 * section.components.len())?;
+        raster::check_work(mesh, &view.camera)?;
+    }
+    Ok(())
+}
+
+/// Photographs of profile `paper`: model plus residual at every pixel that meets the mesh.
+pub fn paper_photographs(
+    decoded: &paper::Decoded,
+    mesh: &crate::asset::Mesh,
+    views: &[View],
+    wanted: impl Fn(usize) -> bool,
+) -> Vec<Option<Photograph>> {
+    let photograph = |(index, view): (usize, &View)| {
+        wanted(index).then(|| {
+            let raster = raster::rasterise(mesh, &view.camera);
+            decoded.photograph(index, view, |x, y| {
+                let at = y * raster.width + x;
+                let [b, c] = raster.barycentric[at].map(f64::from);
+                raster.is_covered(at).then_some((raster.triangle[at], [1.0 - b - c, b, c]))
+            })
+        })
+    };
+    views.iter().enumerate().map(photograph).collect()
+}

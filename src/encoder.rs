@@ -1,0 +1,357 @@
+//! From a capture to a file: the stages in the order of the data's way. [`crate::decoder`] runs them backwards.
+
+use crate::asset::{Component, Photograph, View};
+use crate::capture::Capture;
+use crate::container::views::{self, ViewsSection};
+use crate::container::{SectionCodec, Tag, Writer, metadata, thumbnail};
+use crate::error::{Error, Result};
+use crate::image::{Mask, RgbImage};
+use crate::limits::{Budget, Limits};
+use crate::measure::{self, FrameError, ImagePsnr};
+use crate::options::{EncodeOptions, Profile, Target};
+use crate::reflectance::{code as reflectance_code, maps};
+use crate::separate::{Observations, ObservedFrame, separate};
+use crate::surface::{atlas, charts, raster};
+use crate::tuned::encode::Target as PlaneTarget;
+use crate::{mesh, paper, rate, tuned};
+
+/// A finished file and what is known of it.
+#[derive(Debug)]
+pub struct Encoded {
+    /// The file.
+    pub bytes: Vec<u8>,
+    /// Each section's four letters and bytes in the file, in file order.
+    pub sections: Vec<(String, u64)>,
+    /// Image PSNR of the coded views, as a decoder will reach it.
+    pub image_psnr: ImagePsnr,
+    /// PSNR on surface samples, per component: linear and sqrt. Profile `paper` only.
+    pub sample_psnr: Option<Vec<(Component, paper::SampleError)>>,
+    /// Coefficients kept, per cent. Profile `paper` only.
+    pub kept_percent: Option<f64>,
+    /// Share of the masks' pixels that the mesh covers.
+    pub coverage: f64,
+    /// What the user should know.
+    pub warnings: Vec<String>,
+}
+
+/// Encodes a capture.
+pub fn encode(mut capture: Capture, options: &EncodeOptions) -> Result<Encoded> {
+    let mut warnings = std::mem::take(&mut capture.warnings);
+    // 1. Separate: photographs to components of reflection.
+    let mut observations = separate(&mut capture)?;
+    hold_out(&mut observations, options)?;
+    // 2. Mesh: order and quantise. All later stages see the mesh and the views that the decoder will see.
+    let position_bits = options.position_bits.unwrap_or_else(|| position_bits(&capture, &observations));
+    let coded_mesh = mesh::code::encode(&capture.mesh, &mesh::code::MeshOptions { position_bits })?;
+    let mesh = coded_mesh.mesh;
+    let (views_bytes, section) = code_views(&observations, &mesh)?;
+    let (views, components) = (&section.views, &section.components);
+    // 3. Surface: which pixels show the object.
+    let targets = targets(std::mem::take(&mut observations.frames), views, &mesh, &mut warnings)?;
+    let judge = Judge::new(&mesh, &section, &targets);
+    // 4. Reflectance: fit on an atlas, code as images.
+    let mut file = SectionList::default();
+    file.push(Tag::MESH, SectionCodec::Own, coded_mesh.bytes);
+    file.push(Tag::VIEWS, SectionCodec::Own, views_bytes);
+    // 5. Residual: what the profile makes of the photographs, at the quality that the target asks for.
+    let (photographs, sample_psnr, kept_percent) = match options.profile {
+        Profile::Tuned => {
+            let maps = ReflectanceStage::new(&mesh, views, components, &targets, options)?;
+            let encoder =
+                tuned::encode::Encoder::new(&mesh, views, section.white, components, &targets, options.signed_specular);
+            let outcome = rate::tuned(options.target.unwrap_or(Target::Quality(75.0)), |step| {
+                let quality = tuned::encode::Quality { step, ..Default::default() };
+                let planes = encoder.encode(&quality)?;
+                let reflectance = maps.code(step)?;
+                let bytes =
+                    file.bytes() + maps.chart_bytes.len() as u64 + (reflectance.len() + planes.bytes.len()) as u64;
+                let measured = judge.measure(&planes.photographs);
+                Ok(rate::Trial { measured, bytes, content: (planes, reflectance) })
+            })?;
+            let (planes, reflectance) = outcome;
+            file.push(Tag::CHARTS, SectionCodec::Own, maps.chart_bytes);
+            file.push(Tag::REFLECTANCE, SectionCodec::Own, reflectance);
+            file.push(Tag::PLANES, SectionCodec::Own, planes.bytes);
+            (planes.photographs, None, None)
+        }
+        Profile::Paper => {
+            let frames: Vec<paper::Frame> = (views.iter().zip(&targets))
+                .map(|(view, target)| paper::Frame { view, mask: Some(&target.mask), images: &target.images })
+                .collect();
+            let samples = paper::Samples::gather(&mesh, &frames, PATCH_DENSITY);
+            let model = paper::encode::fit_model(&samples, components);
+            let outcome = rate::paper(options.target.unwrap_or(Target::KeepPercent(5.0)), |keep_percent| {
+                let settings = paper::Options { keep_percent, ..Default::default() };
+                let encoded = paper::encode(&samples, components, Some(&model), &settings)?;
+                let decoded =
+                    paper::decode(&encoded.bytes, &mesh, components, views.len(), &Budget::new(ENCODER_LIMITS))?;
+                let photographs = crate::decoder::paper_photographs(&decoded, &mesh, views, |_| true);
+                let photographs: Vec<Photograph> = photographs.into_iter().flatten().collect();
+                let measured = judge.measure(&photographs);
+                let bytes = file.bytes() + encoded.bytes.len() as u64;
+                let errors = paper::encode::sample_errors(&samples, &decoded, section.white);
+                Ok(rate::Trial { measured, bytes, content: (encoded, errors, photographs) })
+            })?;
+            let (encoded, errors, photographs) = outcome;
+            let kept = encoded.kept_percent();
+            file.push(Tag::PAPER, SectionCodec::Own, encoded.bytes);
+            (photographs, Some(components.iter().copied().zip(errors).collect()), Some(kept))
+        }
+    };
+    // 6. Container.
+    let total = judge.total(&photographs);
+    let thumbnail = thumbnail_png(&photographs, section.white)?;
+    let metadata = describe(&capture, options, &total);
+    let (bytes, sections) = file.write(&metadata, &thumbnail)?;
+    let (image_psnr, coverage) = (total.psnr(), total.coverage());
+    Ok(Encoded { bytes, sections, image_psnr, sample_psnr, kept_percent, coverage, warnings })
+}
+
+/// Samples of a patch for one pixel of the photographs.
+const PATCH_DENSITY: f64 = 1.0;
+/// The encoder trusts its own streams.
+const ENCODER_LIMITS: Limits =
+    Limits { memory_bytes: u64::MAX, frames: u32::MAX, picture_side: u32::MAX, mesh_elements: u32::MAX };
+/// Longest side of the thumbnail in pixels.
+const THUMBNAIL_SIDE: usize = 48;
+
+fn hold_out(observations: &mut Observations, options: &EncodeOptions) -> Result<()> {
+    let Some(every) = options.hold_out else { return Ok(()) };
+    if every < 2 {
+        return Err(Error::parameter("--hold-out takes 2 or more: every k-th view is left out"));
+    }
+    let mut index = 0;
+    observations.frames.retain(|_| {
+        index += 1;
+        index % every != 0
+    });
+    Ok(())
+}
+
+/// Bits that move no vertex by more than an eighth of a pixel in the view that shows the object largest.
+fn position_bits(capture: &Capture, observations: &Observations) -> u8 {
+    let per_pixel = atlas::texels_per_unit(
+        &capture.mesh,
+        &observations.frames.iter().map(|f| f.view.camera).collect::<Vec<_>>(),
+        1.0,
+    );
+    let (_, radius) = crate::relight::bounds(&capture.mesh);
+    let steps = 8.0 * 2.0 * radius * per_pixel;
+    (steps.log2().ceil().clamp(8.0, 20.0)) as u8
+}
+
+fn code_views(observations: &Observations, mesh: &crate::asset::Mesh) -> Result<(Vec<u8>, ViewsSection)> {
+    let section = ViewsSection {
+        white: observations.white,
+        components: observations.components.clone(),
+        views: observations.frames.iter().map(|f| f.view.clone()).collect(),
+    };
+    let bytes = views::encode(&section, &mesh.positions)?;
+    let decoded = views::decode(&bytes, &Budget::new(ENCODER_LIMITS))?;
+    Ok((bytes, decoded))
+}
+
+/// The pixels to code: the mask (all that the mesh covers where there is none) without missing ones, whose values become 0.
+fn targets(
+    frames: Vec<ObservedFrame>,
+    views: &[View],
+    mesh: &crate::asset::Mesh,
+    warnings: &mut Vec<String>,
+) -> Result<Vec<PlaneTarget>> {
+    let mut empty = 0;
+    let targets: Vec<PlaneTarget> = frames
+        .into_iter()
+        .zip(views)
+        .map(|(mut frame, view)| {
+            let mut mask =
+                frame.mask.take().unwrap_or_else(|| measure::mask_coverage(&raster::rasterise(mesh, &view.camera)));
+            for (at, inside) in mask.data.iter_mut().enumerate() {
+                if frame.images.iter().any(|image| image.data[at].iter().any(|v| !v.is_finite())) {
+                    *inside = false;
+                    frame.images.iter_mut().for_each(|image| image.data[at] = [0.0; 3]);
+                }
+            }
+            empty += (mask.count() == 0) as usize;
+            PlaneTarget { mask, images: frame.images }
+        })
+        .collect();
+    if empty == targets.len() {
+        return Err(Error::parameter(
+            "no photograph shows a pixel of the object: check masks, mesh position and missing (NaN) pixels",
+        ));
+    }
+    if empty > 0 {
+        warnings.push(format!("{empty} views show no pixel of the object"));
+    }
+    Ok(targets)
+}
+
+/// Compares decoded photographs with the captured ones.
+struct Judge<'a> {
+    originals: &'a [PlaneTarget],
+    coverage: Vec<Mask>,
+    section: &'a ViewsSection,
+}
+
+impl<'a> Judge<'a> {
+    fn new(mesh: &crate::asset::Mesh, section: &'a ViewsSection, originals: &'a [PlaneTarget]) -> Self {
+        let coverage =
+            (section.views.iter()).map(|view| measure::mask_coverage(&raster::rasterise(mesh, &view.camera))).collect();
+        Judge { originals, coverage, section }
+    }
+    fn total(&self, decoded: &[Photograph]) -> FrameError {
+        let mut total = FrameError::default();
+        for ((original, decoded), covered) in self.originals.iter().zip(decoded).zip(&self.coverage) {
+            let original = Photograph { mask: original.mask.clone(), images: original.images.clone() };
+            total.join(&FrameError::of(&original, decoded, &self.section.components, covered, self.section.white));
+        }
+        total
+    }
+    fn measure(&self, decoded: &[Photograph]) -> rate::Measured {
+        let white = self.section.white;
+        let mut largest = 0.0f64;
+        for ((original, decoded), covered) in self.originals.iter().zip(decoded).zip(&self.coverage) {
+            for (wanted, got) in original.images.iter().zip(&decoded.images) {
+                for at in (0..covered.data.len()).filter(|&at| covered.data[at] && original.mask.data[at]) {
+                    for c in 0..3 {
+                        let gap =
+                            measure::signal(wanted.data[at][c], white[c]) - measure::signal(got.data[at][c], white[c]);
+                        largest = largest.max(gap.abs());
+                    }
+                }
+            }
+        }
+        rate::Measured { psnr_db: self.total(decoded).psnr().sum.unwrap_or(f64::INFINITY), largest_error: largest }
+    }
+}
+
+/// Fitted maps, coded anew for each trial of the rate control.
+struct ReflectanceStage<'a> {
+    mesh: &'a crate::asset::Mesh,
+    charts: crate::asset::Charts,
+    chart_bytes: Vec<u8>,
+    maps: crate::asset::ReflectanceMaps,
+}
+
+impl<'a> ReflectanceStage<'a> {
+    fn new(
+        mesh: &'a crate::asset::Mesh,
+        views: &[View],
+        components: &[Component],
+        targets: &[PlaneTarget],
+        options: &EncodeOptions,
+    ) -> Result<Self> {
+        let cameras: Vec<_> = views.iter().map(|v| v.camera).collect();
+        let density = atlas::texels_per_unit(mesh, &cameras, options.atlas_density);
+        let charts = atlas::layout(mesh, density)?;
+        let chart_bytes = charts::encode(mesh, &charts)?;
+        let raster = atlas::rasterise_atlas(mesh, &charts)?;
+        let photographs: Vec<Option<Photograph>> =
+            targets.iter().map(|t| Some(Photograph { mask: t.mask.clone(), images: t.images.clone() })).collect();
+        let sources = maps::Sources { mesh, views, components, photographs: &photographs };
+        let maps = maps::fit_maps(&sources, &charts, &raster);
+        Ok(ReflectanceStage { mesh, charts, chart_bytes, maps })
+    }
+    /// The maps carry the look between captured views; they are coded a little coarser than the photographs.
+    fn code(&self, step: f32) -> Result<Vec<u8>> {
+        let relative = (step * 1.5).clamp(0.01, 0.15);
+        let colour = relative * maps::COLOUR_LEVELS as f32;
+        let sigma = 2.0 * relative * maps::SIGMA_LEVELS as f32;
+        let steps = reflectance_code::MapSteps { diffuse: 0.5 * colour, specular: colour, sigma };
+        Ok(reflectance_code::encode(&self.maps, self.mesh, &self.charts, &steps, MAP_LAMBDA)?.0)
+    }
+}
+
+/// Value of a bit of the reflectance maps, in squared steps.
+const MAP_LAMBDA: f32 = 0.15;
+
+/// Sections in file order.
+#[derive(Default)]
+struct SectionList(Vec<(Tag, SectionCodec, Vec<u8>)>);
+
+impl SectionList {
+    fn push(&mut self, tag: Tag, codec: SectionCodec, bytes: Vec<u8>) {
+        self.0.push((tag, codec, bytes));
+    }
+    /// Bytes so far, with what the container and the metadata add.
+    fn bytes(&self) -> u64 {
+        self.0.iter().map(|s| s.2.len() as u64 + 48).sum::<u64>() + 4096
+    }
+    fn write(self, metadata: &metadata::Metadata, thumbnail: &[u8]) -> Result<(Vec<u8>, Vec<(String, u64)>)> {
+        let mut writer = Writer::new(Vec::new())?;
+        writer.section(Tag::METADATA, SectionCodec::Zstd, &metadata::encode(metadata)?)?;
+        writer.section(Tag::THUMBNAIL, SectionCodec::None, &thumbnail::encode(thumbnail)?)?;
+        for (tag, codec, bytes) in &self.0 {
+            writer.section(*tag, *codec, bytes)?;
+        }
+        let sections = writer.sections().iter().map(|s| (s.tag.to_string(), s.stored)).collect();
+        Ok((writer.finish()?, sections))
+    }
+}
+
+fn describe(capture: &Capture, options: &EncodeOptions, total: &FrameError) -> metadata::Metadata {
+    let mut described = metadata::Metadata(options.metadata.clone());
+    if !capture.name.is_empty() {
+        described.0.entry("title").or_insert_with(|| capture.name.clone().into());
+    }
+    described.0.insert("color_space".into(), capture.color_space.clone().into());
+    described.0.insert("generator".into(), concat!("tsuya ", env!("CARGO_PKG_VERSION")).into());
+    let psnr = total.psnr();
+    let round = |db: Option<f64>| db.map(|db| (db * 100.0).round() / 100.0);
+    described.set_achieved_error(metadata::AchievedError {
+        diffuse_psnr_db: round(psnr.diffuse),
+        specular_psnr_db: round(psnr.specular),
+        sum_psnr_db: round(psnr.sum),
+        ..Default::default()
+    });
+    described
+}
+
+/// The first view's decoded photograph, made small.
+fn thumbnail_png(photographs: &[Photograph], white: [f64; 3]) -> Result<Vec<u8>> {
+    let Some(first) = photographs.iter().find(|p| p.mask.count() > 0) else {
+        return Err(Error::parameter("no view shows the object"));
+    };
+    let sum = sum_of_components(first);
+    let scale = sum.width.max(sum.height).div_ceil(THUMBNAIL_SIDE).max(1);
+    let (width, height) = ((sum.width / scale).max(1), (sum.height / scale).max(1));
+    let mut small = RgbImage::filled(width, height, [0.0; 3]);
+    for y in 0..height {
+        for x in 0..width {
+            let mut mean = [0.0f32; 3];
+            let mut count = 0.0;
+            for sy in (y * scale)..((y + 1) * scale).min(sum.height) {
+                for sx in (x * scale)..((x + 1) * scale).min(sum.width) {
+                    (0..3).for_each(|c| mean[c] += sum.at(sx, sy)[c]);
+                    count += 1.0;
+                }
+            }
+            *small.at_mut(x, y) = mean.map(|v| v / f32::max(count, 1.0));
+        }
+    }
+    let display = measure::to_display(&small, white);
+    let mut png = std::io::Cursor::new(Vec::new());
+    let pixels: Vec<u8> = display.data.into_iter().flatten().collect();
+    ::image::write_buffer_with_format(
+        &mut png,
+        &pixels,
+        width as u32,
+        height as u32,
+        ::image::ExtendedColorType::Rgb8,
+        ::image::ImageFormat::Png,
+    )
+    .map_err(|error| Error::parameter(format!("thumbnail: {error}")))?;
+    Ok(png.into_inner())
+}
+
+/// All components of a photograph together; specular radiance below zero counts as none.
+pub fn sum_of_components(photograph: &Photograph) -> RgbImage {
+    let mut images = photograph.images.iter();
+    let mut sum = images.next().cloned().unwrap_or_default();
+    for image in images {
+        for (total, pixel) in sum.data.iter_mut().zip(&image.data) {
+            (0..3).for_each(|c| total[c] += pixel[c].max(0.0));
+        }
+    }
+    sum
+}

@@ -1,0 +1,64 @@
+//! What the caller of the encoder may choose.
+
+use serde::{Deserialize, Serialize};
+
+/// How the look is stored. See the chapter on profiles in `spec/`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Profile {
+    /// The Wavelet-Texture method as published in 2007: residual volumes on surface patches.
+    Paper,
+    /// Photograph planes predicted through the mesh.
+    #[default]
+    Tuned,
+}
+
+/// What decides how fine the encoding is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Target {
+    /// 0 to 100; every 25 halve the quantiser step. 75 is about 38 to 40 dB.
+    Quality(f64),
+    /// Image PSNR of the sum, in dB, at least.
+    PsnrDb(f64),
+    /// Bytes of the whole file, at most.
+    MaxBytes(u64),
+    /// Largest difference of the signal `sqrt(x / white)` on any covered pixel and colour of any component, at most.
+    MaxError(f64),
+    /// Coefficients kept, per cent (profile `paper` only).
+    KeepPercent(f64),
+}
+
+/// Everything the encoder may be told.
+#[derive(Debug, Clone)]
+pub struct EncodeOptions {
+    /// How the look is stored.
+    pub profile: Profile,
+    /// How fine; by default quality 75, in profile `paper` 5 % of the coefficients.
+    pub target: Option<Target>,
+    /// Leaves every k-th view out (the k-th, the 2k-th ...), to judge views between the captured ones.
+    pub hold_out: Option<usize>,
+    /// Bits of a mesh coordinate on the longest side, 8 to 20. By default as many as move no vertex by more than an eighth
+    /// of a pixel.
+    pub position_bits: Option<u8>,
+    /// Texels of the reflectance atlas for one pixel of the photographs, each way.
+    pub atlas_density: f64,
+    /// Profile `tuned`: also keep the sign of specular radiance below zero (noise and double bounces); profile `paper`
+    /// always keeps it.
+    pub signed_specular: bool,
+    /// Keys for the file's metadata, such as `title`, `provenance`, `licence`, `units`.
+    pub metadata: serde_json::Map<String, serde_json::Value>,
+}
+
+impl Default for EncodeOptions {
+    fn default() -> Self {
+        EncodeOptions {
+            profile: Profile::Tuned,
+            target: None,
+            hold_out: None,
+            position_bits: None,
+            atlas_density: 0.6,
+            signed_specular: false,
+            metadata: serde_json::Map::new(),
+        }
+    }
+}

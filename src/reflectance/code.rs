@@ -1,0 +1,118 @@
+//! Section `RFLC`: reflectance maps as coded images.
+//!
+//! The maps' integer planes go three at a time (diffuse colour, specular colour, `sigma` alone) through the shape-adaptive
+//! 9/7 and the coefficient coder of the photographs' planes, without prediction, on the mask of the atlas.
+//! Normative text: `spec/reflectance.md`.
+
+use super::maps::{ReflectancePlanes, from_planes};
+use crate::asset::{Charts, Mesh, ReflectanceMaps};
+use crate::entropy::RangeDecoder;
+use crate::error::{Error, Result};
+use crate::image::{Grid, Mask};
+use crate::limits::Budget;
+use crate::residual::coefficients::{self, Models, Quantiser};
+use crate::surface::atlas::rasterise_atlas;
+use crate::transform::shape_adaptive::{Pixel, Plan};
+
+const SECTION: &str = "RFLC";
+const VERSION: u8 = 0;
+/// Version, flags, number of planes, two scales, three steps.
+const HEADER_BYTES: usize = 3 + 2 * 4 + 3 * 4;
+/// Values stand this far below the middle of their interval, in steps.
+const SHRINK: [f32; 2] = [0.08, 0.02];
+/// Memory that decoding takes for a texel.
+const BYTES_A_TEXEL: usize = 400;
+
+/// Quantiser steps of the planes, in levels ([`super::maps::COLOUR_LEVELS`], [`super::maps::SIGMA_LEVELS`]).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MapSteps {
+    /// Diffuse colour.
+    pub diffuse: f32,
+    /// Specular colour.
+    pub specular: f32,
+    /// Width of the highlight.
+    pub sigma: f32,
+}
+
+/// Bytes of the section, and the maps as the decoder has them.
+#[cfg(feature = "encode")]
+pub fn encode(
+    maps: &ReflectanceMaps,
+    mesh: &Mesh,
+    charts: &Charts,
+    steps: &MapSteps,
+    lambda: f32,
+) -> Result<(Vec<u8>, ReflectanceMaps)> {
+    let mask = rasterise_atlas(mesh, charts)?.mask();
+    let planes = super::maps::to_planes(maps, &mask);
+    let mut bytes = vec![VERSION, planes.relightable as u8, planes.planes.len() as u8];
+    for value in planes.scales.into_iter().chain([steps.diffuse, steps.specular, steps.sigma]) {
+        bytes.extend(value.to_le_bytes());
+    }
+    let plan = Plan::new(&mask);
+    let mut coder = crate::entropy::RangeEncoder::new();
+    let mut decoded = Vec::new();
+    for (planes, step) in planes.planes.chunks(3).zip([steps.diffuse, steps.specular, steps.sigma]) {
+        let pixels: Vec<Pixel> = (0..mask.data.len())
+            .map(|i| std::array::from_fn(|k| planes.get(k).map_or(0.0, |plane: &Grid<i32>| plane.data[i] as f32)))
+            .collect();
+        let target = plan.forward(&pixels);
+        let target = Some((&target[..], coefficients::Choice { lambda }));
+        let quantiser = Quantiser { step, shrink: SHRINK };
+        let coefficients = coefficients::code(&mut coder, &mut Models::default(), &plan, &quantiser, None, target);
+        decoded.extend(to_grids(&plan.inverse(&coefficients), &mask, planes.len()));
+    }
+    bytes.extend(coder.finish());
+    let decoded = from_planes(&ReflectancePlanes { planes: decoded, ..planes })?;
+    Ok((bytes, decoded))
+}
+
+/// The maps of a section, for the mesh and the charts they were made for.
+pub fn decode(bytes: &[u8], mesh: &Mesh, charts: &Charts, budget: &Budget) -> Result<ReflectanceMaps> {
+    let Some((header, stream)) = bytes.split_first_chunk::<HEADER_BYTES>() else {
+        return Err(Error::format(SECTION, bytes.len(), format!("ends within its head of {HEADER_BYTES} bytes")));
+    };
+    let [version, flags, count] = [header[0], header[1], header[2]];
+    if version != VERSION || flags > 1 {
+        return Err(Error::Unsupported(format!("section RFLC of version {version}, flags {flags}")));
+    }
+    if count != 3 && count != 7 {
+        return Err(Error::format(SECTION, 2, format!("{count} planes; 3 or 7 expected")));
+    }
+    let mut numbers = [0f32; 5];
+    for (k, number) in numbers.iter_mut().enumerate() {
+        *number = f32::from_le_bytes(std::array::from_fn(|i| header[3 + 4 * k + i]));
+        if !(number.is_finite() && (0.0..=1e6).contains(number)) || (k > 1 && *number < 1e-3) {
+            return Err(Error::format(SECTION, 3 + 4 * k, format!("{number} is no scale or step")));
+        }
+    }
+    let [diffuse_scale, specular_scale, steps @ ..] = numbers;
+    budget.charge_items("reflectance maps", charts.width as u64 * charts.height as u64, BYTES_A_TEXEL)?;
+    let mask = rasterise_atlas(mesh, charts)?.mask();
+    let plan = Plan::new(&mask);
+    let mut coder = RangeDecoder::new(stream);
+    let mut planes = Vec::new();
+    let mut left = count as usize;
+    for step in steps {
+        if left == 0 {
+            break;
+        }
+        let here = left.min(3);
+        let quantiser = Quantiser { step, shrink: SHRINK };
+        let coefficients = coefficients::code(&mut coder, &mut Models::default(), &plan, &quantiser, None, None);
+        planes.extend(to_grids(&plan.inverse(&coefficients), &mask, here));
+        left -= here;
+    }
+    let scales = [diffuse_scale, specular_scale];
+    from_planes(&ReflectancePlanes { relightable: flags & 1 != 0, scales, planes })
+}
+
+/// The first `count` channels, rounded; 0 outside the mask.
+fn to_grids(pixels: &[Pixel], mask: &Mask, count: usize) -> Vec<Grid<i32>> {
+    (0..count)
+        .map(|k| {
+            let data = pixels.iter().zip(&mask.data).map(|(p, &m)| if m { (p[k] + 0.5).floor() as i32 } else { 0 });
+            Grid { width: mask.width, height: mask.height, data: data.collect() }
+        })
+        .collect()
+}
