@@ -20,7 +20,13 @@ pub fn to_display(image: &RgbImage, white: [f64; 3]) -> Picture {
 
 /// `128 + amplification * 127 * (s - s')` of the signals on the pixels of `mask`, grey 128 elsewhere: what is too dark in `decoded`
 /// is bright.
-pub fn difference(original: &RgbImage, decoded: &RgbImage, mask: &Mask, white: [f64; 3], amplification: f64) -> Picture {
+pub fn difference(
+    original: &RgbImage,
+    decoded: &RgbImage,
+    mask: &Mask,
+    white: [f64; 3],
+    amplification: f64,
+) -> Picture {
     let pixel = |k: usize| {
         std::array::from_fn(|c| {
             let gap = signal(original.data[k][c], white[c]) - signal(decoded.data[k][c], white[c]);

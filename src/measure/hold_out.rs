@@ -35,9 +35,8 @@ pub fn hold_out(asset: &Asset, views: &[View], originals: &[Photograph]) -> Resu
         let nearest = RenderOptions { views: 1, ..base.clone() };
         let mut model = base.clone();
         model.layers.residual = false;
-        let compare = |renderer: &Renderer, options: &RenderOptions| {
-            compare(renderer, &view.camera, options, asset, original)
-        };
+        let compare =
+            |renderer: &Renderer, options: &RenderOptions| compare(renderer, &view.camera, options, asset, original);
         result.interpolated.join(&compare(&renderer, &base)?);
         result.nearest.join(&compare(&renderer, &nearest)?);
         result.model.join(&compare(&renderer, &model)?);

@@ -35,8 +35,7 @@ pub fn ssim(a: &RgbImage, b: &RgbImage, mask: &Mask, white: [f64; 3]) -> Option<
     for y in side..=height {
         for x in side..=width {
             let at = |x: usize, y: usize, i: usize| table[y * (width + 1) + x][i];
-            let window =
-                |i: usize| at(x, y, i) - at(x - side, y, i) - at(x, y - side, i) + at(x - side, y - side, i);
+            let window = |i: usize| at(x, y, i) - at(x - side, y, i) - at(x, y - side, i) + at(x - side, y - side, i);
             if window(0) != full {
                 continue;
             }
@@ -62,7 +61,9 @@ mod tests {
         let image = |noise: f32| Grid {
             width: 32,
             height: 32,
-            data: (0..1024).map(|k| [0.3 + 0.2 * (k as f32 * 0.7).sin() + noise * ((k * 31 % 17) as f32 / 8.0 - 1.0); 3]).collect(),
+            data: (0..1024)
+                .map(|k| [0.3 + 0.2 * (k as f32 * 0.7).sin() + noise * ((k * 31 % 17) as f32 / 8.0 - 1.0); 3])
+                .collect(),
         };
         let mask = Grid::filled(32, 32, true);
         let compare = |noise| ssim(&image(0.0), &image(noise), &mask, [1.0; 3]).unwrap();

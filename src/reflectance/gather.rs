@@ -92,7 +92,9 @@ pub fn fit_maps(sources: &Sources, charts: &Charts, atlas: &AtlasRaster) -> Refl
         let number = |key: (u32, usize, usize)| keys.binary_search(&key).ok();
         let near = |k: usize| {
             let (chart, y, x) = keys[k];
-            STEPS.into_iter().filter_map(move |(dx, dy)| number((chart, y.checked_add_signed(dy)?, x.checked_add_signed(dx)?)))
+            STEPS
+                .into_iter()
+                .filter_map(move |(dx, dy)| number((chart, y.checked_add_signed(dy)?, x.checked_add_signed(dx)?)))
         };
         let lobes = torrance_sparrow::fill_from_neighbours(&lobes, near);
         maps.specular = Grid::filled(width, height, [0f32; 3]);
@@ -166,9 +168,7 @@ fn sight(
             for (sum, image) in radiance.iter_mut().zip(&photograph.images) {
                 (0..3).for_each(|c| sum[c] += weight * image.data[index][c]);
             }
-            photograph.mask.data[index]
-                && raster.is_covered(index)
-                && (raster.depth[index] - depth).abs() < margin
+            photograph.mask.data[index] && raster.is_covered(index) && (raster.depth[index] - depth).abs() < margin
         });
         if visible && radiance.iter().flatten().all(|x| x.is_finite()) {
             result.push(Seen { geometry, radiance });

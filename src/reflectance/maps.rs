@@ -107,9 +107,7 @@ pub fn from_planes(planes: &ReflectancePlanes) -> Result<ReflectanceMaps> {
     if count != 3 && count != 7 {
         return Err(wrong("3 or 7 planes expected"));
     }
-    let alike = |p: &Grid<i32>| {
-        p.width == first.width && p.height == first.height && p.data.len() == first.data.len()
-    };
+    let alike = |p: &Grid<i32>| p.width == first.width && p.height == first.height && p.data.len() == first.data.len();
     if !planes.planes.iter().all(alike) || planes.scales.iter().any(|s| !(s.is_finite() && *s >= 0.0)) {
         return Err(wrong("planes of one size and finite scales expected"));
     }

@@ -44,8 +44,7 @@ pub fn orbit(asset: &Asset, count: usize) -> Vec<Camera> {
     }
     let views = asset.views.len() as f64;
     let middle = DVec3::from_array(bounds(&asset.mesh).0);
-    let target =
-        if matrix.determinant() > 1e-6 * views.powi(3) { matrix.inverse() * right_side } else { middle };
+    let target = if matrix.determinant() > 1e-6 * views.powi(3) { matrix.inverse() * right_side } else { middle };
     // On a ring the centres turn around the axis; their cross products say where it points better than a partial ring's uprights.
     let centres: Vec<DVec3> = asset.views.iter().map(|v| DVec3::from_array(v.camera.centre())).collect();
     let mean = centres.iter().sum::<DVec3>() / views;

@@ -4,8 +4,8 @@
 //! captured views (Miyazaki 2007, equations 12 to 16).
 
 mod cameras;
-mod residual;
 mod renderer;
+mod residual;
 mod shadow;
 
 pub use cameras::{bounds, look_at, orbit};

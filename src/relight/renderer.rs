@@ -153,7 +153,8 @@ impl<'a> Renderer<'a> {
 
     /// The captured views that look most alike, with the angle at the object's middle; photographs or not.
     fn nearest(&self, camera: &Camera, light_number: usize, views: usize) -> Vec<(usize, f64)> {
-        let direction = |c: &Camera| (DVec3::from_array(c.centre()) - DVec3::from_array(self.middle)).normalize_or_zero();
+        let direction =
+            |c: &Camera| (DVec3::from_array(c.centre()) - DVec3::from_array(self.middle)).normalize_or_zero();
         let wanted = direction(camera);
         let mut found: Vec<(usize, f64)> = (0..self.asset.views.len())
             .filter(|&k| self.light_number[k] == light_number && matches!(self.asset.photographs.get(k), Some(Some(_))))
@@ -291,7 +292,8 @@ impl Scene<'_, '_> {
                 (None, _) => Bound::Free,
             };
             let shown = |model: [f32; 3], irradiance: [f32; 3], fade: f32| -> [f32; 3] {
-                let residual = if layers.residual && whole { residual(&seen, k, model, irradiance, bound) } else { [0.0; 3] };
+                let residual =
+                    if layers.residual && whole { residual(&seen, k, model, irradiance, bound) } else { [0.0; 3] };
                 std::array::from_fn(|c| fade * (residual[c] + if layers.model { model[c] } else { 0.0 }))
             };
             match &self.lights {
@@ -377,11 +379,8 @@ fn residual(
         for c in 0..3 {
             let residual = photograph[c] - captured[c];
             let bounded = bound == Bound::All || (bound == Bound::Negative && residual < 0.0);
-            let scale = if bounded && captured[c] > 0.0 {
-                irradiance[c].min(model[c] / captured[c])
-            } else {
-                irradiance[c]
-            };
+            let scale =
+                if bounded && captured[c] > 0.0 { irradiance[c].min(model[c] / captured[c]) } else { irradiance[c] };
             // The first is exact where model and captured model agree.
             let radiance =
                 if scale == 1.0 { photograph[c] + (model[c] - captured[c]) } else { model[c] + scale * residual };
@@ -407,8 +406,7 @@ fn weights(angles: impl Iterator<Item = f64>, views: usize) -> Vec<f64> {
         None => angles.last().copied().unwrap_or(0.0) * 1.5,
     }
     .max(1e-9);
-    let mut weights: Vec<f64> =
-        angles.iter().take(views).map(|&a| (1.0 - a / last).max(1e-9) / a).collect();
+    let mut weights: Vec<f64> = angles.iter().take(views).map(|&a| (1.0 - a / last).max(1e-9) / a).collect();
     let sum: f64 = weights.iter().sum();
     weights.iter_mut().for_each(|w| *w /= sum);
     weights.resize(angles.len(), 0.0);

@@ -23,8 +23,7 @@ pub fn load(name: &str) -> Option<Asset> {
     let mut capture = crate::capture::read(folder(name)?, &Default::default()).unwrap();
     let mesh = std::mem::take(&mut capture.mesh);
     let observations = crate::separate::separate(&mut capture).unwrap();
-    let mut asset =
-        Asset { mesh, white: observations.white, components: observations.components, ..Asset::default() };
+    let mut asset = Asset { mesh, white: observations.white, components: observations.components, ..Asset::default() };
     for frame in observations.frames {
         let covered = || mask_coverage(&rasterise(&asset.mesh, &frame.view.camera));
         let mask = frame.mask.unwrap_or_else(covered);

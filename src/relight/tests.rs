@@ -111,3 +111,23 @@ fn what_does_not_belong_together_is_refused() {
     asset.mesh.triangles.push([0, 1, 9999]);
     assert!(matches!(Renderer::new(&asset), Err(Error::Parameter(_))));
 }
+
+#[test]
+#[ignore = "prints times"]
+fn times() {
+    let Some(mut asset) = load("bunny-ring") else { return };
+    let clock = std::time::Instant::now();
+    let raster = fit(&mut asset, 0.75);
+    println!("fit of {} texels: {:.2} s", raster.mask().count(), clock.elapsed().as_secs_f64());
+    let charts = asset.charts.as_ref().unwrap();
+    let bytes = crate::surface::charts::encode(&asset.mesh, charts).unwrap().len();
+    println!("{} charts, {bytes} bytes", charts.charts.len());
+    let renderer = Renderer::new(&asset).unwrap();
+    for camera in orbit(&asset, 72).iter().take(3) {
+        for what in ["first", "again"] {
+            let clock = std::time::Instant::now();
+            renderer.render(camera, &RenderOptions::default()).unwrap();
+            println!("384 x 384, {what}: {:.1} ms", clock.elapsed().as_secs_f64() * 1e3);
+        }
+    }
+}

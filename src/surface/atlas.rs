@@ -4,6 +4,7 @@ use super::charts::NONE;
 use crate::asset::{Charts, Mesh};
 use crate::error::{Error, Result};
 use crate::image::{Grid, Mask};
+use crate::limits::Budget;
 use glam::{DVec2, DVec3};
 
 #[cfg(feature = "encode")]
@@ -69,7 +70,7 @@ pub fn atlas_position(charts: &Charts, triangle: usize, point: DVec3) -> [f64; 2
         1 => (point.z, point.x),
         _ => (point.x, point.y),
     };
-    let u = if chart.facing % 2 == 0 { u } else { -u };
+    let u = if chart.facing.is_multiple_of(2) { u } else { -u };
     let scale = charts.texels_per_unit;
     [u * scale + chart.offset[0] as f64, v * scale + chart.offset[1] as f64]
 }
@@ -146,6 +147,16 @@ pub fn rasterise_atlas(mesh: &Mesh, charts: &Charts) -> Result<AtlasRaster> {
         }
     }
     Ok(AtlasRaster { triangle, barycentric })
+}
+
+/// [`rasterise_atlas`] for charts out of a file: the texels are charged first.
+pub fn rasterise_atlas_within(mesh: &Mesh, charts: &Charts, budget: &Budget) -> Result<AtlasRaster> {
+    let texels = charts.width as u64 * charts.height as u64;
+    // Triangle 4, barycentric 8, and while it runs distance 8 bytes.
+    budget.charge_items("atlas texels", texels, 20)?;
+    let result = rasterise_atlas(mesh, charts);
+    budget.release(texels * 8);
+    result
 }
 
 /// Left and right end of the part of a triangle with `low < y < high`.

@@ -76,7 +76,7 @@ pub fn area_normal(mesh: &Mesh, triangle: usize) -> [f64; 3] {
 /// Component of a vector along a facing direction (0 +x, 1 -x, 2 +y, 3 -y, 4 +z, 5 -z).
 pub fn along(vector: [f64; 3], facing: u8) -> f64 {
     let value = vector[(facing / 2) as usize % 3];
-    if facing % 2 == 0 { value } else { -value }
+    if facing.is_multiple_of(2) { value } else { -value }
 }
 
 /// The direction of which a normal has most; the first one of equals.
@@ -254,9 +254,7 @@ pub fn decode(bytes: &[u8], mesh: &Mesh, budget: &Budget) -> Result<Charts> {
         return Err(Error::format(SECTION, bytes.len() as u64, "its length does not fit its content"));
     }
     for t in 0..mesh.triangles.len() {
-        let inside = |[x, y]: [f64; 2]| {
-            x >= 0.5 && y >= 0.5 && x <= width as f64 - 0.5 && y <= height as f64 - 0.5
-        };
+        let inside = |[x, y]: [f64; 2]| x >= 0.5 && y >= 0.5 && x <= width as f64 - 0.5 && y <= height as f64 - 0.5;
         if !charts.corners(mesh, t).into_iter().all(inside) {
             return Err(Error::format(SECTION, bytes.len() as u64, format!("triangle {t} lies outside the atlas")));
         }

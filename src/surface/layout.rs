@@ -268,12 +268,8 @@ fn pack(mesh: &Mesh, charts: &mut Charts) -> Result<()> {
     for t in 0..mesh.triangles.len() {
         let bound = &mut bounds[charts.chart_of_triangle[t] as usize];
         for corner in charts.corners(mesh, t) {
-            *bound = [
-                bound[0].min(corner[0]),
-                bound[1].min(corner[1]),
-                bound[2].max(corner[0]),
-                bound[3].max(corner[1]),
-            ];
+            *bound =
+                [bound[0].min(corner[0]), bound[1].min(corner[1]), bound[2].max(corner[0]), bound[3].max(corner[1])];
         }
     }
     // Bilinear reading touches texels up to one from the position.

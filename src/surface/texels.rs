@@ -26,6 +26,9 @@ pub fn from_signal(signal: [f32; 3], white: [f64; 3]) -> [f32; 3] {
     std::array::from_fn(|c| signal[c] * signal[c].abs() * white[c] as f32)
 }
 
+/// Four texels and weights.
+type Taps = [(u32, f32); 4];
+
 /// The texels of one view.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ViewTexels {
@@ -42,7 +45,7 @@ pub struct Reading {
     height: usize,
     atlas: (usize, usize),
     /// Pixel index and taps.
-    pixels: Vec<(u32, [(u32, f32); 4])>,
+    pixels: Vec<(u32, Taps)>,
 }
 
 impl Reading {
@@ -89,7 +92,7 @@ impl Reading {
         if image.data.len() != self.width * self.height || atlas.triangle.data.len() != width * height {
             return Err(Error::parameter("the photograph has not the size that was read"));
         }
-        let observed: Vec<(&[(u32, f32); 4], [f32; 3])> = self
+        let observed: Vec<(&Taps, [f32; 3])> = self
             .pixels
             .iter()
             .map(|(pixel, taps)| (taps, to_signal(image.data[*pixel as usize], white)))
@@ -107,7 +110,8 @@ impl Reading {
                 diagonal[texel] += weight * weight;
             }
         }
-        let fitted: Vec<bool> = (0..weights.len()).map(|k| weights[k] > 0.0 && atlas.triangle.data[k] != NONE).collect();
+        let fitted: Vec<bool> =
+            (0..weights.len()).map(|k| weights[k] > 0.0 && atlas.triangle.data[k] != NONE).collect();
         for k in 0..values.len() {
             values[k] = if fitted[k] { values[k].map(|x| x / weights[k]) } else { [0.0; 3] };
         }
@@ -145,15 +149,12 @@ impl Reading {
         residual.iter_mut().zip(&product).for_each(|(r, p)| (0..3).for_each(|c| r[c] -= p[c]));
         residual.iter_mut().zip(&fitted).filter(|(_, f)| !**f).for_each(|(r, _)| *r = [0.0; 3]);
         conjugate_gradients(&mut values, residual, &diagonal, &fitted, apply);
-        Ok(ViewTexels {
-            texels: Grid { width, height, data: values },
-            fitted: Grid { width, height, data: fitted },
-        })
+        Ok(ViewTexels { texels: Grid { width, height, data: values }, fitted: Grid { width, height, data: fitted } })
     }
 }
 
 #[inline]
-fn gather(x: &[[f32; 3]], taps: &[(u32, f32); 4]) -> [f32; 3] {
+fn gather(x: &[[f32; 3]], taps: &Taps) -> [f32; 3] {
     let mut sum = [0f32; 3];
     for &(texel, weight) in taps {
         (0..3).for_each(|c| sum[c] += weight * x[texel as usize][c]);
@@ -162,7 +163,7 @@ fn gather(x: &[[f32; 3]], taps: &[(u32, f32); 4]) -> [f32; 3] {
 }
 
 #[inline]
-fn scatter(y: &mut [[f32; 3]], taps: &[(u32, f32); 4], value: [f32; 3]) {
+fn scatter(y: &mut [[f32; 3]], taps: &Taps, value: [f32; 3]) {
     for &(texel, weight) in taps {
         (0..3).for_each(|c| y[texel as usize][c] += weight * value[c]);
     }
