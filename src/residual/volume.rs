@@ -29,7 +29,7 @@ pub struct Effort {
 
 impl Default for Effort {
     fn default() -> Self {
-        Effort { choosing: 6, fitting: 4 }
+        Effort { choosing: 4, fitting: 3 }
     }
 }
 

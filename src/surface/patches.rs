@@ -47,9 +47,8 @@ impl Patch {
     /// `(u, v)` of a point given by its barycentric coordinates in one of the patch's triangles.
     pub fn locate(&self, mesh: &Mesh, triangle: u32, barycentric: [f64; 3]) -> [f64; 2] {
         let vertices = mesh.triangles[triangle as usize];
-        let weight = |vertex: u32| -> f64 {
-            vertices.iter().position(|&v| v == vertex).map_or(0.0, |index| barycentric[index])
-        };
+        let weight =
+            |vertex: u32| -> f64 { vertices.iter().position(|&v| v == vertex).map_or(0.0, |index| barycentric[index]) };
         let (b, c) = (weight(self.corners[1]), weight(self.corners[2]));
         if triangle == self.first { [b, c] } else { [1.0 - c, 1.0 - b] }
     }

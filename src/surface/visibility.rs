@@ -63,8 +63,7 @@ impl Occluders {
             return None;
         }
         let (origin, direction) = (camera.centre(), camera.ray(pixel));
-        let ray =
-            Ray::new_inf(origin.map(|x| x as f32).into(), direction.map(|x| x as f32).into());
+        let ray = Ray::new_inf(origin.map(|x| x as f32).into(), direction.map(|x| x as f32).into());
         let mut hit = RayHit::none();
         let found = self.hierarchy.ray_traverse(ray, &mut hit, |ray, id| {
             self.triangles[self.hierarchy.primitive_indices[id] as usize].intersect(ray)
@@ -92,9 +91,8 @@ impl Occluders {
 /// Barycentric coordinates and distance where a ray meets a triangle's plane, clamped into the triangle.
 fn intersect(corners: [[f64; 3]; 3], origin: [f64; 3], direction: [f64; 3]) -> ([f64; 3], f64) {
     let sub = |a: [f64; 3], b: [f64; 3]| -> [f64; 3] { std::array::from_fn(|i| a[i] - b[i]) };
-    let cross = |a: [f64; 3], b: [f64; 3]| {
-        [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-    };
+    let cross =
+        |a: [f64; 3], b: [f64; 3]| [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
     let dot = crate::reflectance::geometry::dot;
     let (e1, e2, s) = (sub(corners[1], corners[0]), sub(corners[2], corners[0]), sub(origin, corners[0]));
     let h = cross(direction, e2);

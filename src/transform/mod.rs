@@ -1,4 +1,4 @@
 //! Wavelet transforms.
 
-pub mod daubechies;
 pub mod colour;
+pub mod daubechies;

@@ -40,9 +40,13 @@ fn main() -> Result<()> {
     );
     let model = fit_model(&samples, &COMPONENTS);
     println!("model fitted ({:.1} s)\n", start.elapsed().as_secs_f64());
-    println!("PSNR on visible samples, dB; linear: peak = white; sqrt: of sqrt(x / white). bps: bits per visible sample and colour,");
+    println!(
+        "PSNR on visible samples, dB; linear: peak = white; sqrt: of sqrt(x / white). bps: bits per visible sample and colour,"
+    );
     println!("both components. Image: sum of both components, sqrt, on the photographs' covered pixels.\n");
-    println!("coefficients kept    | diffuse lin / sqrt | specular lin / sqrt | image |     bytes (model) |  bps | published");
+    println!(
+        "coefficients kept    | diffuse lin / sqrt | specular lin / sqrt | image |     bytes (model) |  bps | published"
+    );
     let standard = Options::default();
     let rows = [
         (0.0, true, standard.view_levels, "< 30 (model alone)"),
@@ -98,7 +102,7 @@ fn report(
         for i in (0..mask.data.len()).filter(|&i| mask.data[i] && picture.mask.data[i]) {
             for c in 0..3 {
                 let signal = |x: f32| (x.max(0.0) as f64 / capture.white[c]).sqrt();
-                let measured = signal(images[0].data[i][c]) .powi(2)+ signal(images[1].data[i][c]).powi(2);
+                let measured = signal(images[0].data[i][c]).powi(2) + signal(images[1].data[i][c]).powi(2);
                 let found = signal(picture.images[0].data[i][c]).powi(2) + signal(picture.images[1].data[i][c]).powi(2);
                 squares += (measured.sqrt() - found.sqrt()).powi(2);
                 count += 1.0;
@@ -154,10 +158,8 @@ impl Capture {
             let matrix: [[f64; 4]; 4] = serde_json::from_value(frame["transform_matrix"].clone())?;
             // Camera to world with OpenGL axes; world to camera with OpenCV axes.
             let signs = [1.0, -1.0, -1.0];
-            let rotation: [[f64; 3]; 3] =
-                std::array::from_fn(|i| std::array::from_fn(|j| signs[i] * matrix[j][i]));
-            let translation =
-                std::array::from_fn(|i| -(0..3).map(|j| rotation[i][j] * matrix[j][3]).sum::<f64>());
+            let rotation: [[f64; 3]; 3] = std::array::from_fn(|i| std::array::from_fn(|j| signs[i] * matrix[j][i]));
+            let translation = std::array::from_fn(|i| -(0..3).map(|j| rotation[i][j] * matrix[j][3]).sum::<f64>());
             let camera = Camera {
                 width: number(&json["w"])? as u32,
                 height: number(&json["h"])? as u32,
@@ -223,12 +225,10 @@ fn read_ply(path: &Path) -> Result<Mesh> {
     };
     let (vertices, faces) = (count("element vertex")?, count("element face")?);
     let word = |offset: usize| -> [u8; 4] { std::array::from_fn(|i| bytes[offset + i]) };
-    let positions = (0..vertices)
-        .map(|v| std::array::from_fn(|axis| f32::from_le_bytes(word(end + v * 12 + axis * 4))))
-        .collect();
+    let positions =
+        (0..vertices).map(|v| std::array::from_fn(|axis| f32::from_le_bytes(word(end + v * 12 + axis * 4)))).collect();
     let start = end + vertices * 12;
-    let triangles = (0..faces)
-        .map(|f| std::array::from_fn(|k| u32::from_le_bytes(word(start + f * 13 + 1 + k * 4))))
-        .collect();
+    let triangles =
+        (0..faces).map(|f| std::array::from_fn(|k| u32::from_le_bytes(word(start + f * 13 + 1 + k * 4)))).collect();
     Ok(Mesh { positions, triangles })
 }
