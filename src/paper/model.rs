@@ -74,7 +74,7 @@ impl CodedModel {
             for vertex in 0..self.lobes.len() {
                 let (sum, count) = adjacent[vertex];
                 for k in 0..4 {
-                    let predicted = if count > 0 { (sum[k] + count / 2) / count } else { last[k] as u32 } as i32;
+                    let predicted = (sum[k] + count / 2).checked_div(count).unwrap_or(last[k] as u32) as i32;
                     let difference = numbers[k].code_signed(coder, self.lobes[vertex][k] as i32 - predicted);
                     self.lobes[vertex][k] = predicted.wrapping_add(difference).clamp(0, 255) as u8;
                 }

@@ -6,6 +6,7 @@ use crate::transform::daubechies::{self, VolumeShape};
 
 /// Working memory for volumes of `L` interleaved planes.
 #[derive(Debug)]
+#[cfg_attr(not(feature = "encode"), allow(dead_code))]
 pub struct Workspace<const L: usize> {
     scratch: Vec<[f32; L]>,
     filled: Vec<[f32; L]>,
