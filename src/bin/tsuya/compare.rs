@@ -84,16 +84,21 @@ impl Compare {
     }
 }
 
+/// Small photographs are shown enlarged, to about this width.
+const SHOWN_WIDTH: usize = 384;
+
 /// Photograph, decoded picture and amplified difference.
 pub fn side_by_side(original: &Photograph, decoded: &Photograph, white: [f64; 3]) -> Picture {
     let wanted = pictures::masked(&sum_of_components(original), &original.mask);
     let got = sum_of_components(decoded);
     let difference = measure::difference(&wanted, &got, &original.mask, white, AMPLIFICATION);
-    pictures::beside(&[
+    let factor = (SHOWN_WIDTH / wanted.width.max(1)).max(1);
+    let shown = [
         measure::to_display(&wanted, white),
         measure::to_display(&pictures::masked(&got, &decoded.mask), white),
         difference,
-    ])
+    ];
+    pictures::beside(&shown.map(|picture| pictures::enlarged(&picture, factor)))
 }
 
 /// A view's name as part of a file's name.

@@ -103,7 +103,7 @@ impl Demo {
         let mask = observed.mask.unwrap_or_else(|| decoded.mask.clone());
         let original = Photograph { mask, images: observed.images };
         let shown = (SHOWN_WIDTH / view.camera.width.max(1) as usize).max(1);
-        let comparison = pictures::enlarged(&side_by_side(&original, decoded, asset.white), shown);
+        let comparison = side_by_side(&original, decoded, asset.white);
         output::write(&self.output.join("comparison.png"), &pictures::png(&comparison)?, true)?;
 
         let renderer = Renderer::new(&asset)?;

@@ -1,0 +1,290 @@
+//! The program from end to end, on the bundled sample.
+
+mod support;
+
+use serde_json::Value;
+use support::{complaint, json, output, sample, text, tsuya, variant};
+
+/// The names of an object's keys.
+fn keys(value: &Value) -> Vec<&str> {
+    value.as_object().unwrap().keys().map(String::as_str).collect()
+}
+
+fn has_keys(value: &Value, wanted: &[&str]) {
+    let found = keys(value);
+    assert!(wanted.iter().all(|key| found.contains(key)), "{wanted:?} in {found:?}");
+}
+
+#[test]
+fn tuned_there_and_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    let (file, capture) = (path("a.tsuya"), sample());
+    let (file, capture) = (text(&file), text(&capture));
+    let report = json(&["encode", capture, "-o", file, "--json"]);
+    has_keys(&report, &["bytes", "seconds", "threads", "sections", "sample_psnr_db", "kept_percent"]);
+    assert_eq!(keys(&report["sections"][0]), ["tag", "bytes"]);
+    assert_eq!(report["sample_psnr_db"]["linear"], serde_json::json!({"diffuse": null, "specular": null}));
+    assert_eq!(report["kept_percent"], Value::Null);
+    let bytes = report["bytes"].as_u64().unwrap();
+    assert_eq!(bytes, std::fs::metadata(file).unwrap().len());
+    assert!(bytes < 92_500, "{bytes}");
+    let sections = report["sections"].as_array().unwrap();
+    let in_sections: u64 = sections.iter().map(|section| section["bytes"].as_u64().unwrap()).sum();
+    assert!(in_sections < bytes && in_sections > bytes * 9 / 10);
+
+    let verified = output(&["verify", file, "--deep", "--against", capture]);
+    assert!(verified.contains("36 of 36 views decode") && verified.contains("as stated"), "{verified}");
+
+    let pictures = path("compared");
+    let compared = json(&["compare", file, capture, "-o", text(&pictures), "--json"]);
+    has_keys(
+        &compared,
+        &[
+            "bytes",
+            "masked_pixels",
+            "coverage",
+            "bits_per_sample",
+            "image_psnr_db",
+            "held_out_psnr_db",
+            "frames",
+            "missing_pixels",
+        ],
+    );
+    assert_eq!(compared["bytes"].as_u64().unwrap(), bytes);
+    assert_eq!(compared["held_out_psnr_db"], Value::Null);
+    assert_eq!(compared["missing_pixels"], 0);
+    assert_eq!(keys(&compared["image_psnr_db"]), ["diffuse", "specular", "sum"]);
+    has_keys(&compared["frames"][35], &["name", "psnr_db"]);
+    let sum = compared["image_psnr_db"]["sum"].as_f64().unwrap();
+    assert!((37.4..39.5).contains(&sum), "{sum}");
+    let masked = compared["masked_pixels"].as_f64().unwrap();
+    let bits = compared["bits_per_sample"].as_f64().unwrap();
+    assert!((bits - 8.0 * bytes as f64 / (3.0 * masked)).abs() < 1e-9);
+    assert!(compared["coverage"].as_f64().unwrap() > 0.95);
+    assert_eq!(std::fs::read_dir(&pictures).unwrap().count(), 4 + 2);
+
+    // The decoded capture encodes again, and is nearly as near to the photographs as the file.
+    let decoded = path("decoded");
+    let said = output(&["decode", file, "-o", text(&decoded), "--preview"]);
+    assert!(said.starts_with("36 of 36 views"), "{said}");
+    let again = path("again.tsuya");
+    tsuya(&["encode", text(&decoded), "-o", text(&again)]).code(0);
+    let twice = json(&["compare", text(&again), capture, "--json"]);
+    let second = twice["image_psnr_db"]["sum"].as_f64().unwrap();
+    assert!(second > sum - 1.0, "{sum} {second}");
+
+    let info = json(&["info", file, "--json"]);
+    assert_eq!((&info["profile"], &info["relightable"]), (&"tuned".into(), &true.into()));
+    assert_eq!(info["views"].as_array().unwrap().len(), 36);
+    assert_eq!(info["metadata"]["title"], "sample-spot");
+    assert!(output(&["info", file]).contains("can be relit: yes"));
+}
+
+#[test]
+fn paper_with_its_figures() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("p.tsuya");
+    let (file, capture) = (text(&file), sample());
+    let report = json(&["encode", text(&capture), "-o", file, "--profile", "paper", "--keep", "5", "--json"]);
+    assert!((report["kept_percent"].as_f64().unwrap() - 5.0).abs() < 0.05);
+    for domain in ["linear", "sqrt"] {
+        for component in ["diffuse", "specular"] {
+            let db = report["sample_psnr_db"][domain][component].as_f64().unwrap();
+            assert!((25.0..60.0).contains(&db), "{domain} {component}: {db}");
+        }
+    }
+    assert!(report["bytes"].as_u64().unwrap() < 360_000);
+    assert!(report["image_psnr_db"]["sum"].as_f64().unwrap() > 29.0);
+    assert!(output(&["verify", file, "--deep"]).contains("36 of 36"));
+}
+
+#[test]
+fn views_between_are_interpolated_and_one_view_is_read_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    let (file, capture) = (path("h.tsuya"), sample());
+    let file = text(&file);
+    tsuya(&["encode", text(&capture), "-o", file, "--hold-out", "6"]).code(0);
+    let compared = json(&["compare", file, text(&capture), "--json"]);
+    assert_eq!(compared["frames"].as_array().unwrap().len(), 30);
+    let held_out = &compared["held_out_psnr_db"];
+    has_keys(held_out, &["diffuse", "specular", "sum"]);
+    let (interpolated, nearest) = (held_out["sum"].as_f64().unwrap(), held_out["nearest"]["sum"].as_f64().unwrap());
+    assert!(interpolated > nearest + 1.5 && interpolated > 21.0, "{interpolated} {nearest}");
+
+    let one = json(&["decode", file, "-o", text(&path("one")), "--views", "off/003.exr", "--json"]);
+    assert_eq!(one["views"], 1);
+    assert!(one["bytes_read"].as_u64().unwrap() < one["bytes"].as_u64().unwrap() / 2, "{one}");
+    assert!(path("one/off/003.exr").exists() && !path("one/off/000.exr").exists());
+    let mesh = path("m.ply");
+    tsuya(&["decode", file, "-o", text(&mesh), "--mesh-only"]).code(0);
+    assert!(std::fs::metadata(mesh).unwrap().len() > 20_000);
+    let section = assert_cmd::cargo::cargo_bin_cmd!("tsuya")
+        .args(["decode", "-", "-o", "-", "--section", "mETA"])
+        .write_stdin(std::fs::read(file).unwrap())
+        .assert()
+        .code(0);
+    let metadata: Value = serde_json::from_slice(&section.get_output().stdout).unwrap();
+    assert!(metadata["achieved_error"]["sum_psnr_db"].as_f64().unwrap() > 30.0);
+
+    // Pictures: the light moves, the numbers come, the same is not written twice.
+    let picture = |name: &str, more: &[&str]| {
+        let place = path(name);
+        tsuya(&[&["render", file, "-o", text(&place)], more].concat()).code(0);
+        std::fs::read(place).unwrap()
+    };
+    let captured = picture("captured.png", &["--view", "9"]);
+    let relit = picture("relit.png", &["--view", "9", "--light", "-3,2,1"]);
+    let nearest = picture("nearest.png", &["--view", "9", "--nearest", "--layers", "model,residual"]);
+    picture("free.exr", &["--camera", "0,1.5,4,0,0,0", "--fov", "40", "--size", "60x40", "--layers", "model"]);
+    assert!(captured != relit && captured != nearest);
+    tsuya(&["render", file, "-o", text(&path("o.png")), "--orbit", "2", "--size", "32x32"]).code(0);
+    assert!(path("o-000.png").exists() && path("o-001.png").exists());
+    assert!(complaint(2, &["render", file, "-o", text(&path("relit.png"))]).contains("--force"));
+}
+
+#[test]
+fn threads_do_not_change_the_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let capture = variant(8, |_, _| {});
+    for profile in ["tuned", "paper"] {
+        let files = ["1", "2"].map(|threads| {
+            let file = folder.path().join(format!("{profile}-{threads}.tsuya"));
+            let arguments = ["encode", text(capture.path()), "-o", text(&file), "--threads", threads, "--title", "x"];
+            let report = json(&[&arguments[..], &["--profile", profile, "--json"]].concat());
+            assert_eq!(report["threads"].to_string(), threads);
+            std::fs::read(file).unwrap()
+        });
+        assert!(files[0] == files[1], "{profile}");
+    }
+}
+
+#[test]
+fn exit_codes_and_output_files() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    let capture = variant(3, |_, _| {});
+    let capture = text(capture.path());
+    let file = path("a.tsuya");
+    let file = text(&file);
+    tsuya(&["encode", capture, "-o", file]).code(0);
+    let original = std::fs::read(file).unwrap();
+    assert!(complaint(2, &["encode", capture, "-o", file]).contains("--force"));
+    assert_eq!(std::fs::read(file).unwrap(), original);
+    tsuya(&["encode", capture, "-o", file, "--force", "--quality", "50"]).code(0);
+    assert!(std::fs::metadata(file).unwrap().len() < original.len() as u64);
+    std::fs::write(file, &original).unwrap();
+
+    complaint(1, &["frobnicate"]);
+    complaint(1, &["encode", capture, "-o", file, "--force", "--quality", "200"]);
+    complaint(1, &["encode", capture, "-o", file, "--force", "--quality", "50", "--psnr", "40"]);
+    complaint(1, &["decode", file, "-o", text(&path("d")), "--views", "99"]);
+    complaint(2, &["info", text(&path("none.tsuya"))]);
+    complaint(2, &["encode", text(&path("none")), "-o", text(&path("b.tsuya"))]);
+    complaint(5, &["encode", capture, "-o", text(&path("b.tsuya")), "--color-space", "slog3"]);
+    std::fs::write(path("empty.tsuya"), b"").unwrap();
+    assert!(complaint(3, &["verify", text(&path("empty.tsuya"))]).contains("ends"));
+    complaint(3, &["info", text(&path("empty.tsuya"))]);
+    // A true file with another capture's figures.
+    let other = variant(3, |description, folder| {
+        let frames = description["frames"].as_array_mut().unwrap();
+        let [a, b] = [0, 1].map(|k| folder.join(frames[k]["file_path"].as_str().unwrap()));
+        std::fs::copy(a, b).unwrap();
+    });
+    assert!(complaint(4, &["verify", file, "--against", text(other.path())]).contains("stated"));
+
+    // A cut file is an error, and what stands before the cut can be had.
+    let cut = path("cut.tsuya");
+    std::fs::write(&cut, &original[..original.len() * 2 / 3]).unwrap();
+    complaint(3, &["decode", text(&cut), "-o", text(&path("cut"))]);
+    let salvaged = complaint(0, &["decode", text(&cut), "-o", text(&path("cut")), "--salvage"]);
+    assert!(salvaged.contains("warning") && path("cut/mesh.ply").exists());
+    // So is one of a later version.
+    let mut later = original.clone();
+    later[8] = 9;
+    std::fs::write(&cut, later).unwrap();
+    complaint(5, &["info", text(&cut)]);
+
+    assert!(output(&["completions", "bash"]).contains("tsuya"));
+    tsuya(&["man", "-o", text(&path("man"))]).code(0);
+    assert!(path("man/tsuya-encode.1").exists() && path("man/tsuya.1").exists());
+    assert!(output(&["--version"]).starts_with("tsuya "));
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_full_disk_leaves_nothing_behind() {
+    let capture = variant(3, |_, _| {});
+    let said = complaint(2, &["encode", text(capture.path()), "-o", "/dev/full"]);
+    assert!(said.contains("/dev/full: No space left"), "{said}");
+    // A file may not grow beyond four blocks.
+    let folder = tempfile::tempdir().unwrap();
+    let script = r#"trap '' XFSZ; ulimit -f 4; exec "$0" encode "$1" -o "$2/a.tsuya""#;
+    let status = std::process::Command::new("sh")
+        .args(["-c", script, env!("CARGO_BIN_EXE_tsuya"), text(capture.path()), text(folder.path())])
+        .output()
+        .unwrap();
+    let said = String::from_utf8_lossy(&status.stderr);
+    assert_eq!(status.status.code(), Some(2), "{said}");
+    assert!(said.contains("a.tsuya"), "{said}");
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0, "a partial file is left");
+}
+
+#[test]
+fn the_demo_writes_its_files_and_no_other() {
+    let folder = tempfile::tempdir().unwrap();
+    let capture = variant(8, |_, _| {});
+    std::fs::write(folder.path().join("mine.txt"), b"kept").unwrap();
+    let arguments = ["demo", "-o", text(folder.path()), "--capture", text(capture.path())];
+    assert!(output(&arguments).contains("tuned"));
+    output(&arguments);
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 3 + 12 + 1);
+    assert_eq!(std::fs::read(folder.path().join("mine.txt")).unwrap(), b"kept");
+}
+
+#[test]
+fn a_mesh_is_aligned_by_marked_points() {
+    // The scan, moved; its vertices' images are the marks.
+    let capture = support::read(&sample()).unwrap();
+    let moved = variant(6, |description, folder| {
+        description["mesh_file"] = "moved.ply".into();
+        let mut mesh = tsuya::mesh::read::read(folder.join("scan.ply")).unwrap();
+        for p in &mut mesh.positions {
+            *p = [p[1] + 0.5, -p[0], p[2] - 2.0];
+        }
+        let mut ply = format!(
+            "ply\nformat ascii 1.0\nelement vertex {}\nproperty float x\nproperty float y\nproperty float z\nelement face {}\n\
+             property list uchar int vertex_indices\nend_header\n",
+            mesh.positions.len(),
+            mesh.triangles.len()
+        );
+        mesh.positions.iter().for_each(|p| ply += &format!("{} {} {}\n", p[0], p[1], p[2]));
+        mesh.triangles.iter().for_each(|t| ply += &format!("3 {} {} {}\n", t[0], t[1], t[2]));
+        std::fs::write(folder.join("moved.ply"), ply).unwrap();
+    });
+    let mut points = Vec::new();
+    for frame in &capture.frames[..2] {
+        for p in capture.mesh.positions.iter().step_by(90) {
+            let (pixel, _) = frame.view.camera.project(p.map(f64::from)).unwrap();
+            if pixel.iter().all(|x| (0.0..128.0).contains(x)) {
+                let mesh = [p[1] + 0.5, -p[0], p[2] - 2.0];
+                points.push(serde_json::json!({"frame": frame.view.name, "pixel": pixel, "mesh": mesh}));
+            }
+        }
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    std::fs::write(path("points.json"), serde_json::json!({"points": points}).to_string()).unwrap();
+    let (points, pose) = (path("points.json"), path("pose.json"));
+    let arguments = ["align", text(moved.path()), text(&points), "-o", text(&pose), "--json"];
+    let report = json(&[&arguments[..], &["--write-mesh", text(&path("mesh.ply"))]].concat());
+    assert!(report["rms_pixels"].as_f64().unwrap() < 0.01, "{report}");
+    let (one, two) = (path("one.tsuya"), path("two.tsuya"));
+    tsuya(&["encode", text(moved.path()), "-o", text(&one), "--mesh-pose", text(&pose)]).code(0);
+    tsuya(&["encode", text(moved.path()), "-o", text(&two), "--mesh", text(&path("mesh.ply"))]).code(0);
+    for file in [one, two] {
+        let coverage = json(&["compare", text(&file), text(moved.path()), "--json", "--mesh-pose", text(&pose)]);
+        assert!(coverage["coverage"].as_f64().unwrap() > 0.94, "{coverage}");
+    }
+}
