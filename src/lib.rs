@@ -31,3 +31,8 @@ pub mod tuned;
 
 pub use error::{Error, Result};
 pub use limits::{Budget, Limits};
+
+/// The examples in the README are compiled and run as tests.
+#[cfg(all(doctest, feature = "encode"))]
+#[doc = include_str!("../README.md")]
+struct ReadmeExamples;
