@@ -62,10 +62,8 @@ fn unknown_lights_make_a_file_that_cannot_be_relit() {
     let asset = decode(&encoded.bytes, &DecodeOptions::default()).unwrap();
     assert!(!asset.reflectance.as_ref().unwrap().relightable);
     let light = tsuya::asset::PointLight { position: [1.0, 2.0, 3.0], intensity: [9.0; 3] };
-    let options = tsuya::relight::RenderOptions {
-        lighting: tsuya::relight::Lighting::Points(vec![light]),
-        ..Default::default()
-    };
+    let options =
+        tsuya::relight::RenderOptions { lighting: tsuya::relight::Lighting::Points(vec![light]), ..Default::default() };
     assert!(tsuya::relight::render(&asset, &asset.views[0].camera, &options).is_err());
 }
 

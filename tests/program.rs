@@ -180,6 +180,7 @@ fn exit_codes_and_output_files() {
     complaint(1, &["encode", capture, "-o", file, "--force", "--quality", "200"]);
     complaint(1, &["encode", capture, "-o", file, "--force", "--quality", "50", "--psnr", "40"]);
     complaint(1, &["decode", file, "-o", text(&path("d")), "--views", "99"]);
+    assert!(complaint(4, &["verify", file, "--deep", "--max-memory", "1"]).contains("limit exceeded"));
     complaint(2, &["info", text(&path("none.tsuya"))]);
     complaint(2, &["encode", text(&path("none")), "-o", text(&path("b.tsuya"))]);
     complaint(5, &["encode", capture, "-o", text(&path("b.tsuya")), "--color-space", "slog3"]);

@@ -45,18 +45,19 @@ pub fn orbit(asset: &Asset, count: usize) -> Vec<Camera> {
     let views = asset.views.len() as f64;
     let middle = DVec3::from_array(bounds(&asset.mesh).0);
     let target = if matrix.determinant() > 1e-6 * views.powi(3) { matrix.inverse() * right_side } else { middle };
-    // On a ring the centres turn around the axis; their cross products say where it points better than a partial ring's uprights.
-    let centres: Vec<DVec3> = asset.views.iter().map(|v| DVec3::from_array(v.camera.centre())).collect();
-    let mean = centres.iter().sum::<DVec3>() / views;
-    let turning: DVec3 = centres
-        .windows(2)
-        .map(|pair| (pair[0] - mean).cross(pair[1] - mean))
-        .map(|c| if c.dot(up) < 0.0 { -c } else { c })
-        .sum();
     let up = up.normalize_or(-row(&first, 1));
-    let axis = turning.normalize_or(up);
-    // Domes have rings of several heights: their cross products are not parallel to the axis.
-    let axis = if axis.dot(up) > 0.97 { axis } else { up };
+    let centres: Vec<DVec3> = asset.views.iter().map(|v| DVec3::from_array(v.camera.centre())).collect();
+    let axis = match ring_axis(&centres) {
+        // Cameras may lie on their side; then only the ring says what is upright.
+        Some(axis) => {
+            if axis.dot(up) < 0.0 {
+                -axis
+            } else {
+                axis
+            }
+        }
+        None => up,
+    };
     let eye = DVec3::from_array(first.centre());
     (0..count)
         .map(|k| {
@@ -64,6 +65,25 @@ pub fn orbit(asset: &Asset, count: usize) -> Vec<Camera> {
             posed(first, [0, 1, 2].map(|i| turn * row(&first, i)), target + turn * (eye - target))
         })
         .collect()
+}
+
+/// Upright of the plane that the cameras stand in, where they stand in one and not in a line.
+fn ring_axis(centres: &[DVec3]) -> Option<DVec3> {
+    let mean = centres.iter().sum::<DVec3>() / centres.len() as f64;
+    let outer = |d: DVec3| DMat3::from_cols(d * d.x, d * d.y, d * d.z);
+    let spread = centres.iter().fold(DMat3::ZERO, |sum, &c| sum + outer(c - mean));
+    let trace = spread.x_axis.x + spread.y_axis.y + spread.z_axis.z;
+    if trace.is_nan() || trace <= 0.0 {
+        return None;
+    }
+    // Inverse iteration: the direction of least spread.
+    let inverse = (spread * (1.0 / trace) + DMat3::IDENTITY * 1e-6).inverse();
+    let axis = (0..30).fold(DVec3::new(0.48, 0.6, 0.64), |axis, _| (inverse * axis).normalize_or(DVec3::Y));
+    let least = (spread * axis).dot(axis) / trace;
+    // The middle one follows from the largest, which power iteration finds.
+    let longest = (0..30).fold(axis.any_orthonormal_vector(), |d, _| (spread * d).normalize_or(DVec3::X));
+    let middle = 1.0 - least - (spread * longest).dot(longest) / trace;
+    (least < 0.02 * middle).then_some(axis)
 }
 
 #[cfg(test)]
@@ -87,6 +107,22 @@ mod tests {
             let (at, _) = orbit[k].project([0.1, 0.3, 0.2]).unwrap();
             let (expected, _) = wanted.project([0.1, 0.3, 0.2]).unwrap();
             assert!((at[0] - expected[0]).abs() + (at[1] - expected[1]).abs() < 1e-4);
+        }
+    }
+
+    #[test]
+    fn a_ring_of_cameras_on_their_side_is_still_a_ring() {
+        // Two thirds of a ring, pictures turned by a quarter.
+        let captured = |k: usize| {
+            let angle = k as f64 * 0.1;
+            let upward = [angle.cos(), 0.0, -angle.sin()];
+            look_at([4.0 * angle.sin(), 1.2, 4.0 * angle.cos()], [0.0, 0.1, 0.0], upward, 500.0, 64, 48)
+        };
+        let views = (0..40).map(|k| View { name: String::new(), camera: captured(k), light: None }).collect();
+        let asset = Asset { views, ..Asset::default() };
+        for camera in orbit(&asset, 5) {
+            let centre = camera.centre();
+            assert!((centre[1] - 1.2).abs() < 1e-3 && (centre[0].hypot(centre[2]) - 4.0).abs() < 1e-3, "{centre:?}");
         }
     }
 

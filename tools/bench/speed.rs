@@ -3,13 +3,13 @@
 use criterion::{Criterion, criterion_group, criterion_main};
 use std::hint::black_box;
 use std::path::Path;
+use tsuya::Limits;
 use tsuya::capture::{self, ReadOptions};
 use tsuya::container::{Container, verify};
 use tsuya::decoder::{DecodeOptions, Selection, decode, decode_from};
 use tsuya::encoder::encode;
 use tsuya::options::EncodeOptions;
 use tsuya::relight::{RenderOptions, Renderer};
-use tsuya::Limits;
 
 fn speed(criterion: &mut Criterion) {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/sample-spot");
@@ -23,7 +23,9 @@ fn speed(criterion: &mut Criterion) {
     group.bench_function("decode", |b| b.iter(|| decode(black_box(bytes), &DecodeOptions::default())));
     let one = DecodeOptions { selection: Selection::Views(vec![5]), ..Default::default() };
     group.bench_function("decode one view", |b| {
-        b.iter(|| Container::open_slice(black_box(bytes), Limits::default()).and_then(|mut f| decode_from(&mut f, &one)))
+        b.iter(|| {
+            Container::open_slice(black_box(bytes), Limits::default()).and_then(|mut f| decode_from(&mut f, &one))
+        })
     });
     group.bench_function("verify", |b| b.iter(|| verify(black_box(&bytes[..]), Limits::default())));
     let Ok(asset) = decode(bytes, &DecodeOptions::default()) else { return };

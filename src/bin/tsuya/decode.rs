@@ -1,6 +1,6 @@
 //! `tsuya decode`: a file becomes photographs, mesh and maps again, as a capture that `tsuya encode` reads.
 
-use crate::source::{name, open, open_container};
+use crate::source::{limits, name, open, open_container};
 use crate::values::{find_view, stem};
 use crate::{Failed, output, pictures, ply, progress};
 use anyhow::{Context, Result};
@@ -9,6 +9,7 @@ use serde_json::{Value, json};
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
+use tsuya::Error;
 use tsuya::asset::{Asset, Component, Photograph, View};
 use tsuya::container::{Container, Tag, Writer, read_prefix, views};
 use tsuya::decoder::{DecodeOptions, Selection, decode_from};
@@ -16,7 +17,6 @@ use tsuya::encoder::sum_of_components;
 use tsuya::image::RgbImage;
 use tsuya::measure::to_display;
 use tsuya::separate::recombine;
-use tsuya::{Error, Limits};
 
 /// Decodes a file into a folder: photographs, masks, mesh, reflectance maps and a transforms.json that `tsuya encode` reads.
 #[derive(Args)]
@@ -73,7 +73,7 @@ impl Decode {
             if let Some(damage) = &damage {
                 output::complain(&format!("warning: {}: {damage}; decoding what stands before", name(&self.file)));
             }
-            let mut file = Container::open_seek(std::io::Cursor::new(bytes), Limits::default())?;
+            let mut file = Container::open_seek(std::io::Cursor::new(bytes), limits())?;
             return self.decode(&mut file, start);
         }
         self.decode(&mut open_container(&self.file)?, start)
@@ -98,7 +98,7 @@ impl Decode {
         }
         let asset = {
             let _busy = progress::busy("decoding");
-            let options = DecodeOptions { selection, ..Default::default() };
+            let options = DecodeOptions { selection, limits: limits() };
             decode_from(file, &options).with_context(context)?
         };
         let seconds = start.elapsed().as_secs_f64();
@@ -147,7 +147,7 @@ impl Decode {
 
 /// The whole sections of a damaged file, as a file.
 fn salvage(path: &Path) -> Result<(Vec<u8>, Option<Error>)> {
-    let prefix = read_prefix(std::io::BufReader::new(open(path)?), Limits::default()).with_context(|| name(path))?;
+    let prefix = read_prefix(std::io::BufReader::new(open(path)?), limits()).with_context(|| name(path))?;
     if prefix.sections.is_empty() {
         let reason = prefix.damage.map_or_else(String::new, |damage| format!(" ({damage})"));
         return Err(Failed(format!("{}: not one section is whole{reason}", name(path))).into());

@@ -1,7 +1,7 @@
 //! `tsuya info`: what a file holds.
 
 use crate::output;
-use crate::source::{name, open_container};
+use crate::source::{limits, name, open_container};
 use anyhow::{Context, Result};
 use clap::Args;
 use serde_json::{Value, json};
@@ -23,7 +23,7 @@ pub struct Info {
 impl Info {
     pub fn run(self) -> Result<()> {
         let mut file = open_container(&self.file)?;
-        let options = DecodeOptions { selection: Selection::None, ..Default::default() };
+        let options = DecodeOptions { selection: Selection::None, limits: limits() };
         let asset = decode_from(&mut file, &options).with_context(|| name(&self.file))?;
         let codec = |codec: SectionCodec| match codec {
             SectionCodec::None => "none",
@@ -42,12 +42,7 @@ impl Info {
             _ => None,
         };
         let maps = asset.reflectance.as_ref();
-        // Profile `paper` keeps its model within its own section; the lights say whether it is a reflectance.
-        let relightable = match maps {
-            Some(maps) => maps.relightable,
-            None => profile == Some("paper") && asset.views.iter().all(|view| view.light.is_some()),
-        };
-        let relightable = relightable && maps.is_some();
+        let relightable = maps.is_some_and(|maps| maps.relightable);
         if self.json {
             let views: Vec<Value> = (asset.views.iter())
                 .map(|view| {

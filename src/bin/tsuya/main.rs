@@ -33,6 +33,9 @@ struct Cli {
     /// Threads to work with [default: one for each processor]. The output never depends on it.
     #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
+    /// Memory that a .tsuya file may ask for, in MiB [default: 4096].
+    #[arg(long, global = true, value_name = "MIB")]
+    max_memory: Option<u64>,
     /// Says more of what is done; twice: much more.
     #[arg(short, long, global = true, action = ArgAction::Count)]
     verbose: u8,
@@ -89,6 +92,9 @@ fn main() -> ExitCode {
         _ => tracing::Level::TRACE,
     };
     tracing_subscriber::fmt().with_max_level(level).with_writer(std::io::stderr).without_time().init();
+    if let Some(mebibytes) = cli.max_memory {
+        source::limit_memory(mebibytes);
+    }
     match on_threads(cli.threads, || cli.command.run()) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) if is_broken_pipe(&error) => ExitCode::SUCCESS,

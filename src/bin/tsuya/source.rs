@@ -4,10 +4,23 @@ use crate::output::is_stream;
 use anyhow::{Context, Result};
 use std::io::{Cursor, Read, Seek};
 use std::path::Path;
+use std::sync::OnceLock;
 use tsuya::asset::Asset;
 use tsuya::container::Container;
 use tsuya::decoder::{DecodeOptions, Selection, decode_from};
 use tsuya::{Error, Limits};
+
+static LIMITS: OnceLock<Limits> = OnceLock::new();
+
+/// Bounds on what a file may ask for, as the command line has them.
+pub fn limits() -> Limits {
+    LIMITS.get().copied().unwrap_or_default()
+}
+
+/// Sets the memory that a file may ask for, once.
+pub fn limit_memory(mebibytes: u64) {
+    let _ = LIMITS.set(Limits { memory_bytes: mebibytes.saturating_mul(1 << 20), ..Limits::default() });
+}
 
 /// A file, or standard input held in memory.
 pub trait Source: Read + Seek {}
@@ -15,7 +28,7 @@ impl<T: Read + Seek> Source for T {}
 
 /// The bytes of standard input.
 pub fn read_stdin() -> Result<Vec<u8>> {
-    let most = Limits::default().memory_bytes;
+    let most = limits().memory_bytes;
     let mut bytes = Vec::new();
     std::io::stdin().lock().take(most + 1).read_to_end(&mut bytes).map_err(|e| Error::io("-", e))?;
     if bytes.len() as u64 > most {
@@ -39,13 +52,13 @@ pub fn open(path: &Path) -> Result<Box<dyn Source>> {
 
 /// Opens a container; errors name the file.
 pub fn open_container(path: &Path) -> Result<Container<Box<dyn Source>>> {
-    Container::open_seek(open(path)?, Limits::default()).with_context(|| name(path))
+    Container::open_seek(open(path)?, limits()).with_context(|| name(path))
 }
 
 /// Decodes a file.
 pub fn decode(path: &Path, selection: Selection) -> Result<(Asset, u64)> {
     let mut file = open_container(path)?;
-    let options = DecodeOptions { selection, ..Default::default() };
+    let options = DecodeOptions { selection, limits: limits() };
     let asset = decode_from(&mut file, &options).with_context(|| name(path))?;
     Ok((asset, file.file_bytes()))
 }

@@ -1,12 +1,12 @@
 //! `tsuya verify`: is a file whole, and as good as it says?
 
 use crate::comparison::compare;
+use crate::source::limits;
 use crate::values::CaptureArguments;
 use crate::{Failed, output, progress, source};
 use anyhow::{Context, Result};
 use clap::Args;
 use std::path::PathBuf;
-use tsuya::Limits;
 use tsuya::container::{self, Tag, metadata::Metadata, thumbnail};
 use tsuya::decoder::{DecodeOptions, decode_from};
 
@@ -37,12 +37,13 @@ impl Verify {
             bytes
         };
         let name = source::name(&self.file);
-        let sections = container::verify(&bytes[..], Limits::default()).with_context(|| name.clone())?;
+        let sections = container::verify(&bytes[..], limits()).with_context(|| name.clone())?;
         let mut text = format!("{name}: {} bytes in {} sections are undamaged\n", bytes.len(), sections.len());
         if self.deep {
             let _busy = progress::busy("decoding");
-            let mut file = container::Container::open_slice(&bytes, Limits::default())?;
-            let asset = decode_from(&mut file, &DecodeOptions::default()).with_context(|| name.clone())?;
+            let mut file = container::Container::open_slice(&bytes, limits())?;
+            let asset = decode_from(&mut file, &DecodeOptions { limits: limits(), ..Default::default() })
+                .with_context(|| name.clone())?;
             if let Some(content) = file.read_optional(Tag::THUMBNAIL)? {
                 let thumbnail = thumbnail::decode(content).with_context(|| name.clone())?;
                 image::load_from_memory(&thumbnail.png)
