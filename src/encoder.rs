@@ -254,7 +254,7 @@ impl<'a> ReflectanceStage<'a> {
     }
     /// The maps carry the look between captured views; they are coded a little coarser than the photographs.
     fn code(&self, step: f32) -> Result<Vec<u8>> {
-        let relative = (step * 1.5).clamp(0.01, 0.15);
+        let relative = (step * 2.0).clamp(0.08, 0.25);
         let colour = relative * maps::COLOUR_LEVELS as f32;
         let sigma = 2.0 * relative * maps::SIGMA_LEVELS as f32;
         let steps = reflectance_code::MapSteps { diffuse: 0.5 * colour, specular: colour, sigma };

@@ -56,7 +56,7 @@ impl Default for EncodeOptions {
             target: None,
             hold_out: None,
             position_bits: None,
-            atlas_density: 0.6,
+            atlas_density: 0.4,
             signed_specular: false,
             metadata: serde_json::Map::new(),
         }

@@ -188,7 +188,8 @@ impl Decoded {
         let side_log2 = self.layout.side_log2[patch];
         let side = 1usize << side_log2;
         let point = self.layout.sample(patch, sample % side, sample / side)?;
-        let model = predicted(self.model.as_ref(), &self.layout, &self.components, component, patch, sample, &point, view);
+        let model =
+            predicted(self.model.as_ref(), &self.layout, &self.components, component, patch, sample, &point, view);
         let at = (index << (2 * side_log2)) + sample;
         let residual = self.residual[patch][component][at];
         Some(std::array::from_fn(|c| model[c] + residual[c]))

@@ -28,7 +28,7 @@ pub struct Options {
 
 impl Default for Options {
     fn default() -> Self {
-        Options { keep_percent: 5.0, view_levels: 3, relative_step: 0.5, effort: Effort::default() }
+        Options { keep_percent: 5.0, view_levels: 2, relative_step: 0.5, effort: Effort::default() }
     }
 }
 
@@ -212,10 +212,12 @@ impl<'a, const L: usize> Volumes<'a, L> {
         // Which samples are free depends on the threshold, and the threshold on the filling: it is sought on some of the
         // patches, a little too low, and the last coefficients are taken out of all.
         let some: Vec<usize> = (0..count).step_by((count / 100).clamp(1, 23)).collect();
-        let area = |patches: &mut dyn Iterator<Item = usize>| patches.map(|p| self.shapes[p].area()).sum::<usize>() as f64;
+        let area =
+            |patches: &mut dyn Iterator<Item = usize>| patches.map(|p| self.shapes[p].area()).sum::<usize>() as f64;
         let share = area(&mut some.iter().copied()) / area(&mut (0..count));
         let kept = |threshold: f32| -> usize {
-            let count = |i: usize| self.coefficients(some[i], threshold).iter().flatten().filter(|c| **c != 0.0).count();
+            let count =
+                |i: usize| self.coefficients(some[i], threshold).iter().flatten().filter(|c| **c != 0.0).count();
             parallel::map(some.len(), count).iter().sum()
         };
         let target = 1.02 * share * wanted as f64;
@@ -260,7 +262,9 @@ pub fn sample_errors(samples: &Samples, decoded: &Decoded, white: [f64; 3]) -> V
         for (at, _) in data.visible.iter().enumerate().filter(|(_, visible)| **visible) {
             let (view, sample) = (at / area, at % area);
             for (component, sum) in sums.iter_mut().enumerate() {
-                let Some(found) = decoded.sample(component, view, &samples.views[view], patch, sample) else { continue };
+                let Some(found) = decoded.sample(component, view, &samples.views[view], patch, sample) else {
+                    continue;
+                };
                 for c in 0..3 {
                     let measured = data.radiance[component][at][c] as f64 / white[c];
                     let found = found[c] as f64 / white[c];

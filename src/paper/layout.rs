@@ -68,11 +68,8 @@ impl Layout {
         let index = *self.patch_of_triangle.get(triangle as usize)? as usize;
         let patch = self.patches.get(index)?;
         let [u, v] = patch.locate(&self.mesh, triangle, barycentric);
-        let weights = if triangle == patch.first {
-            [1.0 - u - v, u, v, 0.0]
-        } else {
-            [0.0, 1.0 - v, 1.0 - u, u + v - 1.0]
-        };
+        let weights =
+            if triangle == patch.first { [1.0 - u - v, u, v, 0.0] } else { [0.0, 1.0 - v, 1.0 - u, u + v - 1.0] };
         Some((index, PatchPoint { triangle, weights }, [u, v]))
     }
     /// Light and view at a point of a patch.

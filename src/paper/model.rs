@@ -74,7 +74,7 @@ impl CodedModel {
             for vertex in 0..self.lobes.len() {
                 let (sum, count) = adjacent[vertex];
                 for k in 0..4 {
-                    let predicted = if count > 0 { (sum[k] + count / 2) / count } else { last[k] as u32 } as i32;
+                    let predicted = (sum[k] + count / 2).checked_div(count).unwrap_or(last[k] as u32) as i32;
                     let difference = numbers[k].code_signed(coder, self.lobes[vertex][k] as i32 - predicted);
                     self.lobes[vertex][k] = predicted.wrapping_add(difference).clamp(0, 255) as u8;
                 }
@@ -121,9 +121,9 @@ impl CodedModel {
     /// Quantises a model; `diffuse_step` is the step of the signal `sqrt(K_d / max K_d)`.
     #[cfg(feature = "encode")]
     pub fn quantise(model: &Model, layout: &Layout, diffuse_step: f32) -> CodedModel {
-        let diffuse_scale = model.diffuse.iter().flatten().flatten().copied().fold(0.0, f32::max).max(1e-12);
-        let specular_scale = model.lobes.iter().flat_map(|l| l.specular).fold(0.0, f32::max).max(1e-12);
-        let roots = |diffuse: &[f32; 3]| diffuse.map(|k| (k / diffuse_scale).sqrt());
+        let diffuse_scale = 1.2 * high(model.diffuse.iter().flatten().flatten().copied());
+        let specular_scale = 1.2 * high(model.lobes.iter().flat_map(|l| l.specular));
+        let roots = |diffuse: &[f32; 3]| diffuse.map(|k| (k / diffuse_scale).min(1.0).sqrt());
         let mut moments = [[0.0f64; 3]; 3];
         for s in model.diffuse.iter().flatten().map(roots) {
             (0..9).for_each(|k| moments[k / 3][k % 3] += s[k / 3] as f64 * s[k % 3] as f64);
@@ -140,12 +140,24 @@ impl CodedModel {
         }
         let (low, high) = (SIGMA_RANGE.0.ln(), SIGMA_RANGE.1.ln());
         for lobe in &model.lobes {
-            let specular = lobe.specular.map(|k| ((k / specular_scale).sqrt() * SPECULAR_LEVELS).round() as u8);
+            let specular =
+                lobe.specular.map(|k| ((k / specular_scale).min(1.0).sqrt() * SPECULAR_LEVELS).round() as u8);
             let sigma = ((lobe.sigma.ln() - low) / (high - low) * SIGMA_LEVELS).round() as u8;
             coded.lobes.push([specular[0], specular[1], specular[2], sigma.min(SIGMA_LEVELS as u8)]);
         }
         coded
     }
+}
+
+/// The value that one in 500 exceeds: few points seen at grazing angles only shall not coarsen the levels of all.
+#[cfg(feature = "encode")]
+fn high(values: impl Iterator<Item = f32>) -> f32 {
+    let mut values: Vec<f32> = values.filter(|v| v.is_finite() && *v > 0.0).collect();
+    if values.is_empty() {
+        return 1e-12;
+    }
+    let rank = (values.len() - 1) - values.len() / 500;
+    *values.select_nth_unstable_by(rank, f32::total_cmp).1
 }
 
 impl Model {

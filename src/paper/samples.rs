@@ -118,7 +118,8 @@ fn choose_sides(layout: &mut Layout, frames: &[Frame], density: f64) {
     });
     for (log2, pixels) in layout.side_log2.iter_mut().zip(largest) {
         let wanted = density * pixels / 1.5;
-        *log2 = (1..crate::surface::patches::LARGEST_SIDE_LOG2).find(|l| (1u64 << (2 * l)) as f64 >= wanted)
+        *log2 = (1..crate::surface::patches::LARGEST_SIDE_LOG2)
+            .find(|l| (1u64 << (2 * l)) as f64 >= wanted)
             .unwrap_or(crate::surface::patches::LARGEST_SIDE_LOG2);
     }
 }

@@ -156,7 +156,8 @@ impl Band {
                     // Neighbours of the same band and orientation only.
                     let across = column >= inner;
                     let down = row >= inner;
-                    let left = (column > if across { inner } else { 0 }).then(|| at(slice, row, column.wrapping_sub(1)));
+                    let left =
+                        (column > if across { inner } else { 0 }).then(|| at(slice, row, column.wrapping_sub(1)));
                     let up = (row > if down { inner } else { 0 }).then(|| at(slice, row.wrapping_sub(1), column));
                     let view_parent = match view_band {
                         0 => None,
@@ -191,7 +192,8 @@ mod tests {
             for view_band in 0..=shape.view_levels as usize {
                 for level in 0..=shape.side_log2 as usize {
                     for p in Band::new(shape, view_band, level).positions() {
-                        for near in [p.left, p.up, p.diagonal, p.before, p.parent, p.view_parent].into_iter().flatten() {
+                        for near in [p.left, p.up, p.diagonal, p.before, p.parent, p.view_parent].into_iter().flatten()
+                        {
                             assert!(coded[near]);
                         }
                         assert!(!std::mem::replace(&mut coded[p.index], true));

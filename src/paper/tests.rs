@@ -55,7 +55,8 @@ fn photographs(mesh: &Mesh, views: &[View]) -> Vec<(Mask, Vec<RgbImage>)> {
             let mut mask = Mask::filled(48, 48, false);
             let mut images = vec![RgbImage::filled(48, 48, [0.0; 3]); 2];
             for i in 0..48 * 48 {
-                let Some(hit) = occluders.first_hit(&view.camera, [(i % 48) as f64 + 0.5, (i / 48) as f64 + 0.5]) else {
+                let Some(hit) = occluders.first_hit(&view.camera, [(i % 48) as f64 + 0.5, (i / 48) as f64 + 0.5])
+                else {
                     continue;
                 };
                 let (patch, point, _) = layout.locate(hit.triangle, hit.barycentric).unwrap();
@@ -77,11 +78,8 @@ const COMPONENTS: [Component; 2] = [Component::Diffuse, Component::Specular];
 fn samples(count: usize) -> (Mesh, Vec<View>, Samples) {
     let (mesh, views) = (mesh(6), views(count));
     let pictures = photographs(&mesh, &views);
-    let frames: Vec<Frame> = views
-        .iter()
-        .zip(&pictures)
-        .map(|(view, (mask, images))| Frame { view, mask: Some(mask), images })
-        .collect();
+    let frames: Vec<Frame> =
+        views.iter().zip(&pictures).map(|(view, (mask, images))| Frame { view, mask: Some(mask), images }).collect();
     let samples = Samples::gather(&mesh, &frames, 1.0);
     (mesh, views, samples)
 }
@@ -166,13 +164,13 @@ fn hostile_bytes_do_no_harm() {
     for length in 0..HEADER_BYTES {
         assert!(read(&encoded.bytes[..length]).is_err());
     }
-    for length in (HEADER_BYTES..encoded.bytes.len()).step_by(encoded.bytes.len() / 50) {
+    for length in (HEADER_BYTES..encoded.bytes.len()).step_by(encoded.bytes.len() / 15) {
         let _ = read(&encoded.bytes[..length]);
     }
     let longer = [&encoded.bytes[..], &[1; 8]].concat();
     assert!(read(&longer).is_err());
-    for at in 0..HEADER_BYTES + 40 {
-        for value in [0, 1, 0x7f, 0xff] {
+    for at in (0..HEADER_BYTES + 40).step_by(3) {
+        for value in [1, 0xff] {
             let mut bytes = encoded.bytes.clone();
             bytes[at] ^= value;
             let _ = read(&bytes);

@@ -52,6 +52,8 @@ pub struct Choice {
 /// Adaptive state of one component; handed from a picture to those coded after it.
 #[derive(Debug, Clone)]
 pub struct Models {
+    /// Whether any of the three colours is not zero.
+    any: Mixer,
     magnitude: Mixer,
     sign: Vec<BitModel>,
     escape: Number,
@@ -65,6 +67,10 @@ impl Default for Models {
     fn default() -> Self {
         let base = CLASSES * KINDS;
         Models {
+            any: Mixer::new(
+                [8 * 12 * 9, 8 * 12 * 12, 6 * 24, 8 * 8 * 8, 8 * 9 * 8, 256 * 4, 32 * 4, 9 * 9 * 8],
+                [16, 16],
+            ),
             magnitude: Mixer::new(
                 [
                     base * 12 * 9,
@@ -85,7 +91,7 @@ impl Default for Models {
     }
 }
 
-/// Magnitudes of one band with a margin of two columns on both sides and two rows above, so that neighbours need no checks.
+/// Magnitudes of one band, at most 255, with a margin of two columns on both sides and two rows above, so that neighbours need no checks.
 struct Magnitudes {
     stride: usize,
     values: Vec<[i16; 4]>,
@@ -167,7 +173,7 @@ pub fn code<C: BitCoder>(
                 for x in 0..band.mask.width {
                     let at = hints.index(x, y);
                     let p = &predicted[index][y * band.mask.width + x];
-                    hints.values[at] = std::array::from_fn(|k| (p[k].abs() * inverse) as i16);
+                    hints.values[at] = std::array::from_fn(|k| (p[k].abs() * inverse).min(8191.0) as i16);
                 }
             }
         }
@@ -183,8 +189,13 @@ pub fn code<C: BitCoder>(
             Orientation::Low => 3,
             _ => band.level.min(3) - 1,
         };
-        let orientation_class = (band.orientation == Orientation::Diagonal) as usize;
+        let place = Place {
+            is_predicted: predicted.is_some(),
+            band_class: level_class * 2 + (band.orientation == Orientation::Diagonal) as usize,
+            level: if band.orientation == Orientation::Low { 0 } else { band.level },
+        };
         let low = band.orientation == Orientation::Low;
+        let inverse = 1.0 / step;
         for y in 0..band.mask.height {
             for x in 0..band.mask.width {
                 let flat = y * band.mask.width + x;
@@ -192,45 +203,36 @@ pub fn code<C: BitCoder>(
                     continue;
                 }
                 let at = here.index(x, y);
-                for colour in 0..3 {
-                    let (prediction, hint) = match predicted {
-                        Some(predicted) => {
-                            let p = predicted[index][flat][colour];
-                            let gain = gains[class][colour][gains::bucket(p.abs() / step)];
-                            (p * (gain as f32 * (1.0 / gains::UNITY as f32)), hints.values[at][colour] as u32)
-                        }
-                        None if low => (neighbour_mean(&out, band, x, y, colour), 0),
-                        None => (0.0, 0),
-                    };
-                    let context = Context::new(
-                        &here,
-                        at,
-                        &hints,
-                        predicted.is_some(),
-                        hint,
-                        colour,
-                        parent.map_or(0, |p| {
-                            let m: &Magnitudes = &magnitudes[p];
-                            m.values[m.index(x / 2, y / 2)][colour] as u32
-                        }),
-                        (1..=siblings).map(|s| magnitudes[index - s].values[at][colour] as u32).sum(),
-                        level_class * 2 + orientation_class,
-                        if low { 0 } else { band.level },
-                    );
-                    let sign_context = context.sign(&here, at, colour, &out[flat], prediction, step);
-                    let value = match target {
-                        Some((target, choice)) if !C::DECODES => {
-                            let wanted = (target[index][flat][colour] - prediction) / step;
-                            choose(wanted, quantiser, choice, &models.magnitude, &context)
-                        }
-                        _ => 0,
-                    };
-                    let value = code_value(coder, models, &context, sign_context, value);
-                    here.values[at][colour] = value.unsigned_abs().min(255) as i16;
-                    out[flat][colour] = prediction + quantiser.dequantise(value, step);
-                    if value < 0 {
-                        here.values[at][3] |= 1 << colour;
+                let prediction: [f32; 3] = match predicted {
+                    Some(predicted) => std::array::from_fn(|colour| {
+                        let p = predicted[index][flat][colour];
+                        let gain = gains[class][colour][gains::bucket(p.abs() * inverse)];
+                        p * (gain as f32 * (1.0 / gains::UNITY as f32))
+                    }),
+                    None if low => std::array::from_fn(|colour| neighbour_mean(&out, band, x, y, colour)),
+                    None => [0.0; 3],
+                };
+                let parent = parent.map_or([0; 4], |p| {
+                    let m: &Magnitudes = &magnitudes[p];
+                    m.values[m.index(x / 2, y / 2)]
+                });
+                let mut sibling = [0i16; 4];
+                for s in 1..=siblings {
+                    let other = &magnitudes[index - s].values[at];
+                    (0..4).for_each(|k| sibling[k] += other[k]);
+                }
+                let around = Around::new(&here, &hints, at, parent, sibling);
+                let wanted = match target {
+                    Some((target, choice)) if !C::DECODES => {
+                        let wanted = std::array::from_fn(|k| (target[index][flat][k] - prediction[k]) * inverse);
+                        choose(wanted, quantiser, choice, models, &place, &around)
                     }
+                    _ => [0; 3],
+                };
+                let values = code_values(coder, models, &place, &around, &prediction, inverse, wanted);
+                for colour in 0..3 {
+                    here.values[at][colour] = values[colour].unsigned_abs().min(255) as i16;
+                    out[flat][colour] = prediction[colour] + quantiser.dequantise(values[colour], step);
                 }
             }
         }
@@ -253,146 +255,260 @@ fn neighbour_mean(out: &[Pixel], band: &Band, x: usize, y: usize, colour: usize)
     }
 }
 
-/// Everything that predicts one coefficient's magnitude.
-struct Context {
-    slots: [u32; INPUTS],
-    strides: [u32; INPUTS],
-    selectors: [u32; SELECTORS],
+/// What is the same for a whole band.
+struct Place {
+    is_predicted: bool,
     band_class: usize,
+    level: usize,
 }
 
-impl Context {
+/// What surrounds a position, each for three colours (the fourth lane is unused).
+struct Around {
+    west: [i16; 4],
+    north: [i16; 4],
+    north_west: [i16; 4],
+    north_east: [i16; 4],
+    /// Second neighbours west and north.
+    far: [i16; 4],
+    parent: [i16; 4],
+    siblings: [i16; 4],
+    /// Magnitude of the prediction in quarter steps.
+    hint: [i16; 4],
+    /// That of the four neighbours together.
+    hints_near: [i32; 4],
+    /// `2 (west + north) + north_west + north_east`.
+    near: [i16; 4],
+    /// `3 near + 2 far + 3 parent + 2 siblings`.
+    wide: [i32; 4],
+}
+
+impl Around {
     #[inline(always)]
-    #[allow(clippy::too_many_arguments)]
-    fn new(
-        here: &Magnitudes,
-        at: usize,
-        hints: &Magnitudes,
-        is_predicted: bool,
-        hint: u32,
-        colour: usize,
-        parent: u32,
-        siblings: u32,
-        band_class: usize,
-        level: usize,
-    ) -> Self {
-        let stride = here.stride;
-        let m = |offset: usize| here.values[offset][colour] as u32;
-        let (w, n, nw, ne) = (m(at - 1), m(at - stride), m(at - stride - 1), m(at - stride + 1));
-        let (ww, nn) = (m(at - 2), m(at - 2 * stride));
-        let near = 2 * (w + n) + nw + ne;
-        let colours: u32 = (0..colour).map(|k| here.values[at][k] as u32).sum();
-        let other = |offset: usize| {
-            let v = &here.values[offset];
-            v[0] as u32 + v[1] as u32 + v[2] as u32 - v[colour] as u32
-        };
-        let others_near = other(at - 1) + other(at - stride);
-        let p = |offset: usize| hints.values[offset][colour] as u32;
-        let hints_near = p(at - 1) + p(at + 1) + p(at - stride) + p(at + stride);
-        let hint_class = if is_predicted { class_8(hint / 2) } else { 8 };
-        let wide = 3 * near + 2 * (ww + nn) + 3 * parent + 2 * siblings;
+    fn new(here: &Magnitudes, hints: &Magnitudes, at: usize, parent: [i16; 4], siblings: [i16; 4]) -> Self {
+        let (v, h, stride) = (&here.values, &hints.values, here.stride);
+        let (west, north) = (v[at - 1], v[at - stride]);
+        let (north_west, north_east) = (v[at - stride - 1], v[at - stride + 1]);
+        let (ww, nn) = (v[at - 2], v[at - 2 * stride]);
+        let far: [i16; 4] = std::array::from_fn(|k| ww[k] + nn[k]);
+        let near: [i16; 4] = std::array::from_fn(|k| 2 * (west[k] + north[k]) + north_west[k] + north_east[k]);
+        let wide = std::array::from_fn(|k| {
+            3 * near[k] as i32 + 2 * far[k] as i32 + 3 * parent[k] as i32 + 2 * siblings[k] as i32
+        });
+        let (a, b, c, d) = (h[at - 1], h[at + 1], h[at - stride], h[at + stride]);
+        let hints_near = std::array::from_fn(|k| a[k] as i32 + b[k] as i32 + c[k] as i32 + d[k] as i32);
+        let hint = h[at];
+        Around { west, north, north_west, north_east, far, parent, siblings, hint, hints_near, near, wide }
+    }
+}
+
+/// All three colours of a lane together.
+#[inline(always)]
+fn sum(lanes: [i16; 4]) -> u32 {
+    (lanes[0] as i32 + lanes[1] as i32 + lanes[2] as i32) as u32
+}
+
+/// Contexts of one decision of a mixer.
+struct Context {
+    slots: [u32; INPUTS],
+    selectors: [u32; SELECTORS],
+}
+
+/// Context of the decision whether any of the three colours is not zero.
+#[inline(always)]
+fn any_context(place: &Place, around: &Around) -> Context {
+    let near = sum(around.near);
+    let hint_class = |steps: u32| if place.is_predicted { class_8(steps) } else { 8 };
+    let others = |lanes: [i16; 4]| (lanes[1] as i32 + lanes[2] as i32) as u32;
+    let wide = (around.wide[0] + around.wide[1] + around.wide[2]) as u32;
+    let hint = sum(around.hint);
+    let first_hint = around.hint[0] as u32;
+    let hints_near = (around.hints_near[0] + around.hints_near[1] + around.hints_near[2]) as u32;
+    let class = place.band_class as u32;
+    let least = |lanes: [i16; 4]| sum(lanes).min(3);
+    let tight =
+        least(around.west) << 6 | least(around.north) << 4 | least(around.north_east) << 2 | least(around.north_west);
+    let total = wide + 2 * hint;
+    let few = |value: u32| class_8(value).min(6) / 2;
+    Context {
+        slots: [
+            (class * 12 + class_12(near)) * 9 + hint_class(hint / 2),
+            (class * 12 + class_12(around.near[0] as u32)) * 12 + class_12(others(around.near)),
+            place.level as u32 * 24 + logarithmic(wide, 23),
+            (class * 8 + class_8(2 * sum(around.parent))) * 8 + class_8(2 * sum(around.siblings) + sum(around.far)),
+            (class * 9 + hint_class(first_hint / 2)) * 8 + class_8(hints_near / 4),
+            tight * 4 + few(hint / 2),
+            logarithmic(2 * total, 31) * 4 + class / 2,
+            (hint_class(first_hint) * 9 + hint_class(others(around.hint))) * 8 + class_8(near / 2),
+        ],
+        selectors: [place.is_predicted as u32 * 8 + class, logarithmic(total, 15)],
+    }
+}
+
+/// Everything that predicts one coefficient's magnitude once its place is known not to be empty. `before` are the values of
+/// the colours before it.
+struct MagnitudeContext {
+    first: Context,
+}
+
+/// How far the slots of the decision "larger than 1" lie from those of "larger than 0", and so on.
+const STRIDES: [u32; INPUTS] = [12 * 9, 12 * 8, 24, 8 * 8, 9 * 8, 256 * 4, 32 * 4, 8 * 8 * 4];
+
+impl MagnitudeContext {
+    #[inline(always)]
+    fn new(place: &Place, around: &Around, colour: usize, before: &[i32; 3]) -> Self {
+        let colours: u32 = before[..colour].iter().map(|v| v.unsigned_abs().min(255)).sum();
+        let lane = |lanes: &[i16; 4]| lanes[colour] as u32;
+        let other = |lanes: [i16; 4]| sum(lanes) - lanes[colour] as u32;
+        let others_near = other(around.west) + other(around.north);
+        let (near, hint) = (lane(&around.near), lane(&around.hint));
+        let hint_class = if place.is_predicted { class_8(hint / 2) } else { 8 };
+        let wide = around.wide[colour] as u32;
         let total = wide + 4 * colours + hint;
-        let class = (band_class * 3 + colour) as u32;
+        let class = (place.band_class * 3 + colour) as u32;
         let c = colour as u32;
-        let tight = w.min(3) * 64 + n.min(3) * 16 + ne.min(3) * 4 + nw.min(3);
+        let least = |lanes: &[i16; 4]| lane(lanes).min(3);
+        let tight = least(&around.west) << 6
+            | least(&around.north) << 4
+            | least(&around.north_east) << 2
+            | least(&around.north_west);
         let kinds = KINDS as u32;
+        let few = |value: u32| class_8(value).min(6) / 2;
         let slots = [
             (class * kinds * 12 + class_12(near)) * 9 + hint_class,
             (class * kinds * 12 + class_12(near)) * 8 + class_8(2 * colours + others_near / 2),
-            (c * 6 + level as u32) * kinds * 24 + logarithmic(wide, 23),
-            (class * kinds * 8 + class_8(2 * parent)) * 8 + class_8(siblings * 2 + ww + nn),
-            (class * kinds * 9 + hint_class) * 8 + class_8(hints_near / 4),
-            (c * kinds * 256 + tight) * 4 + class_8(hint / 2).min(6) / 2,
-            (c * kinds * 32 + logarithmic(2 * total, 31)) * 4 + band_class as u32 / 2,
-            ((c * kinds * 8 + class_8(colours * 2)) * 8 + class_8(others_near)) * 4 + class_8(near / 2).min(6) / 2,
+            (c * 6 + place.level as u32) * kinds * 24 + logarithmic(wide, 23),
+            (class * kinds * 8 + class_8(2 * lane(&around.parent))) * 8
+                + class_8(lane(&around.siblings) * 2 + lane(&around.far)),
+            (class * kinds * 9 + hint_class) * 8 + class_8(around.hints_near[colour] as u32 / 4),
+            (c * kinds * 256 + tight) * 4 + few(hint / 2),
+            (c * kinds * 32 + logarithmic(2 * total, 31)) * 4 + place.band_class as u32 / 2,
+            ((c * kinds * 8 + class_8(colours * 2)) * 8 + class_8(others_near)) * 4 + few(near / 2),
         ];
-        let strides = [12 * 9, 12 * 8, 24, 8 * 8, 9 * 8, 256 * 4, 32 * 4, 8 * 8 * 4];
-        let set = if is_predicted { 1 } else { 0 };
+        let set = place.is_predicted as u32;
         let selectors = [(set * CLASSES as u32 + class) * kinds, logarithmic(total, 15)];
-        Context { slots, strides, selectors, band_class }
+        MagnitudeContext { first: Context { slots, selectors } }
     }
 
     /// Contexts of the decision whether the magnitude is larger than `index`.
     #[inline(always)]
-    fn decision(&self, index: u32) -> ([u32; INPUTS], [u32; SELECTORS]) {
+    fn decision(&self, index: u32) -> Context {
         let kind = index.min(KINDS as u32 - 1);
-        let slots = std::array::from_fn(|k| self.slots[k] + kind * self.strides[k]);
-        (slots, [self.selectors[0] + kind, self.selectors[1] + kind * 16])
-    }
-
-    /// Context of the sign: the prediction's sign and size, and the signs of the colours before.
-    #[inline(always)]
-    fn sign(&self, here: &Magnitudes, at: usize, colour: usize, _out: &Pixel, prediction: f32, step: f32) -> usize {
-        let size = gains::bucket(prediction.abs() / step * 2.0) + 1;
-        let signed = if prediction > 0.0 {
-            3 + size
-        } else if prediction < 0.0 {
-            3 - size
-        } else {
-            3
-        };
-        let other = |k: usize| {
-            if k >= colour || here.values[at][k] == 0 { 0 } else { 1 + (here.values[at][3] >> k & 1) as usize }
-        };
-        (self.band_class * 7 + signed) * 9 + other(0) * 3 + other(1)
-    }
-}
-
-/// The quantised value with the least squared error plus rate, among the nearest and those nearer to zero.
-#[inline(always)]
-fn choose(wanted: f32, quantiser: &Quantiser, choice: Choice, mixer: &Mixer, context: &Context) -> i32 {
-    let magnitude = wanted.abs().min(LARGEST as f32 - 1.0);
-    let nearest = (magnitude + 0.5) as u32;
-    if nearest == 0 {
-        return 0;
-    }
-    let lowest = nearest.saturating_sub(if nearest <= 2 { 2 } else { 1 });
-    let mut bits = 0.0;
-    let mut best = (f32::INFINITY, 0);
-    for index in 0..=nearest.min(ESCAPE) {
-        let (slots, selectors) = context.decision(index);
-        let probability = mixer.probability(&slots, &selectors);
-        if index >= lowest || index == ESCAPE {
-            let candidate = if index == ESCAPE { nearest } else { index };
-            let rate =
-                bits + if candidate < ESCAPE { cost(probability, false) } else { 0.0 } + (candidate > 0) as u32 as f32;
-            let error = magnitude - quantiser.dequantise(candidate as i32, 1.0);
-            let value = error * error + choice.lambda * rate;
-            if value < best.0 {
-                best = (value, candidate);
-            }
+        let Context { slots, selectors } = &self.first;
+        Context {
+            slots: std::array::from_fn(|k| slots[k] + kind * STRIDES[k]),
+            selectors: [selectors[0] + kind, selectors[1] + kind * 16],
         }
-        bits += cost(probability, true);
     }
-    if wanted < 0.0 { -(best.1 as i32) } else { best.1 as i32 }
 }
 
-/// Codes one quantised value.
+/// Context of the sign: the prediction's sign and size, and the signs of the colours before.
 #[inline(always)]
-fn code_value<C: BitCoder>(
+fn sign_context(place: &Place, colour: usize, before: &[i32; 3], prediction: f32, inverse: f32) -> usize {
+    let size = gains::bucket(prediction.abs() * inverse * 2.0) + 1;
+    let signed = if prediction > 0.0 {
+        3 + size
+    } else if prediction < 0.0 {
+        3 - size
+    } else {
+        3
+    };
+    let other = |k: usize| match before[k] {
+        _ if k >= colour => 0,
+        0 => 0,
+        v if v > 0 => 1,
+        _ => 2,
+    };
+    (place.band_class * 7 + signed) * 9 + other(0) * 3 + other(1)
+}
+
+/// The quantised values with the least squared error plus rate: each colour's among the nearest and those nearer to zero,
+/// then these together or none.
+#[inline(always)]
+fn choose(
+    wanted: [f32; 3],
+    quantiser: &Quantiser,
+    choice: Choice,
+    models: &Models,
+    place: &Place,
+    around: &Around,
+) -> [i32; 3] {
+    if wanted.iter().all(|w| w.abs() < 0.5) {
+        return [0; 3];
+    }
+    let any = any_context(place, around);
+    let probability = models.any.probability(&any.slots, &any.selectors);
+    let mut values = [0i32; 3];
+    let mut together = choice.lambda * cost(probability, true);
+    let mut none = choice.lambda * cost(probability, false);
+    for colour in 0..3 {
+        let magnitude = wanted[colour].abs().min(LARGEST as f32 - 1.0);
+        none += magnitude * magnitude;
+        let nearest = (magnitude + 0.5) as u32;
+        let lowest = nearest.saturating_sub(if nearest <= 2 { 2 } else { 1 });
+        let context = MagnitudeContext::new(place, around, colour, &values);
+        let implied = colour == 2 && values[0] == 0 && values[1] == 0;
+        let mut bits = 0.0;
+        let mut best = (f32::INFINITY, 0);
+        for index in 0..=nearest.min(ESCAPE) {
+            let decision = context.decision(index);
+            let probability = models.magnitude.probability(&decision.slots, &decision.selectors);
+            let (stop, go) =
+                if implied && index == 0 { (0.0, 0.0) } else { (cost(probability, false), cost(probability, true)) };
+            if index >= lowest || index == ESCAPE {
+                let candidate = if index == ESCAPE { nearest } else { index };
+                let rate = bits + if candidate < ESCAPE { stop } else { 0.0 } + (candidate > 0) as u32 as f32;
+                let error = magnitude - quantiser.dequantise(candidate as i32, 1.0);
+                let value = error * error + choice.lambda * rate;
+                if value < best.0 {
+                    best = (value, candidate);
+                }
+            }
+            bits += go;
+        }
+        together += best.0;
+        values[colour] = if wanted[colour] < 0.0 { -(best.1 as i32) } else { best.1 as i32 };
+    }
+    if none <= together { [0; 3] } else { values }
+}
+
+/// Codes the three colours of a position.
+#[inline(always)]
+fn code_values<C: BitCoder>(
     coder: &mut C,
     models: &mut Models,
-    context: &Context,
-    sign_context: usize,
-    value: i32,
-) -> i32 {
-    let wanted = value.unsigned_abs();
-    let mut magnitude = 0;
-    while magnitude < ESCAPE {
-        let (slots, selectors) = context.decision(magnitude);
-        if !models.magnitude.code(coder, &slots, &selectors, magnitude < wanted) {
-            break;
+    place: &Place,
+    around: &Around,
+    prediction: &[f32; 3],
+    inverse: f32,
+    wanted: [i32; 3],
+) -> [i32; 3] {
+    let any = any_context(place, around);
+    if !models.any.code(coder, &any.slots, &any.selectors, wanted != [0; 3]) {
+        return [0; 3];
+    }
+    let mut values = [0i32; 3];
+    for colour in 0..3 {
+        let context = MagnitudeContext::new(place, around, colour, &values);
+        // Some colour is not zero: if the first two are, the last one is not.
+        let mut magnitude = (colour == 2 && values[0] == 0 && values[1] == 0) as u32;
+        let goal = wanted[colour].unsigned_abs();
+        while magnitude < ESCAPE {
+            let decision = context.decision(magnitude);
+            if !models.magnitude.code(coder, &decision.slots, &decision.selectors, magnitude < goal) {
+                break;
+            }
+            magnitude += 1;
         }
-        magnitude += 1;
+        if magnitude == ESCAPE {
+            magnitude = ESCAPE.saturating_add(models.escape.code(coder, goal.wrapping_sub(ESCAPE))).min(LARGEST);
+        }
+        if magnitude > 0 {
+            let sign = sign_context(place, colour, &values, prediction[colour], inverse);
+            let negative = models.sign[sign].code(coder, wanted[colour] < 0);
+            values[colour] = if negative { -(magnitude as i32) } else { magnitude as i32 };
+        }
     }
-    if magnitude == 0 {
-        return 0;
-    }
-    if magnitude == ESCAPE {
-        magnitude = ESCAPE.saturating_add(models.escape.code(coder, wanted.wrapping_sub(ESCAPE))).min(LARGEST);
-    }
-    let negative = models.sign[sign_context].code(coder, value < 0);
-    if negative { -(magnitude as i32) } else { magnitude as i32 }
+    values
 }
 
 fn choose_gains(

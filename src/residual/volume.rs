@@ -6,6 +6,7 @@ use crate::transform::daubechies::{self, VolumeShape};
 
 /// Working memory for volumes of `L` interleaved planes.
 #[derive(Debug)]
+#[cfg_attr(not(feature = "encode"), allow(dead_code))]
 pub struct Workspace<const L: usize> {
     scratch: Vec<[f32; L]>,
     filled: Vec<[f32; L]>,
@@ -29,7 +30,7 @@ pub struct Effort {
 
 impl Default for Effort {
     fn default() -> Self {
-        Effort { choosing: 6, fitting: 4 }
+        Effort { choosing: 4, fitting: 3 }
     }
 }
 

@@ -189,7 +189,8 @@ mod tests {
             let energy = |v: &[[f32; 2]]| v.iter().flatten().map(|&x| (x as f64).powi(2)).sum::<f64>();
             assert!((energy(&volume) / energy(&before) - 1.0).abs() < 1e-6);
             inverse(&mut volume, shape, &mut scratch);
-            let error = volume.iter().flatten().zip(before.iter().flatten()).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+            let error =
+                volume.iter().flatten().zip(before.iter().flatten()).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
             assert!(error < 2e-6, "{shape:?} {error}");
         }
     }

@@ -1,4 +1,4 @@
-//! Wavelet transforms: decorrelate samples before they are quantised.
+//! Transforms: rotate colours and decorrelate samples before they are quantised.
 
 pub mod colour;
 pub mod daubechies;

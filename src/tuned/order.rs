@@ -24,7 +24,7 @@ mod planning {
     /// Views farther apart than this (radians, light included) do not predict each other.
     const FARTHEST: f64 = 1.1;
     /// Weight of the change of light against the change of view.
-    const LIGHT_WEIGHT: f64 = 0.35;
+    const LIGHT_WEIGHT: f64 = 0.7;
 
     /// Unit directions from the object's centre to a view's camera and light.
     struct Place {

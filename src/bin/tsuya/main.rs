@@ -1,1 +1,138 @@
-fn main() {}
+//! The `tsuya` program: one file a subcommand.
+
+mod align;
+mod compare;
+mod comparison;
+mod decode;
+mod demo;
+mod encode;
+mod info;
+mod output;
+mod pictures;
+mod ply;
+mod progress;
+mod render;
+mod shell;
+mod source;
+mod values;
+mod verify;
+
+use anyhow::Result;
+use clap::{ArgAction, Parser, Subcommand};
+use std::process::ExitCode;
+
+/// Files for objects whose look was measured: photographs and a mesh in, one small file out, and back.
+///
+/// Exit codes: 0 done; 1 the command line asks for something wrong; 2 a file can't be read or written; 3 a file's content is
+/// wrong; 4 a check or an operation failed; 5 valid, but not supported.
+#[derive(Parser)]
+#[command(name = "tsuya", version, propagate_version = true)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+    /// Threads to work with [default: one for each processor]. The output never depends on it.
+    #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: Option<u16>,
+    /// Says more of what is done; twice: much more.
+    #[arg(short, long, global = true, action = ArgAction::Count)]
+    verbose: u8,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    Demo(demo::Demo),
+    Encode(encode::Encode),
+    Decode(decode::Decode),
+    Info(info::Info),
+    Verify(verify::Verify),
+    Compare(compare::Compare),
+    Render(render::Render),
+    Align(align::Align),
+    Completions(shell::Completions),
+    Man(shell::Man),
+}
+
+impl Command {
+    fn run(self) -> Result<()> {
+        match self {
+            Command::Demo(demo) => demo.run(),
+            Command::Encode(encode) => encode.run(),
+            Command::Decode(decode) => decode.run(),
+            Command::Info(info) => info.run(),
+            Command::Verify(verify) => verify.run(),
+            Command::Compare(compare) => compare.run(),
+            Command::Render(render) => render.run(),
+            Command::Align(align) => align.run(),
+            Command::Completions(completions) => completions.run(),
+            Command::Man(man) => man.run(),
+        }
+    }
+}
+
+/// Something that was tried or checked did not succeed, though all input could be read.
+#[derive(Debug, thiserror::Error)]
+#[error("{0}")]
+struct Failed(String);
+
+fn main() -> ExitCode {
+    let cli = match Cli::try_parse() {
+        Ok(cli) => cli,
+        Err(error) => {
+            let _ = error.print();
+            return ExitCode::from(error.use_stderr() as u8);
+        }
+    };
+    let level = match cli.verbose {
+        0 => tracing::Level::WARN,
+        1 => tracing::Level::INFO,
+        2 => tracing::Level::DEBUG,
+        _ => tracing::Level::TRACE,
+    };
+    tracing_subscriber::fmt().with_max_level(level).with_writer(std::io::stderr).without_time().init();
+    match on_threads(cli.threads, || cli.command.run()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) if is_broken_pipe(&error) => ExitCode::SUCCESS,
+        Err(error) => {
+            output::complain(&format!("tsuya: {}", words(&error)));
+            ExitCode::from(exit_code(&error))
+        }
+    }
+}
+
+fn on_threads(threads: Option<u16>, work: impl FnOnce() -> Result<()> + Send) -> Result<()> {
+    match threads {
+        Some(threads) => rayon::ThreadPoolBuilder::new().num_threads(threads.into()).build()?.install(work),
+        None => work(),
+    }
+}
+
+/// The error with what it happened to; the library's errors name their own cause.
+fn words(error: &anyhow::Error) -> String {
+    let mut text = String::new();
+    for cause in error.chain() {
+        if !text.is_empty() {
+            text += ": ";
+        }
+        text += &cause.to_string();
+        if cause.is::<tsuya::Error>() {
+            break;
+        }
+    }
+    text
+}
+
+fn exit_code(error: &anyhow::Error) -> u8 {
+    use tsuya::Error;
+    match error.chain().find_map(|cause| cause.downcast_ref::<Error>()) {
+        Some(Error::Parameter(_)) => 1,
+        Some(Error::Io { .. }) => 2,
+        Some(Error::Format { .. } | Error::Input { .. }) => 3,
+        Some(Error::Unsupported(_)) => 5,
+        _ => 4,
+    }
+}
+
+fn is_broken_pipe(error: &anyhow::Error) -> bool {
+    let broken = |e: &std::io::Error| e.kind() == std::io::ErrorKind::BrokenPipe;
+    error.chain().any(|cause| cause.downcast_ref::<std::io::Error>().is_some_and(broken))
+}

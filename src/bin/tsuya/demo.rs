@@ -1,0 +1,172 @@
+//! `tsuya demo`: the whole way on the bundled sample, in half a minute.
+
+use crate::compare::side_by_side;
+use crate::encode::decibel;
+use crate::render::numbered;
+use crate::{output, pictures, progress};
+use anyhow::Result;
+use clap::Args;
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+use tsuya::Error;
+use tsuya::asset::{Asset, Photograph};
+use tsuya::capture::{self, ReadOptions};
+use tsuya::decoder::{DecodeOptions, decode};
+use tsuya::encoder::{Encoded, encode};
+use tsuya::measure::to_display;
+use tsuya::options::{EncodeOptions, Profile, Target};
+use tsuya::relight::{Lighting, RenderOptions, Renderer, orbit};
+use tsuya::separate::separate;
+
+/// The sample capture in the source folder.
+const SAMPLE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/sample-spot");
+/// Pictures of the orbit.
+const ORBIT: usize = 12;
+/// Small photographs are shown enlarged to about this width.
+const SHOWN_WIDTH: usize = 384;
+
+/// Encodes a sample capture, prints sizes and errors, and writes the file and pictures of it.
+///
+/// Into the folder go sample.tsuya, comparison.png (photograph, decoded, difference), relit.png (under the captured light, and
+/// under one from another side), and orbit-000.png ... around the object. Only these files are overwritten.
+#[derive(Args)]
+pub struct Demo {
+    /// The folder to write.
+    #[arg(short, long, value_name = "DIR", default_value = "demo-out")]
+    output: PathBuf,
+    /// Another capture than the bundled sample.
+    #[arg(long, value_name = "DIR")]
+    capture: Option<PathBuf>,
+}
+
+impl Demo {
+    pub fn run(self) -> Result<()> {
+        let start = Instant::now();
+        let path = self.capture.clone().unwrap_or_else(|| PathBuf::from(SAMPLE));
+        if !path.exists() {
+            let message = format!("the sample capture is not at {}; give one with --capture DIR", path.display());
+            return Err(Error::parameter(message).into());
+        }
+        std::fs::create_dir_all(&self.output).map_err(|e| Error::io(&self.output, e))?;
+        let captured = progress::read_capture(&path, &ReadOptions::default())?;
+        output::warn(&captured.warnings);
+        let frames = captured.frames.len();
+        let photograph_bytes = photograph_bytes(&path)?;
+        let mut text = format!("{}: {frames} views, photographs of {photograph_bytes} bytes\n\n", captured.name);
+        text += "                     bytes   of photographs   diffuse  specular     sum     seconds\n";
+        let rows = [
+            ("tuned, quality 75", Profile::Tuned, Target::Quality(75.0)),
+            ("tuned, 45 dB", Profile::Tuned, Target::PsnrDb(45.0)),
+            ("paper, 5 % kept", Profile::Paper, Target::KeepPercent(5.0)),
+        ];
+        let mut file = None;
+        for (name, profile, target) in rows {
+            let begin = Instant::now();
+            let options = EncodeOptions { profile, target: Some(target), ..Default::default() };
+            let encoded = {
+                let _busy = progress::busy("encoding");
+                encode(captured.clone(), &options)
+            };
+            // Not every capture reaches every target.
+            match encoded {
+                Ok(encoded) => {
+                    let seconds = begin.elapsed().as_secs_f64();
+                    text += &row(name, &encoded, photograph_bytes, seconds);
+                    file.get_or_insert(encoded);
+                }
+                Err(error) if file.is_some() => _ = writeln!(text, "{name:18} {error}"),
+                Err(error) => return Err(error.into()),
+            }
+        }
+        text += "                                               image PSNR, dB\n";
+        let Some(file) = file else { return Ok(()) };
+        output::write(&self.output.join("sample.tsuya"), &file.bytes, true)?;
+        self.pictures(&file.bytes, captured)?;
+        let _ = writeln!(
+            text,
+            "\n{}: sample.tsuya, comparison.png, relit.png, orbit-000.png to orbit-{:03}.png; {:.1} s",
+            self.output.display(),
+            ORBIT - 1,
+            start.elapsed().as_secs_f64()
+        );
+        output::say(&text)
+    }
+
+    fn pictures(&self, bytes: &[u8], mut captured: capture::Capture) -> Result<()> {
+        let _busy = progress::busy("pictures");
+        let asset = decode(bytes, &DecodeOptions::default())?;
+        let observed = separate(&mut captured)?.frames.swap_remove(0);
+        let (Some(view), Some(Some(decoded))) = (asset.views.first(), asset.photographs.first()) else {
+            return Err(Error::parameter("the file has no view").into());
+        };
+        let mask = observed.mask.unwrap_or_else(|| decoded.mask.clone());
+        let original = Photograph { mask, images: observed.images };
+        let shown = (SHOWN_WIDTH / view.camera.width.max(1) as usize).max(1);
+        let comparison = pictures::enlarged(&side_by_side(&original, decoded, asset.white), shown);
+        output::write(&self.output.join("comparison.png"), &pictures::png(&comparison)?, true)?;
+
+        let renderer = Renderer::new(&asset)?;
+        let relit = relit(&renderer, &asset)?;
+        output::write(&self.output.join("relit.png"), &pictures::png(&relit)?, true)?;
+        for (number, mut camera) in orbit(&asset, ORBIT).into_iter().enumerate() {
+            camera = enlarge(camera, shown);
+            let rendered = renderer.render(&camera, &RenderOptions::default())?;
+            let path = numbered(&self.output.join("orbit.png"), number);
+            output::write(&path, &pictures::png(&to_display(&rendered.image, asset.white))?, true)?;
+        }
+        Ok(())
+    }
+}
+
+fn row(name: &str, encoded: &Encoded, photograph_bytes: u64, seconds: f64) -> String {
+    let psnr = &encoded.image_psnr;
+    format!(
+        "{name:18} {:8} {:14.2} % {:>9} {:>9} {:>7} {:9.1}\n",
+        encoded.bytes.len(),
+        100.0 * encoded.bytes.len() as f64 / photograph_bytes.max(1) as f64,
+        decibel(psnr.diffuse),
+        decibel(psnr.specular),
+        decibel(psnr.sum),
+        seconds
+    )
+}
+
+/// The first view under its captured light and, where lights are known, under that of a view from another side.
+fn relit(renderer: &Renderer, asset: &Asset) -> Result<tsuya::measure::Picture> {
+    let first = asset.views[0].camera;
+    let shown = (SHOWN_WIDTH / first.width.max(1) as usize).max(1);
+    let camera = enlarge(first, shown);
+    let mut lightings = vec![Lighting::Capture(0)];
+    let relightable = asset.reflectance.as_ref().is_some_and(|maps| maps.relightable);
+    if relightable {
+        let quarter = asset.views.len() / 6;
+        let lights = [quarter, asset.views.len() - 1 - quarter].map(|k| asset.views[k].light);
+        lightings.extend(lights.into_iter().flatten().map(|light| Lighting::Points(vec![light])));
+    }
+    let mut shown = Vec::new();
+    for lighting in lightings {
+        let rendered = renderer.render(&camera, &RenderOptions { lighting, ..Default::default() })?;
+        shown.push(to_display(&rendered.image, asset.white));
+    }
+    Ok(pictures::beside(&shown))
+}
+
+/// The same view with `factor` times as many pixels each way.
+fn enlarge(camera: tsuya::asset::Camera, factor: usize) -> tsuya::asset::Camera {
+    let scale = factor as f64;
+    tsuya::asset::Camera {
+        width: camera.width * factor as u32,
+        height: camera.height * factor as u32,
+        focal: camera.focal.map(|focal| focal * scale),
+        principal: camera.principal.map(|place| place * scale),
+        ..camera
+    }
+}
+
+/// Bytes of the capture's photographs on disk.
+fn photograph_bytes(path: &Path) -> Result<u64> {
+    let description = capture::describe(path)?;
+    let files = description.frames.iter().flat_map(|frame| std::iter::once(&frame.photograph).chain(&frame.cross));
+    Ok(files.filter_map(|file| std::fs::metadata(file).ok()).map(|metadata| metadata.len()).sum())
+}

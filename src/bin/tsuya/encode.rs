@@ -1,0 +1,235 @@
+//! `tsuya encode`: a capture becomes a file.
+
+use crate::values::CaptureArguments;
+use crate::{output, progress};
+use anyhow::Result;
+use clap::{Args, ValueEnum};
+use serde_json::{Map, Value, json};
+use std::fmt::Write;
+use std::path::PathBuf;
+use std::time::Instant;
+use tsuya::Error;
+use tsuya::asset::Component;
+use tsuya::encoder::{Encoded, encode};
+use tsuya::measure::ImagePsnr;
+use tsuya::options::{EncodeOptions, Profile, Target};
+
+/// Encodes a capture: photographs with their cameras, and a mesh, into one .tsuya file.
+#[derive(Args)]
+pub struct Encode {
+    /// The capture: a folder, its transforms.json, or a COLMAP model.
+    capture: PathBuf,
+    /// The file to write; - is standard output.
+    #[arg(short, long, value_name = "FILE")]
+    output: PathBuf,
+    #[command(flatten)]
+    target: TargetArguments,
+    /// How the look is stored.
+    #[arg(long, value_enum, default_value = "tuned")]
+    profile: ProfileName,
+    /// Leaves every K-th view out of the file, so that compare can judge pictures between the captured ones.
+    #[arg(long, value_name = "K")]
+    hold_out: Option<usize>,
+    #[command(flatten)]
+    reading: CaptureArguments,
+    /// Bits of a mesh coordinate, 8 to 20 [default: enough to move no vertex by more than an eighth of a pixel].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(8..=20))]
+    position_bits: Option<u8>,
+    /// Profile tuned: keeps specular radiance below zero (noise, double bounces), too.
+    #[arg(long)]
+    signed_specular: bool,
+    /// Name of the object [default: the capture's folder].
+    #[arg(long)]
+    title: Option<String>,
+    /// Terms of use.
+    #[arg(long)]
+    licence: Option<String>,
+    /// Where the measurement comes from.
+    #[arg(long)]
+    provenance: Option<String>,
+    /// Unit of world lengths: m, cm, mm, or another word.
+    #[arg(long)]
+    units: Option<String>,
+    /// Further metadata; may come several times.
+    #[arg(long, value_name = "KEY=VALUE")]
+    meta: Vec<String>,
+    /// Overwrites an existing file.
+    #[arg(long)]
+    force: bool,
+    /// Prints figures as JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+/// How fine the encoding is.
+#[derive(Args)]
+#[group(multiple = false)]
+pub struct TargetArguments {
+    /// 0 to 100 [default: 75]; 25 more halve the quantiser step.
+    #[arg(long, value_name = "Q")]
+    quality: Option<f64>,
+    /// Image PSNR at least, in dB.
+    #[arg(long, value_name = "DB")]
+    psnr: Option<f64>,
+    /// Bytes of the file at most.
+    #[arg(long, value_name = "N")]
+    max_bytes: Option<u64>,
+    /// Largest error of any pixel, on the square root of its radiance over the white board's.
+    #[arg(long, value_name = "E")]
+    max_error: Option<f64>,
+    /// Profile paper: wavelet coefficients kept, in per cent [default: 5].
+    #[arg(long, value_name = "PERCENT")]
+    keep: Option<f64>,
+}
+
+impl TargetArguments {
+    fn target(&self) -> Option<Target> {
+        (self.quality.map(Target::Quality))
+            .or(self.psnr.map(Target::PsnrDb))
+            .or(self.max_bytes.map(Target::MaxBytes))
+            .or(self.max_error.map(Target::MaxError))
+            .or(self.keep.map(Target::KeepPercent))
+    }
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum ProfileName {
+    /// Photographs predicted through the mesh from each other.
+    Tuned,
+    /// The Wavelet-Texture method as published: residual volumes on patches of the surface.
+    Paper,
+}
+
+impl Encode {
+    pub fn run(self) -> Result<()> {
+        output::check_free(&self.output, self.force)?;
+        if self.json && output::is_stream(&self.output) {
+            return Err(Error::parameter("--json and the file can't both go to standard output").into());
+        }
+        let options = self.options()?;
+        let start = Instant::now();
+        let capture = progress::read_capture(&self.capture, &self.reading.read_options()?)?;
+        let (skipped, missing) = (capture.skipped_frames, capture.missing_pixels);
+        let encoded = {
+            let _busy = progress::busy("encoding");
+            encode(capture, &options)?
+        };
+        output::write(&self.output, &encoded.bytes, self.force)?;
+        let seconds = start.elapsed().as_secs_f64();
+        output::warn(&encoded.warnings);
+        if self.json {
+            let mut report = report(&encoded, seconds);
+            report["skipped_frames"] = json!(skipped);
+            report["missing_pixels"] = json!(missing);
+            return output::say_json(&report);
+        }
+        let text = table(&encoded, seconds);
+        if output::is_stream(&self.output) {
+            output::complain(text.trim_end());
+            return Ok(());
+        }
+        output::say(&text)
+    }
+
+    fn options(&self) -> Result<EncodeOptions> {
+        let mut metadata = Map::new();
+        let known = [
+            ("title", &self.title),
+            ("licence", &self.licence),
+            ("provenance", &self.provenance),
+            ("units", &self.units),
+        ];
+        for (key, value) in known {
+            if let Some(value) = value {
+                metadata.insert(key.into(), Value::String(value.clone()));
+            }
+        }
+        for pair in &self.meta {
+            let Some((key, value)) = pair.split_once('=').filter(|(key, _)| !key.is_empty()) else {
+                return Err(Error::parameter(format!("--meta takes KEY=VALUE, not '{pair}'")).into());
+            };
+            metadata.insert(key.into(), Value::String(value.into()));
+        }
+        let profile = match self.profile {
+            ProfileName::Tuned => Profile::Tuned,
+            ProfileName::Paper => Profile::Paper,
+        };
+        Ok(EncodeOptions {
+            profile,
+            target: self.target.target(),
+            hold_out: self.hold_out,
+            position_bits: self.position_bits,
+            signed_specular: self.signed_specular,
+            metadata,
+            ..Default::default()
+        })
+    }
+}
+
+/// The figures that other tools rely on, and a few more.
+pub fn report(encoded: &Encoded, seconds: f64) -> Value {
+    let sample = |linear: bool| {
+        let of = |component| {
+            let errors = encoded.sample_psnr.as_ref()?;
+            let error = errors.iter().find(|(c, _)| *c == component)?.1;
+            let db = if linear { error.linear_db } else { error.sqrt_db };
+            db.is_finite().then_some(db)
+        };
+        let mut object = json!({"diffuse": of(Component::Diffuse), "specular": of(Component::Specular)});
+        if let Some(db) = of(Component::Combined) {
+            object["combined"] = json!(db);
+        }
+        object
+    };
+    let sections: Vec<Value> =
+        encoded.sections.iter().map(|(tag, bytes)| json!({"tag": tag, "bytes": bytes})).collect();
+    json!({
+        "bytes": encoded.bytes.len(),
+        "seconds": seconds,
+        "threads": rayon::current_num_threads(),
+        "sections": sections,
+        "sample_psnr_db": {"linear": sample(true), "sqrt": sample(false)},
+        "kept_percent": encoded.kept_percent,
+        "image_psnr_db": psnr_json(&encoded.image_psnr),
+        "coverage": encoded.coverage,
+        "warnings": encoded.warnings,
+    })
+}
+
+/// A PSNR as JSON; null where nothing differs or nothing was compared.
+pub fn psnr_json(psnr: &ImagePsnr) -> Value {
+    json!({"diffuse": psnr.diffuse, "specular": psnr.specular, "sum": psnr.sum})
+}
+
+/// dB for people.
+pub fn decibel(db: Option<f64>) -> String {
+    db.map_or_else(|| "-".into(), |db| format!("{db:.2}"))
+}
+
+fn table(encoded: &Encoded, seconds: f64) -> String {
+    let mut text = String::from("section      bytes\n");
+    for (tag, bytes) in &encoded.sections {
+        let _ = writeln!(text, "{tag}    {bytes:10}");
+    }
+    let _ = writeln!(text, "file    {:10}   {seconds:.1} s", encoded.bytes.len());
+    let psnr = &encoded.image_psnr;
+    let _ = match psnr.diffuse.or(psnr.specular) {
+        Some(_) => writeln!(
+            text,
+            "image PSNR: diffuse {} dB, specular {} dB, sum {} dB",
+            decibel(psnr.diffuse),
+            decibel(psnr.specular),
+            decibel(psnr.sum)
+        ),
+        None => writeln!(text, "image PSNR: {} dB", decibel(psnr.sum)),
+    };
+    for (component, error) in encoded.sample_psnr.iter().flatten() {
+        let name = format!("{component:?}").to_lowercase();
+        let _ = writeln!(text, "sample PSNR, {name}: linear {:.2} dB, sqrt {:.2} dB", error.linear_db, error.sqrt_db);
+    }
+    if let Some(kept) = encoded.kept_percent {
+        let _ = writeln!(text, "coefficients kept: {kept:.3} %");
+    }
+    let _ = writeln!(text, "the mesh covers {:.1} % of the masks", 100.0 * encoded.coverage);
+    text
+}

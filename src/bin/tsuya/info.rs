@@ -1,0 +1,124 @@
+//! `tsuya info`: what a file holds.
+
+use crate::output;
+use crate::source::{name, open_container};
+use anyhow::{Context, Result};
+use clap::Args;
+use serde_json::{Value, json};
+use std::fmt::Write;
+use std::path::PathBuf;
+use tsuya::container::{SectionCodec, Tag, VERSION};
+use tsuya::decoder::{DecodeOptions, Selection, decode_from};
+
+/// Shows what a file holds: sections, metadata, views, mesh, error.
+#[derive(Args)]
+pub struct Info {
+    /// The file; - is standard input.
+    file: PathBuf,
+    /// Prints everything as JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+impl Info {
+    pub fn run(self) -> Result<()> {
+        let mut file = open_container(&self.file)?;
+        let options = DecodeOptions { selection: Selection::None, ..Default::default() };
+        let asset = decode_from(&mut file, &options).with_context(|| name(&self.file))?;
+        let codec = |codec: SectionCodec| match codec {
+            SectionCodec::None => "none",
+            SectionCodec::Zstd => "zstd",
+            SectionCodec::Own => "own",
+        };
+        let sections: Vec<Value> = (file.sections().iter())
+            .map(|s| {
+                let tag = s.tag.to_string();
+                json!({"tag": tag, "codec": codec(s.codec), "offset": s.offset, "bytes": s.stored, "decoded_bytes": s.decoded})
+            })
+            .collect();
+        let profile = match (file.find(Tag::PLANES), file.find(Tag::PAPER)) {
+            (Some(_), _) => Some("tuned"),
+            (_, Some(_)) => Some("paper"),
+            _ => None,
+        };
+        let maps = asset.reflectance.as_ref();
+        // Profile `paper` keeps its model within its own section; the lights say whether it is a reflectance.
+        let relightable = match maps {
+            Some(maps) => maps.relightable,
+            None => profile == Some("paper") && asset.views.iter().all(|view| view.light.is_some()),
+        };
+        let relightable = relightable && maps.is_some();
+        if self.json {
+            let views: Vec<Value> = (asset.views.iter())
+                .map(|view| {
+                    let camera = &view.camera;
+                    json!({"name": view.name, "width": camera.width, "height": camera.height, "light": view.light})
+                })
+                .collect();
+            return output::say_json(&json!({
+                "bytes": file.file_bytes(),
+                "version": format!("{}.{}", VERSION.0, VERSION.1),
+                "profile": profile,
+                "sections": sections,
+                "metadata": asset.metadata,
+                "achieved_error": asset.metadata.get("achieved_error"),
+                "components": asset.components,
+                "white": asset.white,
+                "mesh": {"vertices": asset.mesh.positions.len(), "triangles": asset.mesh.triangles.len()},
+                "atlas": asset.charts.as_ref().map(|c| json!({"width": c.width, "height": c.height, "charts": c.charts.len()})),
+                "relightable": relightable,
+                "views": views,
+            }));
+        }
+        let mut text = String::new();
+        let _ = writeln!(
+            text,
+            "{}: {} bytes, version {}.{}, profile {}",
+            name(&self.file),
+            file.file_bytes(),
+            VERSION.0,
+            VERSION.1,
+            profile.unwrap_or("unknown")
+        );
+        let _ = writeln!(text, "\nsection  codec      stored     decoded");
+        for section in file.sections() {
+            let _ = writeln!(
+                text,
+                "{:7}  {:5}  {:10}  {:10}",
+                section.tag.to_string(),
+                codec(section.codec),
+                section.stored,
+                section.decoded
+            );
+        }
+        let _ = writeln!(text);
+        for (key, value) in &asset.metadata {
+            let value = value.as_str().map_or_else(|| value.to_string(), str::to_owned);
+            let _ = writeln!(text, "{key}: {value}");
+        }
+        let _ =
+            writeln!(text, "mesh: {} vertices, {} triangles", asset.mesh.positions.len(), asset.mesh.triangles.len());
+        let components: Vec<String> = asset.components.iter().map(|c| format!("{c:?}").to_lowercase()).collect();
+        let lit = asset.views.iter().filter(|view| view.light.is_some()).count();
+        let sizes = asset.views.iter().map(|v| (v.camera.width, v.camera.height));
+        let (small, large) = (sizes.clone().min().unwrap_or_default(), sizes.max().unwrap_or_default());
+        let size = if small == large {
+            format!("{} x {}", small.0, small.1)
+        } else {
+            format!("{} x {} to {} x {}", small.0, small.1, large.0, large.1)
+        };
+        let _ = writeln!(text, "views: {} of {size} pixels, {}", asset.views.len(), components.join(" and "));
+        let _ = writeln!(text, "lights: known for {lit} views");
+        if let Some(charts) = &asset.charts {
+            let _ = writeln!(
+                text,
+                "reflectance: {} x {} texels in {} charts",
+                charts.width,
+                charts.height,
+                charts.charts.len()
+            );
+        }
+        let _ = writeln!(text, "can be relit: {}", if relightable { "yes" } else { "no" });
+        output::say(&text)
+    }
+}

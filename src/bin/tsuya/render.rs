@@ -1,0 +1,212 @@
+//! `tsuya render`: pictures from any camera, under any point lights.
+
+use crate::values::{Numbers, find_view, numbers, size, triple};
+use crate::{output, pictures, progress, source};
+use anyhow::Result;
+use clap::{Args, ValueEnum};
+use std::path::{Path, PathBuf};
+use tsuya::Error;
+use tsuya::asset::{Asset, Camera, PointLight};
+use tsuya::decoder::Selection;
+use tsuya::measure::to_display;
+use tsuya::relight::{self, Layers, Lighting, RenderOptions, Renderer};
+
+/// Renders pictures of the object.
+#[derive(Args)]
+pub struct Render {
+    /// The file; - is standard input.
+    file: PathBuf,
+    /// The picture: .png (sRGB, the white board is 255) or .exr (linear radiance). With --orbit a number is put into the name.
+    #[arg(short, long, value_name = "FILE")]
+    output: PathBuf,
+    #[command(flatten)]
+    place: Place,
+    /// Field of view of --camera, the longer side, in degrees.
+    #[arg(long, value_name = "DEG", default_value_t = 35.0, requires = "camera")]
+    fov: f64,
+    /// Upward direction of --camera [default: upward in the photographs].
+    #[arg(long, value_name = "X,Y,Z", value_parser = triple, allow_hyphen_values = true, requires = "camera")]
+    up: Option<[f64; 3]>,
+    /// Size of the picture [default: as the photographs].
+    #[arg(long, value_name = "WxH", value_parser = size)]
+    size: Option<[u32; 2]>,
+    /// A point light instead of the capture's: its place, and its intensity as one number or three [default: as the capture's];
+    /// may come several times.
+    #[arg(long, value_name = "X,Y,Z[,I]", value_parser = numbers, allow_hyphen_values = true)]
+    light: Vec<Numbers>,
+    /// Which of the capture's lights, 0 the most used, where it has several.
+    #[arg(long, value_name = "N", default_value_t = 0, conflicts_with = "light")]
+    capture_light: usize,
+    /// What is shown, with commas between [default: all].
+    #[arg(long, value_name = "LAYER,...", value_delimiter = ',', value_enum)]
+    layers: Vec<Layer>,
+    /// Takes the nearest captured view's residual instead of interpolating.
+    #[arg(long)]
+    nearest: bool,
+    /// Light that the object keeps from itself is not taken away.
+    #[arg(long)]
+    no_shadows: bool,
+    /// Brighter by this many stops.
+    #[arg(long, value_name = "STOPS", default_value_t = 0.0, allow_hyphen_values = true)]
+    exposure: f64,
+    /// Overwrites existing pictures.
+    #[arg(long)]
+    force: bool,
+}
+
+#[derive(Args)]
+#[group(multiple = false)]
+struct Place {
+    /// From the camera of this captured view, by number or name [default: the first].
+    #[arg(long, value_name = "VIEW")]
+    view: Option<String>,
+    /// This many pictures around the object.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=10000))]
+    orbit: Option<u16>,
+    /// From this place, looking at that one: px,py,pz,tx,ty,tz.
+    #[arg(long, value_name = "P,T", value_parser = numbers, allow_hyphen_values = true)]
+    camera: Option<Numbers>,
+}
+
+#[derive(Clone, Copy, PartialEq, ValueEnum)]
+enum Layer {
+    /// Diffuse reflection.
+    Diffuse,
+    /// Specular reflection.
+    Specular,
+    /// The reflectance model.
+    Model,
+    /// What the photographs have beyond the model.
+    Residual,
+}
+
+impl Render {
+    pub fn run(self) -> Result<()> {
+        let is_exr = is_exr(&self.output)?;
+        if !(1.0..=170.0).contains(&self.fov) {
+            return Err(Error::parameter("--fov goes from 1 to 170 degrees").into());
+        }
+        let layers = self.layers();
+        let asset = {
+            let _busy = progress::busy("decoding");
+            let selection = if layers.residual { Selection::All } else { Selection::None };
+            source::decode(&self.file, selection)?.0
+        };
+        let options = RenderOptions {
+            lighting: self.lighting(&asset)?,
+            layers,
+            views: if self.nearest { 1 } else { RenderOptions::default().views },
+            shadows: !self.no_shadows,
+        };
+        let cameras = self.cameras(&asset)?;
+        let paths: Vec<PathBuf> = match self.place.orbit {
+            Some(_) => (0..cameras.len()).map(|k| numbered(&self.output, k)).collect(),
+            None => vec![self.output.clone()],
+        };
+        paths.iter().try_for_each(|path| output::check_free(path, self.force))?;
+        let _busy = progress::busy("rendering");
+        let renderer = Renderer::new(&asset)?;
+        let gain = self.exposure.exp2() as f32;
+        for (camera, path) in cameras.iter().zip(&paths) {
+            let image = renderer.render(camera, &options)?.image.map(|pixel| pixel.map(|v| v * gain));
+            let bytes =
+                if is_exr { pictures::exr(&image, false)? } else { pictures::png(&to_display(&image, asset.white))? };
+            output::write(path, &bytes, self.force)?;
+        }
+        Ok(())
+    }
+
+    fn layers(&self) -> Layers {
+        let has = |layer| self.layers.contains(&layer);
+        // Naming only reflections shows them whole, naming only parts shows them of both reflections.
+        let reflections = has(Layer::Diffuse) || has(Layer::Specular);
+        let parts = has(Layer::Model) || has(Layer::Residual);
+        Layers {
+            diffuse: has(Layer::Diffuse) || !reflections,
+            specular: has(Layer::Specular) || !reflections,
+            model: has(Layer::Model) || !parts,
+            residual: has(Layer::Residual) || !parts,
+        }
+    }
+
+    fn lighting(&self, asset: &Asset) -> Result<Lighting> {
+        if self.light.is_empty() {
+            return Ok(Lighting::Capture(self.capture_light));
+        }
+        let known = asset.views.iter().find_map(|view| view.light);
+        let light = |Numbers(values): &Numbers| {
+            let intensity = match (values.get(3..), known) {
+                (Some([]), Some(light)) => light.intensity,
+                (Some([all]), _) => [*all; 3],
+                (Some([r, g, b]), _) => [*r, *g, *b],
+                _ => {
+                    let message = "--light takes x,y,z and, where the capture's lights are unknown, an intensity: one number or \
+                                   three";
+                    return Err(Error::parameter(message));
+                }
+            };
+            Ok(PointLight { position: [values[0], values[1], values[2]], intensity })
+        };
+        Ok(Lighting::Points(self.light.iter().map(light).collect::<tsuya::Result<_>>()?))
+    }
+
+    fn cameras(&self, asset: &Asset) -> Result<Vec<Camera>> {
+        let Some(first) = asset.views.first() else {
+            return Err(Error::parameter("the file has no view").into());
+        };
+        let sized = |camera: Camera| self.size.map_or(camera, |size| resized(camera, size));
+        if let Some(count) = self.place.orbit {
+            return Ok(relight::orbit(asset, count.into()).into_iter().map(sized).collect());
+        }
+        if let Some(Numbers(values)) = &self.place.camera {
+            let &[px, py, pz, tx, ty, tz] = values.as_slice() else {
+                return Err(Error::parameter("--camera takes six numbers: its place and the place it looks at").into());
+            };
+            let [width, height] = self.size.unwrap_or([first.camera.width, first.camera.height]);
+            let focal = 0.5 * width.max(height) as f64 / (0.5 * self.fov.to_radians()).tan();
+            let upright = || {
+                let down = asset.views.iter().map(|view| view.camera.rotation[1]);
+                down.fold([0.0; 3], |sum, row| std::array::from_fn(|k| sum[k] - row[k]))
+            };
+            let up = self.up.unwrap_or_else(upright);
+            return Ok(vec![relight::look_at([px, py, pz], [tx, ty, tz], up, focal, width, height)]);
+        }
+        let view = match &self.place.view {
+            Some(wanted) => find_view(wanted, &asset.views)?,
+            None => 0,
+        };
+        Ok(vec![sized(asset.views[view].camera)])
+    }
+}
+
+/// The same view in a picture of another size; where the shape differs, more is shown rather than less.
+fn resized(camera: Camera, [width, height]: [u32; 2]) -> Camera {
+    let scale = (width as f64 / camera.width as f64).min(height as f64 / camera.height as f64);
+    let place = |principal: f64, old: u32, new: u32| (principal - old as f64 / 2.0) * scale + new as f64 / 2.0;
+    Camera {
+        width,
+        height,
+        focal: camera.focal.map(|focal| focal * scale),
+        principal: [
+            place(camera.principal[0], camera.width, width),
+            place(camera.principal[1], camera.height, height),
+        ],
+        ..camera
+    }
+}
+
+fn is_exr(path: &Path) -> Result<bool> {
+    match path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase).as_deref() {
+        Some("exr") => Ok(true),
+        Some("png") => Ok(false),
+        _ if output::is_stream(path) => Ok(false),
+        _ => Err(Error::parameter(format!("{}: a picture's name ends with .png or .exr", path.display())).into()),
+    }
+}
+
+/// `OUT-007.png` of `OUT.png`.
+pub fn numbered(path: &Path, number: usize) -> PathBuf {
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+    let extension = path.extension().unwrap_or_default().to_string_lossy();
+    path.with_file_name(format!("{stem}-{number:03}.{extension}"))
+}

@@ -1,0 +1,56 @@
+//! Opening `.tsuya` files, from disk or standard input.
+
+use crate::output::is_stream;
+use anyhow::{Context, Result};
+use std::io::{Cursor, Read, Seek};
+use std::path::Path;
+use tsuya::asset::Asset;
+use tsuya::container::Container;
+use tsuya::decoder::{DecodeOptions, Selection, decode_from};
+use tsuya::{Error, Limits};
+
+/// A file, or standard input held in memory.
+pub trait Source: Read + Seek {}
+impl<T: Read + Seek> Source for T {}
+
+/// The bytes of standard input.
+pub fn read_stdin() -> Result<Vec<u8>> {
+    let most = Limits::default().memory_bytes;
+    let mut bytes = Vec::new();
+    std::io::stdin().lock().take(most + 1).read_to_end(&mut bytes).map_err(|e| Error::io("-", e))?;
+    if bytes.len() as u64 > most {
+        return Err(Error::Limits { what: "standard input", asked: bytes.len() as u64, allowed: most }.into());
+    }
+    Ok(bytes)
+}
+
+/// A readable file; `-` is standard input.
+pub fn open(path: &Path) -> Result<Box<dyn Source>> {
+    if is_stream(path) {
+        return Ok(Box::new(Cursor::new(read_stdin()?)));
+    }
+    let failed = |e| Error::io(path, e);
+    let file = std::fs::File::open(path).map_err(failed)?;
+    if file.metadata().map_err(failed)?.is_dir() {
+        return Err(failed(std::io::Error::new(std::io::ErrorKind::IsADirectory, "is a folder, not a file")).into());
+    }
+    Ok(Box::new(file))
+}
+
+/// Opens a container; errors name the file.
+pub fn open_container(path: &Path) -> Result<Container<Box<dyn Source>>> {
+    Container::open_seek(open(path)?, Limits::default()).with_context(|| name(path))
+}
+
+/// Decodes a file.
+pub fn decode(path: &Path, selection: Selection) -> Result<(Asset, u64)> {
+    let mut file = open_container(path)?;
+    let options = DecodeOptions { selection, ..Default::default() };
+    let asset = decode_from(&mut file, &options).with_context(|| name(path))?;
+    Ok((asset, file.file_bytes()))
+}
+
+/// How messages call a file.
+pub fn name(path: &Path) -> String {
+    if is_stream(path) { "standard input".into() } else { path.display().to_string() }
+}

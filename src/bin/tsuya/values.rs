@@ -1,0 +1,95 @@
+//! Values on the command line, and the arguments that several subcommands share.
+
+use clap::Args;
+use std::path::PathBuf;
+use tsuya::asset::View;
+use tsuya::capture::ReadOptions;
+use tsuya::{Error, Result};
+
+/// Numbers with commas between them.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Numbers(pub Vec<f64>);
+
+/// Parses `1,2.5,-3`.
+pub fn numbers(text: &str) -> std::result::Result<Numbers, String> {
+    let number = |part: &str| match part.trim().parse::<f64>() {
+        Ok(number) if number.is_finite() => Ok(number),
+        _ => Err(format!("'{part}' is not a number")),
+    };
+    text.split(',').map(number).collect::<std::result::Result<_, _>>().map(Numbers)
+}
+
+/// Exactly three numbers.
+pub fn triple(text: &str) -> std::result::Result<[f64; 3], String> {
+    let Numbers(values) = numbers(text)?;
+    <[f64; 3]>::try_from(values).map_err(|values| format!("three numbers are needed, these are {}", values.len()))
+}
+
+/// Width and height, `640x480`.
+pub fn size(text: &str) -> std::result::Result<[u32; 2], String> {
+    let side = |part: &str| part.parse::<u32>().ok().filter(|&side| (1..=16384).contains(&side));
+    let sides = text.split_once(['x', 'X', '×']).map(|(w, h)| (side(w), side(h)));
+    match sides {
+        Some((Some(width), Some(height))) => Ok([width, height]),
+        _ => Err("a size is WIDTHxHEIGHT, each 1 to 16384".into()),
+    }
+}
+
+/// How a capture is read where it does not say so itself.
+#[derive(Args, Debug, Clone, Default)]
+pub struct CaptureArguments {
+    /// The mesh: PLY, OBJ or GLB [default: the one that the capture names, or the only one in its folder].
+    #[arg(long, value_name = "FILE")]
+    pub mesh: Option<PathBuf>,
+    /// Where the mesh stands in the capture's world: the file that `tsuya align -o` wrote.
+    #[arg(long, value_name = "FILE")]
+    pub mesh_pose: Option<PathBuf>,
+    /// The white board's brightness with the specular reflection blocked, over its brightness without polarisers, of red, green
+    /// and blue [default: measured on the capture's white board].
+    #[arg(long, value_name = "R,G,B", value_parser = triple)]
+    pub beta: Option<[f64; 3]>,
+    /// Colour space of PNG, JPEG and TIFF photographs: srgb, rec709, gamma-2.2 (any exponent), linear-rec709, linear-NAME
+    /// [default: the one that the capture names, or srgb].
+    #[arg(long, value_name = "NAME")]
+    pub color_space: Option<String>,
+}
+
+impl CaptureArguments {
+    /// The library's options.
+    pub fn read_options(&self) -> Result<ReadOptions> {
+        let mesh_pose = self.mesh_pose.as_ref().map(|path| crate::align::read_pose(path)).transpose()?;
+        Ok(ReadOptions { mesh: self.mesh.clone(), mesh_pose, beta: self.beta, color_space: self.color_space.clone() })
+    }
+}
+
+/// A view by its name (with or without extension) or its number.
+pub fn find_view(wanted: &str, views: &[View]) -> Result<usize> {
+    if let Some(index) = views.iter().position(|view| view.name == wanted) {
+        return Ok(index);
+    }
+    if let Ok(number) = wanted.parse::<usize>() {
+        return if number < views.len() {
+            Ok(number)
+        } else {
+            Err(Error::parameter(format!("view {number} does not exist: the file has {} views", views.len())))
+        };
+    }
+    let same: Vec<usize> = (0..views.len()).filter(|&k| stem(&views[k].name) == stem(wanted)).collect();
+    match same.as_slice() {
+        [index] => Ok(*index),
+        _ => Err(Error::parameter(format!("the file has no view called '{wanted}'; tsuya info lists them"))),
+    }
+}
+
+/// A photograph's name without the extension of a picture.
+pub fn stem(name: &str) -> &str {
+    match name.rsplit_once('.') {
+        Some((stem, extension)) if is_picture(extension) && !stem.is_empty() => stem,
+        _ => name,
+    }
+}
+
+fn is_picture(extension: &str) -> bool {
+    let lower = extension.to_ascii_lowercase();
+    ["exr", "png", "jpg", "jpeg", "tif", "tiff"].contains(&lower.as_str())
+}

@@ -1,0 +1,83 @@
+//! `tsuya verify`: is a file whole, and as good as it says?
+
+use crate::comparison::compare;
+use crate::values::CaptureArguments;
+use crate::{Failed, output, progress, source};
+use anyhow::{Context, Result};
+use clap::Args;
+use std::path::PathBuf;
+use tsuya::Limits;
+use tsuya::container::{self, Tag, metadata::Metadata, thumbnail};
+use tsuya::decoder::{DecodeOptions, decode_from};
+
+/// The achieved error in the file is rounded; platforms may differ in the last bits of what they measure.
+const TOLERANCE_DB: f64 = 0.05;
+
+/// Checks a file: every byte of the container; on demand, that everything decodes and that its stated error is true.
+#[derive(Args)]
+pub struct Verify {
+    /// The file; - is standard input.
+    file: PathBuf,
+    /// Decodes everything, too.
+    #[arg(long)]
+    deep: bool,
+    /// Compares with the capture and checks the error that the file states.
+    #[arg(long, value_name = "CAPTURE")]
+    against: Option<PathBuf>,
+    #[command(flatten)]
+    reading: CaptureArguments,
+}
+
+impl Verify {
+    pub fn run(self) -> Result<()> {
+        let bytes = {
+            let mut bytes = Vec::new();
+            let failed = |e| tsuya::Error::io(&self.file, e);
+            std::io::Read::read_to_end(&mut source::open(&self.file)?, &mut bytes).map_err(failed)?;
+            bytes
+        };
+        let name = source::name(&self.file);
+        let sections = container::verify(&bytes[..], Limits::default()).with_context(|| name.clone())?;
+        let mut text = format!("{name}: {} bytes in {} sections are undamaged\n", bytes.len(), sections.len());
+        if self.deep {
+            let _busy = progress::busy("decoding");
+            let mut file = container::Container::open_slice(&bytes, Limits::default())?;
+            let asset = decode_from(&mut file, &DecodeOptions::default()).with_context(|| name.clone())?;
+            if let Some(content) = file.read_optional(Tag::THUMBNAIL)? {
+                let thumbnail = thumbnail::decode(content).with_context(|| name.clone())?;
+                image::load_from_memory(&thumbnail.png)
+                    .map_err(|e| tsuya::Error::format(Tag::THUMBNAIL, 0u8, format!("PNG: {e}")))?;
+            }
+            let decoded = asset.photographs.iter().flatten().count();
+            text += &format!("{decoded} of {} views decode\n", asset.views.len());
+        }
+        if let Some(capture) = &self.against {
+            let comparison = compare(&self.file, capture, &self.reading, false)?;
+            output::warn(&comparison.warnings);
+            let stated = Metadata(comparison.asset.metadata.clone()).achieved_error();
+            let stated = stated.ok_or_else(|| Failed("the file states no error".into()))?;
+            let measured = comparison.total.psnr();
+            let figures = [
+                ("diffuse", stated.diffuse_psnr_db, measured.diffuse),
+                ("specular", stated.specular_psnr_db, measured.specular),
+                ("sum", stated.sum_psnr_db, measured.sum),
+            ];
+            for (component, stated, measured) in figures {
+                let say = |db: Option<f64>| db.map_or_else(|| "none".into(), |db| format!("{db:.2} dB"));
+                let agrees = match (stated, measured) {
+                    (Some(stated), Some(measured)) => (stated - measured).abs() <= TOLERANCE_DB,
+                    (stated, measured) => stated.is_none() && measured.is_none(),
+                };
+                if !agrees {
+                    let (stated, measured) = (say(stated), say(measured));
+                    let message = format!("{name}: {component} image PSNR is stated as {stated}, measured {measured}");
+                    return Err(Failed(message).into());
+                }
+                if measured.is_some() {
+                    text += &format!("{component} image PSNR is {}, as stated\n", say(measured));
+                }
+            }
+        }
+        output::say(&text)
+    }
+}
