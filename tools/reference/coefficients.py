@@ -10,6 +10,7 @@ LEVEL_STEPS = np.array([0x3F8A3D71, 0x3F733333, 0x3F666666, 0x3F59999A, 0x3F5999
 
 class Models:
     def __init__(self):
+        self.any = Mixer([864, 1152, 144, 512, 576, 1024, 128, 648], [16, 16])
         self.magnitude = Mixer([7776, 6912, 1296, 4608, 5184, 9216, 1152, 2304], [144, 48])
         self.sign = [Bit() for _ in range(504)]
         self.large = Number()
@@ -18,6 +19,7 @@ class Models:
 
     def copy(self):
         other = Models.__new__(Models)
+        other.any = self.any.copy()
         other.magnitude, other.large = self.magnitude.copy(), self.large.copy()
         other.sign, other.gain = [b.copy() for b in self.sign], [n.copy() for n in self.gain]
         other.last = [[list(row) for row in g] for g in self.last]
@@ -32,6 +34,10 @@ def classes(bounds):
 
 c12 = classes([1, 2, 3, 4, 5, 7, 9, 12, 16, 23, 37])
 c8 = classes([1, 2, 3, 5, 8, 13, 25])
+
+
+def few(v):
+    return min(c8(v), 6) // 2
 
 
 def log(v, most):
@@ -73,12 +79,31 @@ def decode(coder, models, bands, step, shrink, predicted):
     return results
 
 
+class Around:
+    """Neighbourhood of one channel at a place."""
+
+    __slots__ = ("W", "N", "NW", "NE", "far", "near", "hint", "hints", "parent", "siblings", "wide")
+
+    def __init__(self, band, x, y, c):
+        M, H = band.M[c], band.hints[c]
+        above, row = M[y + 1], M[y + 2]
+        self.W, self.N, self.NW, self.NE = row[x + 1], above[x + 2], above[x + 1], above[x + 3]
+        self.far = row[x] + M[y][x + 2]
+        self.near = 2 * (self.W + self.N) + self.NW + self.NE
+        self.hint = H[y + 2][x + 2]
+        self.hints = H[y + 2][x + 1] + H[y + 2][x + 3] + H[y + 1][x + 2] + H[y + 3][x + 2]
+        self.parent = band.parent[c][y // 2 + 2][x // 2 + 2] if band.parent else 0
+        self.siblings = sum(s[c][y + 2][x + 2] for s in band.siblings)
+        self.wide = 3 * self.near + 2 * self.far + 3 * self.parent + 2 * self.siblings
+
+
 class BandDecoder:
     def __init__(self, coder, models, bands, index, step, shrink, predicted, magnitudes):
         self.coder, self.models, self.band = coder, models, bands[index]
         band = self.band
         self.low = band.kind == "low"
         self.T = step * LEVEL_STEPS[4 if self.low else band.level - 1]
+        self.u = single(1) / self.T
         self.shrink = shrink
         self.B, self.l = context_class(band), 0 if self.low else band.level
         height, width = band.mask.shape
@@ -88,7 +113,7 @@ class BandDecoder:
         self.predicted = None if predicted is None else predicted[index]
         if predicted is not None:
             inverse = single(4) / self.T
-            hints = np.minimum(np.abs(self.predicted) * inverse, 32767).astype(int)
+            hints = np.minimum(np.abs(self.predicted) * inverse, 8191).astype(int)
             for c in range(3):
                 for y in range(height):
                     self.hints[c][y + 2][2 : width + 2] = hints[y, :, c].tolist()
@@ -99,14 +124,20 @@ class BandDecoder:
     def decode(self):
         mask = self.band.mask
         for y, x in zip(*np.nonzero(mask)):
-            for c in range(3):
-                self.coefficient(int(x), int(y), c)
+            self.place(int(x), int(y))
         return self.out
+
+    def place(self, x, y):
+        around = [Around(self, x, y, c) for c in range(3)]
+        some = self.some(around)
+        for c in range(3):
+            P = self.prediction(x, y, c)
+            self.out[y, x, c] = self.coefficient(x, y, c, P, around) if some else P
 
     def prediction(self, x, y, c):
         if self.predicted is not None:
             p = self.predicted[y, x, c]
-            return p * single(self.gains[c][bucket(abs(p) / self.T)] / 16)
+            return p * single(self.gains[c][bucket(abs(p) * self.u)] / 16)
         if not self.low:
             return single(0)
         mask = self.band.mask
@@ -119,58 +150,66 @@ class BandDecoder:
             return (near[0] + near[1]) * single(0.5)
         return near[0] if near else single(0)
 
-    def coefficient(self, x, y, c):
-        P = self.prediction(x, y, c)
-        magnitude = self.magnitude(x, y, c)
-        self.M[c][y + 2][x + 2] = min(magnitude, 255)
+    def coefficient(self, x, y, c, P, around):
+        here = [self.M[k][y + 2][x + 2] for k in range(c)]
+        magnitude = self.magnitude(c, around, sum(here), 1 if c == 2 and here == [0, 0] else 0)
         if magnitude == 0:
-            self.out[y, x, c] = P
-            return
-        b = 1 + bucket(abs(P) / self.T * single(2))
+            return P
+        self.M[c][y + 2][x + 2] = min(magnitude, 255)
+        b = 1 + bucket(abs(P) * self.u * single(2))
         z = 3 + b if P > 0 else 3 - b if P < 0 else 3
-        q = [0, 0]
-        for k in range(min(c, 2)):
-            if self.M[k][y + 2][x + 2]:
-                q[k] = 1 + self.negative[k][y + 2][x + 2]
+        q = [1 + self.negative[k][y + 2][x + 2] if m else 0 for k, m in enumerate(here)] + [0, 0]
         negative = self.models.sign[(7 * self.B + z) * 9 + 3 * q[0] + q[1]].decode(self.coder)
         self.negative[c][y + 2][x + 2] = negative
         if magnitude == 1:
             m = self.T * (single(1) - self.shrink[0])
         else:
             m = (single(magnitude) - self.shrink[1]) * self.T
-        self.out[y, x, c] = P - m if negative else P + m
+        return P - m if negative else P + m
 
-    def magnitude(self, x, y, c):
-        M, B, C = self.M[c], self.B, c
-        above, row = M[y + 1], M[y + 2]
-        W, N, NW, NE, WW, NN = row[x + 1], above[x + 2], above[x + 1], above[x + 3], row[x], M[y][x + 2]
-        near = 2 * (W + N) + NW + NE
-        colours = sum(self.M[k][y + 2][x + 2] for k in range(c))
-        others = sum(self.M[k][y + 2][x + 1] + self.M[k][y + 1][x + 2] for k in range(3) if k != c)
-        H = self.hints[c]
-        hint = H[y + 2][x + 2]
-        hints = H[y + 2][x + 1] + H[y + 2][x + 3] + H[y + 1][x + 2] + (H[y + 3][x + 2])
-        parent = self.parent[c][y // 2 + 2][x // 2 + 2] if self.parent else 0
-        siblings = sum(s[c][y + 2][x + 2] for s in self.siblings)
-        wide = 3 * near + 2 * (WW + NN) + 3 * parent + 2 * siblings
-        total = wide + 4 * colours + hint
-        g = c8(hint // 2)
-        h, a = (8, 0) if self.predicted is None else (g, 1)
+    def h(self, v):
+        return 8 if self.predicted is None else c8(v)
+
+    def some(self, around):
+        """Whether any of the three channels is not 0."""
+        total = {name: sum(getattr(a, name) for a in around) for name in Around.__slots__}
+        near, wide, hint, B = total["near"], total["wide"], total["hint"], self.B
+        first = around[0]
+        tight = 64 * min(total["W"], 3) + 16 * min(total["N"], 3) + 4 * min(total["NE"], 3) + min(total["NW"], 3)
+        contexts = [
+            (12 * B + c12(near)) * 9 + self.h(hint // 2),
+            (12 * B + c12(first.near)) * 12 + c12(near - first.near),
+            24 * self.l + log(wide, 23),
+            (8 * B + c8(2 * total["parent"])) * 8 + c8(2 * total["siblings"] + total["far"]),
+            (9 * B + self.h(first.hint // 2)) * 8 + c8(total["hints"] // 4),
+            4 * tight + few(hint // 2),
+            4 * log(2 * (wide + 2 * hint), 31) + B // 2,
+            (9 * self.h(first.hint) + self.h(hint - first.hint)) * 8 + c8(near // 2),
+        ]
+        selectors = [(0 if self.predicted is None else 8) + B, log(wide + 2 * hint, 15)]
+        return self.models.any.decode(self.coder, contexts, selectors)
+
+    def magnitude(self, c, around, colours, first):
+        here, B, C = around[c], self.B, c
+        others = sum(a.W + a.N for k, a in enumerate(around) if k != c)
+        total = here.wide + 4 * colours + here.hint
+        a = 0 if self.predicted is None else 1
         K = 3 * B + C
-        tight = 64 * min(W, 3) + 16 * min(N, 3) + 4 * min(NE, 3) + min(NW, 3)
-        near12, second = c12(near), c8(2 * colours + others // 2)
-        fourth = c8(2 * parent) * 8 + c8(2 * siblings + WW + NN)
-        for i in range(14):
+        tight = 64 * min(here.W, 3) + 16 * min(here.N, 3) + 4 * min(here.NE, 3) + min(here.NW, 3)
+        near12, second = c12(here.near), c8(2 * colours + others // 2)
+        fourth = c8(2 * here.parent) * 8 + c8(2 * here.siblings + here.far)
+        hint = self.h(here.hint // 2)
+        for i in range(first, 14):
             kind = min(i, 2)
             contexts = [
-                ((K * 3 + kind) * 12 + near12) * 9 + h,
+                ((K * 3 + kind) * 12 + near12) * 9 + hint,
                 ((K * 3 + kind) * 12 + near12) * 8 + second,
-                ((6 * C + self.l) * 3 + kind) * 24 + log(wide, 23),
+                ((6 * C + self.l) * 3 + kind) * 24 + log(here.wide, 23),
                 (K * 3 + kind) * 64 + fourth,
-                ((K * 3 + kind) * 9 + h) * 8 + c8(hints // 4),
-                ((C * 3 + kind) * 256 + tight) * 4 + min(g, 6) // 2,
+                ((K * 3 + kind) * 9 + hint) * 8 + c8(here.hints // 4),
+                ((C * 3 + kind) * 256 + tight) * 4 + few(here.hint // 2),
                 ((C * 3 + kind) * 32 + log(2 * total, 31)) * 4 + B // 2,
-                (((C * 3 + kind) * 8 + c8(2 * colours)) * 8 + c8(others)) * 4 + min(c8(near // 2), 6) // 2,
+                (((C * 3 + kind) * 8 + c8(2 * colours)) * 8 + c8(others)) * 4 + few(here.near // 2),
             ]
             selectors = [(24 * a + K) * 3 + kind, 16 * kind + log(total, 15)]
             if not self.models.magnitude.decode(self.coder, contexts, selectors):
