@@ -1,0 +1,14 @@
+//! Any bytes as section `CHRT` of a small object, and the atlas that they lay out.
+#![no_main]
+mod scene;
+use libfuzzer_sys::fuzz_target;
+use tsuya::surface::{atlas, charts};
+use tsuya::{Budget, Limits};
+
+fuzz_target!(|bytes: &[u8]| {
+    let limits = Limits { memory_bytes: 1 << 22, picture_side: 512, ..Limits::default() };
+    let (mesh, budget) = (scene::mesh(), Budget::new(limits));
+    if let Ok(charts) = charts::decode(bytes, &mesh, &budget) {
+        let _ = atlas::rasterise_atlas_within(&mesh, &charts, &budget);
+    }
+});

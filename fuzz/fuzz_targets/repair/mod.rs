@@ -1,0 +1,80 @@
+//! Puts a file's checksums and lengths right, so that what a fuzzer changes gets past them.
+
+/// A varint at `at`, and where it ends.
+fn varint(bytes: &[u8], mut at: usize) -> Option<(u64, usize)> {
+    let mut value = 0;
+    for shift in (0..63).step_by(7) {
+        let byte = *bytes.get(at)?;
+        at += 1;
+        value |= ((byte & 127) as u64) << shift;
+        if byte < 128 {
+            return Some((value, at));
+        }
+    }
+    None
+}
+
+/// The same sections with right checksums and a directory that fits; `None` where there are none.
+pub fn repair(bytes: &[u8]) -> Option<Vec<u8>> {
+    let mut out = bytes.get(..12)?.to_vec();
+    let (mut headers, mut count, mut at) = (Vec::new(), 0u8, 12);
+    while count < 100 && bytes.get(at..at + 4).is_some_and(|tag| tag != b"DRCT") {
+        let codec = *bytes.get(at + 4)?;
+        let (stored, mut end) = varint(bytes, at + 5)?;
+        if codec == 1 {
+            end = varint(bytes, end)?.1;
+        }
+        let content = end + 4;
+        let after = content.checked_add(usize::try_from(stored).ok()?)?;
+        let stored = bytes.get(content..after)?;
+        let mut content = stored.to_vec();
+        if &bytes[at..at + 4] == b"PLAN" {
+            repair_planes(&mut content);
+        }
+        let header = &bytes[at..end];
+        let checksum = crc32fast::hash(&[header, &content].concat()).to_le_bytes();
+        for piece in [header, &checksum] {
+            headers.extend_from_slice(piece);
+            out.extend_from_slice(piece);
+        }
+        out.extend(content);
+        count += 1;
+        at = after;
+    }
+    let directory = [b"DRCT", &[count][..], &headers].concat();
+    let checksum = crc32fast::hash(&[&out[..12], &directory].concat());
+    out.extend_from_slice(&directory);
+    out.extend(checksum.to_le_bytes());
+    out.extend((directory.len() as u32 + 4).to_le_bytes());
+    out.extend(*b"YST\xe8");
+    Some(out)
+}
+
+/// The head's checksum and those of the steps, as far as the head can be read.
+fn repair_planes(section: &mut [u8]) -> Option<()> {
+    let length = u32::from_le_bytes(section.get(..4)?.try_into().ok()?) as usize;
+    let mut offset = 8usize.checked_add(length)?;
+    section.get(8..offset)?;
+    let components = section[9] as usize;
+    let (count, mut at) = varint(section, 10 + 25 * components)?;
+    for _ in 0..count.min(1000) {
+        let parent = varint(section, at)?.1 + 1;
+        let references = varint(section, parent)?.1;
+        at = references + 1;
+        for _ in 0..*section.get(references)? {
+            at = varint(section, at)?.1 + 1;
+        }
+        let start = offset;
+        for _ in 0..components + 1 {
+            let (size, next) = varint(section, at)?;
+            offset = offset.checked_add(usize::try_from(size).ok()?)?;
+            at = next;
+        }
+        let checksum = crc32fast::hash(section.get(start..offset)?).to_le_bytes();
+        section.get_mut(at..at + 4)?.copy_from_slice(&checksum);
+        at += 4;
+    }
+    let checksum = crc32fast::hash(section.get(8..8 + length)?).to_le_bytes();
+    section.get_mut(4..8)?.copy_from_slice(&checksum);
+    Some(())
+}

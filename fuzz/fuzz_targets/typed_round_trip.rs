@@ -1,0 +1,68 @@
+//! Any small picture set is coded, and decodes to what the encoder said.
+#![no_main]
+mod scene;
+use libfuzzer_sys::arbitrary::{self, Arbitrary, Unstructured};
+use libfuzzer_sys::fuzz_target;
+use tsuya::asset::Component;
+use tsuya::image::{Mask, RgbImage};
+use tsuya::tuned::encode::{Encoder, Quality, Target};
+use tsuya::tuned::header::{Header, PREFIX_BYTES};
+use tsuya::{Budget, Limits, tuned};
+
+#[derive(Arbitrary, Debug)]
+struct Input {
+    views: u8,
+    width: u8,
+    height: u8,
+    polarised: bool,
+    signed: bool,
+    step: u8,
+    lambda: u8,
+    shift: i8,
+    masks: [u64; 4],
+    pixels: Vec<f32>,
+}
+
+fuzz_target!(|bytes: &[u8]| {
+    let Ok(input) = Input::arbitrary(&mut Unstructured::new(bytes)) else { return };
+    let (width, height) = (1 + input.width as usize % 48, 1 + input.height as usize % 48);
+    let mut mesh = scene::mesh();
+    mesh.positions[0][0] += input.shift as f32 * 0.02;
+    let views = scene::views(1 + input.views as usize % 4, width as u32, height as u32);
+    let components = [Component::Diffuse, Component::Specular, Component::Combined];
+    let components = if input.polarised { &components[..2] } else { &components[2..] };
+    let mut numbers = input.pixels.iter().map(|x| if x.is_finite() { x.clamp(-1e4, 1e4) } else { 0.5 }).cycle();
+    let targets: Vec<Target> = (0..views.len())
+        .map(|view| {
+            let data = (0..width * height).map(|i| input.masks[view % 4] >> (i * 7 / width % 64) & 1 == 1).collect();
+            let image = |_| {
+                let data = (0..width * height).map(|_| [0; 3].map(|_| numbers.next().unwrap_or(0.3))).collect();
+                RgbImage { width, height, data }
+            };
+            Target { mask: Mask { width, height, data }, images: components.iter().map(image).collect() }
+        })
+        .collect();
+    let white = [1.0, 0.9, 0.8];
+    let quality = Quality {
+        step: 0.002 + input.step as f32 * 0.002,
+        lambda: input.lambda as f32 * 0.002,
+        ..Quality::default()
+    };
+    let encoder = Encoder::new(&mesh, &views, white, components, &targets, input.signed);
+    let encoded = encoder.encode(&quality).expect("every picture set can be coded");
+    let budget = Budget::new(Limits::default());
+    let header = Header::parse(&encoded.bytes, views.len(), components.len(), &budget).expect("our own head");
+    let body = &encoded.bytes[PREFIX_BYTES + Header::length(&encoded.bytes).expect("our own head") as usize..];
+    let read = |step: &tuned::header::CodedStep| {
+        let length: usize = step.lengths.iter().map(|&l| l as usize).sum();
+        Ok(Some(body[step.offset as usize..][..length].to_vec()))
+    };
+    let decoded = tuned::decode::decode(&header, &mesh, &views, white, |_| true, read, &budget).expect("our own file");
+    for ((decoded, expected), target) in decoded.iter().zip(&encoded.photographs).zip(&targets) {
+        let decoded = decoded.as_ref().expect("all views were asked for");
+        assert_eq!(decoded.mask, target.mask);
+        for (a, b) in decoded.images.iter().zip(&expected.images) {
+            assert!(a.data.iter().flatten().zip(b.data.iter().flatten()).all(|(a, b)| a.to_bits() == b.to_bits()));
+        }
+    }
+});

@@ -1,0 +1,88 @@
+//! The decoder against `tools/reference`, which was written from `spec/` alone: the same pictures, bit for bit.
+#![cfg(feature = "encode")]
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use tsuya::asset::{Component, Photograph};
+use tsuya::decoder::{DecodeOptions, decode};
+use tsuya::encoder::encode;
+use tsuya::options::{EncodeOptions, Target};
+
+fn python() -> Option<String> {
+    let name = std::env::var("TSUYA_PYTHON").unwrap_or_else(|_| "python3".into());
+    let found = Command::new(&name).args(["-c", "import numpy"]).output().is_ok_and(|o| o.status.success());
+    found.then_some(name)
+}
+
+fn sample() -> PathBuf {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let bundled = root.join("tests/data/sample-spot");
+    let shared = std::env::var_os("TSUYA_DATA").map_or_else(|| root.join("../shared/data"), PathBuf::from);
+    if bundled.exists() { bundled } else { shared.join("captures/sample-spot") }
+}
+
+/// Pixels of a little-endian portable float map, rows from the top.
+fn read_pfm(path: &Path) -> Vec<[u32; 3]> {
+    let bytes = std::fs::read(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+    let mut lines = bytes.splitn(4, |&b| b == b'\n');
+    let size = lines.nth(1).unwrap();
+    let width: usize = std::str::from_utf8(size).unwrap().split(' ').next().unwrap().parse().unwrap();
+    let data = lines.nth(1).unwrap();
+    let value = |b: &[u8]| u32::from_le_bytes([b[0], b[1], b[2], b[3]]);
+    let pixels: Vec<[u32; 3]> = data.chunks(12).map(|p| [value(p), value(&p[4..]), value(&p[8..])]).collect();
+    pixels.chunks(width).rev().flatten().copied().collect()
+}
+
+fn compare(photograph: &Photograph, name: &str, components: &[Component], folder: &Path) {
+    for (image, component) in photograph.images.iter().zip(components) {
+        let kind = format!("{component:?}").to_lowercase();
+        let other = read_pfm(&folder.join(format!("{name}-{kind}.pfm")));
+        assert_eq!(other.len(), image.data.len());
+        for (at, (a, b)) in image.data.iter().zip(&other).enumerate() {
+            let same = (0..3).all(|k| a[k].to_bits() == b[k] || (a[k] == 0.0 && f32::from_bits(b[k]) == 0.0));
+            let b = b.map(f32::from_bits);
+            assert!(same, "{name} {kind}, pixel {at}: {a:?}, the reference decoder has {b:?}");
+        }
+    }
+}
+
+#[test]
+fn the_reference_decoder_gives_the_same_bits() {
+    let (Some(python), true) = (python(), sample().exists()) else {
+        println!("skipped: needs Python with NumPy, and the sample capture");
+        return;
+    };
+    for signed_specular in [false, true] {
+        let mut capture = tsuya::capture::read(sample(), &Default::default()).unwrap();
+        // Two neighbours and one between them: references, shading and holes.
+        let frames = std::mem::take(&mut capture.frames);
+        capture.frames = frames.into_iter().take(if signed_specular { 2 } else { 3 }).collect();
+        if !signed_specular {
+            // Masks that leave the mesh: one pixel wider to the right, a hole in the middle.
+            for mask in capture.frames.iter_mut().filter_map(|f| f.mask.as_mut()) {
+                let width = mask.width;
+                let old = mask.data.clone();
+                for at in 1..old.len() {
+                    let (x, y) = (at % width, at / width);
+                    mask.data[at] = (old[at] || (x > 0 && old[at - 1])) && !(x / 3 == 20 && y / 5 == 12);
+                }
+            }
+        }
+        let options = EncodeOptions { target: Some(Target::Quality(45.0)), signed_specular, ..Default::default() };
+        let encoded = encode(capture, &options).unwrap();
+        let asset = decode(&encoded.bytes, &DecodeOptions::default()).unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("sample.tsuya");
+        std::fs::write(&file, &encoded.bytes).unwrap();
+        if let Some(keep) = std::env::var_os("TSUYA_KEEP") {
+            std::fs::write(Path::new(&keep).join(format!("sample-{signed_specular}.tsuya")), &encoded.bytes).unwrap();
+        }
+        let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tools/reference/decode.py");
+        let output = Command::new(&python).arg(&script).arg(&file).arg("-o").arg(folder.path()).output().unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        for (view, photograph) in asset.photographs.iter().enumerate() {
+            let name = format!("{view:03}-{}", asset.views[view].name.replace('/', "_"));
+            compare(photograph.as_ref().unwrap(), &name, &asset.components, folder.path());
+        }
+    }
+}

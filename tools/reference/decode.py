@@ -1,0 +1,64 @@
+#!/usr/bin/env python3
+"""Reference decoder of tsuya files, written from spec/ alone. Slow and plain; needs NumPy.
+
+    python3 tools/reference/decode.py FILE.tsuya --view 0 -o DIR
+
+writes for each component NAME-COMPONENT.pfm (linear radiance) and NAME-mask.pgm, and mesh.obj.
+"""
+
+import argparse
+import os
+import re
+import sys
+
+import numpy as np
+
+import container
+import mesh
+import planes
+
+COMPONENTS = ["diffuse", "specular", "combined"]
+
+
+def write_pfm(path, image):
+    """Portable float map: little-endian, rows from the bottom."""
+    with open(path, "wb") as file:
+        file.write(b"PF\n%d %d\n-1.0\n" % (image.shape[1], image.shape[0]))
+        file.write(image[::-1].astype("<f4").tobytes())
+
+
+def main():
+    parser = argparse.ArgumentParser(description="Decodes views of a tsuya file, slowly.")
+    parser.add_argument("file")
+    parser.add_argument("--view", type=int, action="append", help="index of a view (may repeat); all without it")
+    parser.add_argument("-o", "--output", default=".", help="folder for the pictures")
+    arguments = parser.parse_args()
+    sections = container.read(arguments.file)
+    unknown = [tag for tag in sections if tag[0].isupper() and tag not in ("MESH", "VIEW", "CHRT", "RFLC", "PLAN", "PAPR")]
+    if unknown:
+        sys.exit(f"unknown critical sections: {unknown}")
+    views = container.Views(sections["VIEW"][1])
+    positions, triangles = mesh.decode(sections["MESH"][1])
+    print(f"{len(positions)} vertices, {len(triangles)} triangles, {len(views.views)} views")
+    os.makedirs(arguments.output, exist_ok=True)
+    with open(os.path.join(arguments.output, "mesh.obj"), "w") as file:
+        file.writelines(f"v {float(x)!r} {float(y)!r} {float(z)!r}\n" for x, y, z in positions)
+        file.writelines(f"f {a + 1} {b + 1} {c + 1}\n" for a, b, c in triangles)
+    if "PLAN" not in sections:
+        return
+    pictures = planes.Planes(sections["PLAN"][1], views, positions, triangles)
+    wanted = arguments.view if arguments.view is not None else range(len(views.views))
+    for view in wanted:
+        mask, images = pictures.view(view)
+        name = re.sub(r"[^A-Za-z0-9._-]", "_", views.views[view].name) or str(view)
+        base = os.path.join(arguments.output, f"{view:03}-{name}")
+        for component, image in zip(views.components, images):
+            write_pfm(f"{base}-{COMPONENTS[component]}.pfm", image)
+        with open(f"{base}-mask.pgm", "wb") as file:
+            file.write(b"P5\n%d %d\n255\n" % (mask.shape[1], mask.shape[0]))
+            file.write((mask * np.uint8(255)).tobytes())
+        print(f"view {view} ({name}): {int(mask.sum())} pixels")
+
+
+if __name__ == "__main__":
+    main()

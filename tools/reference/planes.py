@@ -1,0 +1,194 @@
+"""Section PLAN, from spec/planes.md."""
+
+import struct
+import zlib
+
+import numpy as np
+
+import geometry
+from container import varint
+from entropy import Bit, Damaged, Mixer, Number, Range
+
+single = np.float32
+
+
+class Component:
+    def __init__(self, data):
+        self.step = single(struct.unpack("<f", data[:4])[0])
+        self.shrink = [single(b / 256) for b in data[4:6]]
+        self.signed, self.shaded = data[6] & 1, data[6] >> 1 & 1
+        self.rotation = (np.array(struct.unpack("<9h", data[7:25])) / 16384).astype(single).reshape(3, 3)
+
+    def colours(self, signal):
+        m, y = self.rotation, signal
+        return np.stack([m[0, k] * y[..., 0] + m[1, k] * y[..., 1] + m[2, k] * y[..., 2] for k in range(3)], -1)
+
+    def signals(self, colour):
+        m, s = self.rotation, colour
+        return np.stack([m[r, 0] * s[..., 0] + m[r, 1] * s[..., 1] + m[r, 2] * s[..., 2] for r in range(3)], -1)
+
+    def clamp(self, signal, mask):
+        if self.signed:
+            return signal
+        colour = self.colours(signal)
+        change = mask & (colour < 0).any(-1)
+        signal = signal.copy()
+        signal[change] = self.signals(np.where(colour[change] > 0, colour[change], single(0)))
+        return signal
+
+    def radiance(self, signal, mask, white):
+        s = self.colours(signal)
+        if not self.signed:
+            s = np.where(s > 0, s, single(0))
+        return np.where(mask[..., None], s * np.abs(s) * np.array(white, single), single(0))
+
+
+class Step:
+    pass
+
+
+class Head:
+    """Section 1."""
+
+    def __init__(self, data, views, components):
+        length, checksum = struct.unpack("<II", data[:8])
+        head = data[8 : 8 + length]
+        if zlib.crc32(head) != checksum or head[1] != components:
+            raise Damaged("head of PLAN")
+        self.masks = head[0]
+        self.components = [Component(head[2 + 25 * k : 27 + 25 * k]) for k in range(components)]
+        count, at = varint(head, 2 + 25 * components)
+        if count != views:
+            raise Damaged("steps of PLAN")
+        self.steps, offset = [], 8 + length
+        for index in range(count):
+            step = Step()
+            step.view, at = varint(head, at)
+            step.scale = head[at]
+            back, at = varint(head, at + 1)
+            step.parent = index - back if back else None
+            step.references, references, at = [], head[at], at + 1
+            for _ in range(references):
+                back, at = varint(head, at)
+                step.references.append((index - back, head[at]))
+                at += 1
+            step.streams, start = [], offset
+            for _ in range(components + 1):
+                size, at = varint(head, at)
+                step.streams.append(data[offset : offset + size])
+                offset += size
+            if zlib.crc32(data[start:offset]) != struct.unpack("<I", head[at : at + 4])[0]:
+                raise Damaged("streams of a view")
+            at += 4
+            self.steps.append(step)
+        if offset != len(data) or at != length:
+            raise Damaged("length of PLAN")
+
+
+class MaskModels:
+    def __init__(self):
+        self.mixer = Mixer([512, 1024, 1024, 1024, 512, 64, 256, 64], [16, 32])
+        self.plain = [Bit(), Bit()]
+
+    def copy(self):
+        other = MaskModels.__new__(MaskModels)
+        other.mixer, other.plain = self.mixer.copy(), [b.copy() for b in self.plain]
+        return other
+
+
+CAUSAL = [(-1, 0), (0, -1), (-1, -1), (1, -1), (-2, 0), (0, -2), (-2, -1), (2, -1), (-1, -2), (1, -2)]
+AROUND = [(0, 0), (1, 0), (0, 1), (-1, 0), (0, -1), (1, 1), (-1, 1), (2, 0), (0, 2), (3, 0)]
+
+
+def decode_mask(coder, models, coverage):
+    """Section 8."""
+    height, width = coverage.shape
+    covered = np.pad(coverage, 3).astype(int).tolist()
+    out = [[0] * (width + 6) for _ in range(height + 6)]
+
+    def bits(grid, offsets):
+        value = 0
+        for dx, dy in offsets:
+            value = value << 1 | grid[y + dy][x + dx]
+        return value
+
+    for y in range(3, height + 3):
+        for x in range(3, width + 3):
+            causal, around = bits(out, CAUSAL), bits(covered, AROUND)
+            if (causal, around) in ((0, 0), (1023, 1023)):
+                out[y][x] = models.plain[around & 1].decode(coder)
+                continue
+            past = bits(covered, CAUSAL[:6])
+            contexts = [
+                (causal >> 6) * 32 + (around >> 5),
+                causal,
+                around,
+                (causal >> 4) * 16 + (past >> 2),
+                (causal >> 6) * 32 + (((causal >> 6) ^ (past >> 2)) & 15) * 2 + (around >> 9),
+                (causal >> 4) & 63,
+                (causal >> 6) * 16 + (past >> 2),
+                ((causal ^ (past << 4)) >> 4) & 63,
+            ]
+            out[y][x] = models.mixer.decode(coder, contexts, [causal >> 6, around >> 5])
+    return np.array(out, bool)[3:-3, 3:-3]
+
+
+class Decoded:
+    """What later steps need of one."""
+
+
+class Planes:
+    """The pictures of a section; steps are decoded when they are asked for."""
+
+    def __init__(self, data, views, positions, triangles):
+        from coefficients import Models, decode
+
+        self.decode_coefficients, self.Models = decode, Models
+        self.views, self.triangles = views, triangles
+        self.positions = np.array(positions, np.float64).reshape(-1, 3)
+        self.normals = geometry.vertex_normals(self.positions, triangles)
+        self.head = Head(data, len(views.views), len(views.components))
+        self.done = {}
+
+    def view(self, view):
+        """Mask and radiance of each component."""
+        index = next(i for i, step in enumerate(self.head.steps) if step.view == view)
+        result = self.step(index)
+        pairs = zip(self.head.components, result.signals)
+        return result.mask, [c.radiance(s, result.mask, self.views.white) for c, s in pairs]
+
+    def step(self, index):
+        if index not in self.done:
+            self.done[index] = self.decode(self.head.steps[index])
+        return self.done[index]
+
+    def decode(self, step):
+        """Section 2."""
+        parent = None if step.parent is None else self.step(step.parent)
+        references = [(self.step(index), share) for index, share in step.references]
+        result = Decoded()
+        result.geometry = geometry.Geometry(self.views.views[step.view], self.positions, self.triangles, self.normals)
+        result.mask, result.mask_models = result.geometry.coverage, parent.mask_models.copy() if parent else MaskModels()
+        if self.head.masks:
+            result.mask = decode_mask(Range(step.streams[0]), result.mask_models, result.mask)
+        result.geometry.extend(result.mask)
+        transform = geometry.Transform(result.mask)
+        found = [geometry.find(result.geometry, r.geometry, result.mask) for r, _ in references]
+        result.models, result.signals, result.filled = [], [], []
+        for k, component in enumerate(self.head.components):
+            models = parent.models[k].copy() if parent else self.Models()
+            predicted = None
+            if references:
+                sources = [(r.filled[k], f, share) for (r, share), f in zip(references, found)]
+                predicted = transform.forward(geometry.predict(result.mask, sources, component.shaded))
+            step_size = component.step * single(step.scale / 64)
+            bands = self.decode_coefficients(
+                Range(step.streams[k + 1]), models, transform.bands, step_size, component.shrink, predicted
+            )
+            signal = component.clamp(transform.inverse(bands), result.mask)
+            filled, known = signal.copy(), result.mask.copy()
+            geometry.fill(known, filled, 4)
+            result.models.append(models)
+            result.signals.append(signal)
+            result.filled.append(filled)
+        return result
