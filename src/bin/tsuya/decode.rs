@@ -5,6 +5,7 @@ use crate::values::{find_view, stem};
 use crate::{Failed, output, pictures, ply, progress};
 use anyhow::{Context, Result};
 use clap::{Args, ValueEnum};
+use rayon::prelude::*;
 use serde_json::{Value, json};
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
@@ -196,11 +197,12 @@ impl Folder<'_> {
                 self.put("maps/sigma.exr", &pictures::exr_grey(&maps.sigma)?)?;
             }
         }
-        let mut frames = Vec::new();
-        for ((view, name), photograph) in asset.views.iter().zip(&names).zip(&asset.photographs) {
-            let Some(photograph) = photograph else { continue };
-            frames.push(self.write_view(asset, view, name, extension, photograph, preview)?);
-        }
+        let one = |index: usize| {
+            let photograph = asset.photographs[index].as_ref()?;
+            Some(self.write_view(asset, &asset.views[index], &names[index], extension, photograph, preview))
+        };
+        let frames: Result<Vec<Value>> = (0..asset.views.len()).into_par_iter().filter_map(one).collect();
+        let frames = frames?;
         let polarised = asset.components.contains(&Component::Diffuse);
         let mut reference = json!({"file_path": white_file});
         if polarised {
