@@ -112,7 +112,17 @@ pub fn compare(file: &Path, capture: &Path, reading: &CaptureArguments, held_out
     } else {
         None
     };
-    Ok(Comparison { asset, bytes, frames, total, ssim, held_out: left_out, held_out_error, missing_pixels, warnings })
+    Ok(Comparison {
+        asset,
+        bytes,
+        frames,
+        total,
+        ssim,
+        held_out: left_out,
+        held_out_error,
+        missing_pixels,
+        warnings,
+    })
 }
 
 fn measure_frames(asset: &Asset, frames: &mut [Compared]) {

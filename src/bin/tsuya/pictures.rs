@@ -65,8 +65,9 @@ pub fn exr(image: &RgbImage, half: bool) -> Result<Vec<u8>> {
 
 /// EXR of one channel, Y.
 pub fn exr_grey(image: &Grid<f32>) -> Result<Vec<u8>> {
-    let channels =
-        SpecificChannels::build().with_channel("Y").with_pixel_fn(|p: Vec2<usize>| (*image.at(p.x(), p.y()),));
+    let channels = SpecificChannels::build()
+        .with_channel("Y")
+        .with_pixel_fn(|p: Vec2<usize>| (*image.at(p.x(), p.y()),));
     let mut file = Cursor::new(Vec::new());
     Image::from_encoded_channels((image.width, image.height), Encoding::SMALL_LOSSLESS, channels)
         .write()

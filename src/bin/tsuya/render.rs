@@ -187,7 +187,10 @@ fn resized(camera: Camera, [width, height]: [u32; 2]) -> Camera {
         width,
         height,
         focal: camera.focal.map(|focal| focal * scale),
-        principal: [place(camera.principal[0], camera.width, width), place(camera.principal[1], camera.height, height)],
+        principal: [
+            place(camera.principal[0], camera.width, width),
+            place(camera.principal[1], camera.height, height),
+        ],
         ..camera
     }
 }
