@@ -64,6 +64,14 @@ fn check(frames: usize, options: &EncodeOptions, masks: impl Fn(&mut Option<Mask
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tools/reference/decode.py");
     let output = Command::new(&python).arg(&script).arg(&file).arg("-o").arg(folder.path()).output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let maps = asset.reflectance.as_ref().unwrap();
+    for (name, map) in [("diffuse", &maps.diffuse), ("specular", &maps.specular)] {
+        let other = read_pfm(&folder.path().join(format!("reflectance-{name}.pfm")));
+        assert!(map.data.iter().map(|p| p.map(f32::to_bits)).eq(other), "map of the {name} reflectance");
+    }
+    let sigma = read_pfm(&folder.path().join("reflectance-sigma.pfm"));
+    let far = |(a, b): (&f32, &[u32; 3])| (a / f32::from_bits(b[0])).ln().abs() > 1e-5;
+    assert!(sigma.len() == maps.sigma.data.len() && !maps.sigma.data.iter().zip(&sigma).any(far));
     for (view, photograph) in asset.photographs.iter().enumerate() {
         let name = format!("{view:03}-{}", asset.views[view].name.replace('/', "_"));
         compare(photograph.as_ref().unwrap(), &name, &asset.components, folder.path());
