@@ -9,15 +9,43 @@ use crate::image::{Mask, RgbImage};
 use crate::limits::Budget;
 use crate::surface::raster;
 
-/// Memory that decoding one view takes for each pixel, beside 64 bytes for each component. An upper bound.
-const BYTES_A_PIXEL: u64 = 96;
-const BYTES_A_COMPONENT: u64 = 160;
+/// Upper bounds of what one view takes: for each pixel, and for each pixel and component, while it is worked on and while
+/// later views need it; and the adaptive state of a component.
+const WORKING: [u64; 2] = [96, 160];
+const KEPT: [u64; 2] = [48, 16];
+const STATE: u64 = 300_000;
+/// A photograph that is handed out: its mask, and each component.
+const PHOTOGRAPH: [u64; 2] = [1, 12];
 
-/// Charges what decoding a view takes and checks that drawing it is bounded work.
-fn charge(mesh: &Mesh, view: &View, components: usize, budget: &Budget) -> Result<()> {
-    let pixels = view.camera.width as u64 * view.camera.height as u64;
-    budget.charge_items("decoded views", pixels, (BYTES_A_PIXEL + BYTES_A_COMPONENT * components as u64) as usize)?;
-    raster::check_work(mesh, &view.camera)
+/// Charges what decoding `steps` takes and checks that drawing each view is bounded work.
+fn charge(
+    order: &[order::Step],
+    steps: &[usize],
+    mesh: &Mesh,
+    views: &[View],
+    wanted: impl Fn(usize) -> bool,
+    components: u64,
+    budget: &Budget,
+) -> Result<()> {
+    let pixels = |view: usize| views[view].camera.width as u64 * views[view].camera.height as u64;
+    let bytes = |view: usize, each: [u64; 2]| pixels(view).saturating_mul(each[0] + each[1] * components);
+    let state = STATE * components;
+    let most = super::most_memory(
+        order,
+        steps,
+        views.len(),
+        |view| bytes(view, WORKING).saturating_add(state),
+        |view| bytes(view, KEPT).saturating_add(state),
+    );
+    budget.charge("views being decoded", most)?;
+    for &index in steps {
+        let view = order[index].view;
+        if wanted(view) {
+            budget.charge("decoded photographs", bytes(view, PHOTOGRAPH))?;
+        }
+        raster::check_work(mesh, &views[view].camera)?;
+    }
+    Ok(())
 }
 
 /// Decodes the views that `wanted` names, and those they depend on. `read` gives a step's streams, one after the other;
@@ -40,7 +68,7 @@ pub fn decode(
     for index in order::closure(&order, &wanted) {
         let coded = &header.steps[index];
         let step = &coded.step;
-        if step.references.iter().map(|r| r.0).chain(step.parent).any(|view| !present[view]) {
+        if step.needs().any(|view| !present[view]) {
             continue;
         }
         let Some(bytes) = read(coded)? else { continue };
@@ -52,11 +80,11 @@ pub fn decode(
                 format!("checksum of view {name} does not match: the file is damaged"),
             ));
         }
-        charge(mesh, &views[step.view], header.coding.components.len(), budget)?;
         streams[index] = Some(bytes);
         present[step.view] = true;
         steps.push(index);
     }
+    charge(&order, &steps, mesh, views, &wanted, header.coding.components.len() as u64, budget)?;
     let scene = Scene::new(mesh, views);
     let results = run_waves(&order, &steps, views.len(), |index, decoded| {
         let coded = &header.steps[index];

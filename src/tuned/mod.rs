@@ -163,6 +163,9 @@ fn for_each<T: Send>(count: usize, work: impl Fn(usize) -> T + Sync + Send) -> V
     (0..count).map(work).collect()
 }
 
+/// Most views that are worked on side by side, so that memory does not grow with the threads.
+const SIDE_BY_SIDE: usize = 8;
+
 /// Runs `work` for the given steps of the order, wave by wave, and puts what later ones need into place; views that no
 /// later step needs are dropped at once.
 fn run_waves<T: Send>(
@@ -171,34 +174,77 @@ fn run_waves<T: Send>(
     views: usize,
     work: impl Fn(usize, &[Option<DecodedView>]) -> crate::Result<(T, DecodedView)> + Sync + Send,
 ) -> crate::Result<Vec<(usize, T)>> {
-    let needs = |step: &Step| step.references.iter().map(|r| r.0).chain(step.parent).collect::<Vec<_>>();
-    let mut wanted = vec![0usize; views];
-    for &index in steps {
-        for view in needs(&order[index]) {
-            wanted[view] += 1;
-        }
-    }
+    let mut needs = Needs::new(order, steps, views);
     let mut decoded: Vec<Option<DecodedView>> = (0..views).map(|_| None).collect();
     let mut results = Vec::with_capacity(steps.len());
     for wave in order::waves(order, steps) {
-        let done = for_each(wave.len(), |k| work(wave[k], &decoded));
-        for (&index, done) in wave.iter().zip(done) {
-            let (result, view) = done?;
-            results.push((index, result));
-            let step = &order[index];
-            if wanted[step.view] > 0 {
-                decoded[step.view] = Some(view);
-            }
-            for view in needs(step) {
-                wanted[view] -= 1;
-                if wanted[view] == 0 {
-                    decoded[view] = None;
+        for group in wave.chunks(SIDE_BY_SIDE) {
+            let done = for_each(group.len(), |k| work(group[k], &decoded));
+            for (&index, done) in group.iter().zip(done) {
+                let (result, view) = done?;
+                results.push((index, result));
+                let step = &order[index];
+                if needs.is_needed(step.view) {
+                    decoded[step.view] = Some(view);
                 }
+                needs.is_done(step, |view| decoded[view] = None);
             }
         }
     }
     results.sort_by_key(|r| r.0);
     Ok(results)
+}
+
+/// How many later steps need each view.
+struct Needs(Vec<usize>);
+
+impl Needs {
+    fn new(order: &[Step], steps: &[usize], views: usize) -> Self {
+        let mut needs = Needs(vec![0; views]);
+        for &index in steps {
+            order[index].needs().for_each(|view| needs.0[view] += 1);
+        }
+        needs
+    }
+    fn is_needed(&self, view: usize) -> bool {
+        self.0[view] > 0
+    }
+    /// Counts a step as done and calls `drop` for each view that nothing needs any more.
+    fn is_done(&mut self, step: &Step, mut drop: impl FnMut(usize)) {
+        for view in step.needs() {
+            self.0[view] -= 1;
+            if self.0[view] == 0 {
+                drop(view);
+            }
+        }
+    }
+}
+
+/// Most memory that [`run_waves`] takes at a time, from what a view takes while it is worked on and while it is kept.
+fn most_memory(
+    order: &[Step],
+    steps: &[usize],
+    views: usize,
+    working: impl Fn(usize) -> u64,
+    kept: impl Fn(usize) -> u64,
+) -> u64 {
+    let mut needs = Needs::new(order, steps, views);
+    let mut held = vec![0u64; views];
+    let mut most = 0;
+    for wave in order::waves(order, steps) {
+        for group in wave.chunks(SIDE_BY_SIDE) {
+            let active: u64 = group.iter().map(|&index| working(order[index].view)).sum();
+            most = most.max(active.saturating_add(held.iter().sum()));
+            for &index in group {
+                let step = &order[index];
+                if needs.is_needed(step.view) {
+                    held[step.view] = kept(step.view);
+                }
+                needs.is_done(step, |view| held[view] = 0);
+            }
+        }
+    }
+    most
 }
 
 #[cfg(all(test, feature = "encode", feature = "parallel"))]

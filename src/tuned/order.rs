@@ -11,6 +11,13 @@ pub struct Step {
     pub parent: Option<usize>,
 }
 
+impl Step {
+    /// The views that must be decoded before this one.
+    pub fn needs(&self) -> impl Iterator<Item = usize> + '_ {
+        self.references.iter().map(|r| r.0).chain(self.parent)
+    }
+}
+
 /// Most references of a view. Part of the format.
 pub const MOST_REFERENCES: usize = 2;
 #[cfg(feature = "encode")]
@@ -115,8 +122,7 @@ pub fn waves(order: &[Step], steps: &[usize]) -> Vec<Vec<usize>> {
     let mut waves: Vec<Vec<usize>> = Vec::new();
     for &index in steps {
         let step = &order[index];
-        let needs = step.references.iter().map(|r| r.0).chain(step.parent);
-        let wave = needs.filter_map(|view| wave_of_view.get(&view)).max().map_or(0, |w| w + 1);
+        let wave = step.needs().filter_map(|view| wave_of_view.get(&view)).max().map_or(0, |w| w + 1);
         wave_of_view.insert(step.view, wave);
         if waves.len() <= wave {
             waves.resize(wave + 1, Vec::new());
@@ -135,7 +141,7 @@ pub fn closure(order: &[Step], wanted: impl Fn(usize) -> bool) -> Vec<usize> {
             let step = &order[index];
             let take = wanted(step.view) || needed.contains(&step.view);
             if take {
-                needed.extend(step.references.iter().map(|r| r.0).chain(step.parent));
+                needed.extend(step.needs());
             }
             take
         })
