@@ -3,7 +3,8 @@
 
     python3 tools/reference/decode.py FILE.tsuya --view 0 -o DIR
 
-writes for each component NAME-COMPONENT.pfm (linear radiance) and NAME-mask.pgm, and mesh.obj.
+writes for each component VIEW-NAME-COMPONENT.pfm (linear radiance) and VIEW-NAME-mask.pgm, mesh.obj, and the maps of the
+reflectance (sigma in all three colours).
 """
 
 import argparse
@@ -16,6 +17,7 @@ import numpy as np
 import container
 import mesh
 import planes
+import reflectance
 
 COMPONENTS = ["diffuse", "specular", "combined"]
 
@@ -32,6 +34,7 @@ def main():
     parser.add_argument("file")
     parser.add_argument("--view", type=int, action="append", help="index of a view (may repeat); all without it")
     parser.add_argument("-o", "--output", default=".", help="folder for the pictures")
+    parser.add_argument("--no-reflectance", action="store_true", help="leave the maps of the reflectance out")
     arguments = parser.parse_args()
     sections = container.read(arguments.file)
     unknown = [tag for tag in sections if tag[0].isupper() and tag not in ("MESH", "VIEW", "CHRT", "RFLC", "PLAN", "PAPR")]
@@ -44,6 +47,13 @@ def main():
     with open(os.path.join(arguments.output, "mesh.obj"), "w") as file:
         file.writelines(f"v {float(x)!r} {float(y)!r} {float(z)!r}\n" for x, y, z in positions)
         file.writelines(f"f {a + 1} {b + 1} {c + 1}\n" for a, b, c in triangles)
+    if "RFLC" in sections and not arguments.no_reflectance:
+        charts = reflectance.Charts(sections["CHRT"][1], positions, triangles)
+        maps, relightable = reflectance.decode(sections["RFLC"][1], charts)
+        for name, image in maps.items():
+            image = image if image.ndim == 3 else np.repeat(image[..., None], 3, -1)
+            write_pfm(os.path.join(arguments.output, f"reflectance-{name}.pfm"), image)
+        print(f"reflectance: {charts.width} x {charts.height} texels, {'relightable' if relightable else 'lights unknown'}")
     if "PLAN" not in sections:
         return
     pictures = planes.Planes(sections["PLAN"][1], views, positions, triangles)

@@ -1,0 +1,174 @@
+"""Sections CHRT and RFLC, from spec/charts.md and spec/reflectance.md."""
+
+import math
+import struct
+
+import numpy as np
+
+from coefficients import Models
+from coefficients import decode as decode_coefficients
+from entropy import Bit, Damaged, Number, Range
+from geometry import Transform
+
+single = np.float32
+BOUNDS = [0.06, 0.16, 0.3, 0.42, 0.54, 0.7]
+
+
+def along(n, facing):
+    return -n[facing // 2] if facing % 2 else n[facing // 2]
+
+
+def total_order(value):
+    """Sorts -0 before +0."""
+    return value, math.copysign(1.0, value)
+
+
+def slope(n, facing):
+    c = along(n, facing)
+    if c <= 0:
+        return 0
+    square = n[0] * n[0] + n[1] * n[1] + n[2] * n[2]
+    return 1 + sum(c * c > bound * square for bound in BOUNDS)
+
+
+def neighbours(triangles):
+    edges = []
+    for t, corners in enumerate(triangles):
+        for side in range(3):
+            a, b = corners[side], corners[(side + 1) % 3]
+            edges.append((min(a, b), max(a, b), 3 * t + side))
+    edges.sort()
+    result, k = [[None] * 3 for _ in triangles], 0
+    while k + 1 < len(edges):
+        (a, b, one), (c, d, two) = edges[k], edges[k + 1]
+        if (a, b) == (c, d) and one // 3 != two // 3:
+            result[one // 3][one % 3] = two // 3
+            result[two // 3][two % 3] = one // 3
+            k += 2
+        else:
+            k += 1
+    return result
+
+
+def visiting_order(near):
+    order, seen, at = [], [False] * len(near), 0
+    for start in range(len(near)):
+        if seen[start]:
+            continue
+        seen[start] = True
+        order.append(start)
+        while at < len(order):
+            for other in near[order[at]]:
+                if other is not None and not seen[other]:
+                    seen[other] = True
+                    order.append(other)
+            at += 1
+    return order
+
+
+class Charts:
+    """Atlas size, density, and each triangle's chart: (facing, offset)."""
+
+    def __init__(self, data, positions, triangles):
+        self.density = struct.unpack("<f", data[:4])[0]
+        self.positions, self.triangles = positions, triangles
+        coder = self.coder = Range(data[4:])
+        size = Number()
+        self.width, self.height = size.decode(coder), size.decode(coder)
+        self.near = neighbours(triangles)
+        self.chart, self.facings = [None] * len(triangles), []
+        self.keeps, self.others = {}, {}
+        self.fresh, self.dominant, self.facing, self.index = Bit(), Bit(), [Bit() for _ in range(8)], Number()
+        for t in visiting_order(self.near):
+            self.chart[t] = self.triangle(t)
+        x, y = Number(), Number()
+        self.offsets = [(x.signed(coder), y.signed(coder)) for _ in self.facings]
+        if coder.position < len(coder.data):
+            raise Damaged("bytes left over in CHRT")
+
+    def triangle(self, t):
+        a, b, c = (self.positions[v] for v in self.triangles[t])
+        e, f = [y - x for x, y in zip(a, b)], [y - x for x, y in zip(a, c)]
+        n = (e[1] * f[2] - e[2] * f[1], e[2] * f[0] - e[0] * f[2], e[0] * f[1] - e[1] * f[0])
+        visited = [self.chart[o] for o in self.near[t] if o is not None and self.chart[o] is not None]
+        candidates = sorted(dict.fromkeys(visited), key=lambda chart: total_order(-along(n, self.facings[chart])))
+        best = max(range(6), key=lambda facing: (along(n, facing), -facing))
+        coder = self.coder
+        if candidates:
+            facing = self.facings[candidates[0]]
+            situation = {1: len(visited) - 1, 2: len(visited) + 1, 3: 5}[len(candidates)]
+            key = (slope(n, facing), facing == best, situation)
+            if self.keeps.setdefault(key, Bit()).decode(coder):
+                return candidates[0]
+            for k, other in enumerate(candidates[1:]):
+                key = (k, slope(n, self.facings[other]) // 2)
+                if self.others.setdefault(key, Bit()).decode(coder):
+                    return other
+        if self.facings and not self.fresh.decode(coder):
+            back = self.index.decode(coder)
+            if back >= len(self.facings):
+                raise Damaged("a chart that does not exist")
+            return len(self.facings) - 1 - back
+        facing = best
+        if not self.dominant.decode(coder):
+            node = 1
+            for _ in range(3):
+                node = node << 1 | self.facing[node].decode(coder)
+            facing = node & 7
+            if facing > 5:
+                raise Damaged("facing")
+        self.facings.append(facing)
+        return len(self.facings) - 1
+
+    def corners(self, t):
+        facing, (a, b) = self.facings[self.chart[t]], self.offsets[self.chart[t]]
+        result = []
+        for vertex in self.triangles[t]:
+            p = self.positions[vertex]
+            u, v = ((p[1], p[2]), (p[2], p[0]), (p[0], p[1]))[facing // 2]
+            u = -u if facing % 2 else u
+            result.append((u * self.density + a, v * self.density + b))
+        return result
+
+    def mask(self):
+        """Texels in use, spec/reflectance.md section 2."""
+        mask = np.zeros((self.height, self.width), bool)
+        columns = np.arange(self.width) + 0.5
+        for t in range(len(self.triangles)):
+            corners = self.corners(t)
+            first = max(math.floor(min(v for _, v in corners) - 1.5), 0)
+            last = min(math.ceil(max(v for _, v in corners) + 0.5), self.height)
+            for y in range(first, last):
+                low, high = y + 0.5 - 1, y + 0.5 + 1
+                ends = []
+                for k in range(3):
+                    (u, v), (u2, v2) = corners[k], corners[(k + 1) % 3]
+                    if low < v < high:
+                        ends.append(u)
+                    for bound in (low, high):
+                        if (v < bound) != (v2 < bound):
+                            ends.append(u + ((bound - v) / (v2 - v)) * (u2 - u))
+                if ends:
+                    mask[y] |= (columns > min(ends) - 1) & (columns < max(ends) + 1)
+        return mask
+
+
+def decode(data, charts):
+    """Maps by name: diffuse, specular (three channels), sigma. And whether the object can be relit."""
+    if data[0] != 0 or data[2] not in (3, 7):
+        raise Damaged("head of RFLC")
+    scales, steps = struct.unpack("<2f", data[3:11]), struct.unpack("<3f", data[11:23])
+    mask = charts.mask()
+    transform, coder, maps = Transform(mask), Range(data[23:]), {}
+    shrink = [single(0.08), single(0.02)]
+    for name, step in zip(("diffuse", "specular", "sigma")[: data[2] // 2], steps):
+        bands = decode_coefficients(coder, Models(), transform.bands, single(step), shrink, None)
+        levels = np.floor(transform.inverse(bands) + single(0.5))
+        levels[~mask] = 0
+        if name == "sigma":
+            share = levels[..., 0].clip(0, 255) / single(255)
+            maps[name] = single(0.02) * single(40) ** share
+        else:
+            share = levels.clip(0, 1023) / single(1023)
+            maps[name] = share * share * single(scales[name == "specular"])
+    return maps, bool(data[1] & 1)
