@@ -115,7 +115,21 @@ pub fn compare(file: &Path, capture: &Path, reading: &CaptureArguments, held_out
     } else {
         None
     };
-    Ok(Comparison { asset, bytes, frames, total, ssim, held_out: left_out, held_out_error, missing_pixels, warnings })
+    let renderer = Renderer::new(&asset)?;
+    let relit = left_out.iter().filter(|(view, _)| renderer.light_number(view).is_none()).count();
+    drop(renderer);
+    Ok(Comparison {
+        relit,
+        asset,
+        bytes,
+        frames,
+        total,
+        ssim,
+        held_out: left_out,
+        held_out_error,
+        missing_pixels,
+        warnings,
+    })
 }
 
 fn measure_frames(asset: &Asset, frames: &mut [Compared]) {
