@@ -127,7 +127,7 @@ impl Charts {
                 _ => (p[0], p[1]),
             };
             // The far side is mirrored so that no chart is.
-            let u = if chart.facing % 2 == 0 { u as f64 } else { -(u as f64) };
+            let u = if chart.facing.is_multiple_of(2) { u as f64 } else { -(u as f64) };
             [
                 u * self.texels_per_unit + chart.offset[0] as f64,
                 v as f64 * self.texels_per_unit + chart.offset[1] as f64,

@@ -47,7 +47,7 @@ impl Budget {
     }
     /// Charges `count` items of `size` bytes.
     pub fn charge_items(&self, what: &'static str, count: u64, size: usize) -> Result<()> {
-        let bytes = count.checked_mul(size as u64).unwrap_or(u64::MAX);
+        let bytes = count.saturating_mul(size as u64);
         self.charge(what, bytes)
     }
     /// Gives back what was charged for something that is freed again.

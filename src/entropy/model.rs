@@ -44,16 +44,10 @@ impl BitModel {
 
 /// An unsigned number up to 2^32 - 2 as an adaptive Elias-gamma code: the length of `value + 1` in unary, then its lower bits.
 /// The two highest lower bits are modelled, the others are equiprobable.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct Number {
     length: [BitModel; 32],
     bits: [[BitModel; 3]; 32],
-}
-
-impl Default for Number {
-    fn default() -> Self {
-        Number { length: [BitModel::default(); 32], bits: [[BitModel::default(); 3]; 32] }
-    }
 }
 
 impl Number {

@@ -1,5 +1,7 @@
 //! How long the sample capture takes: `cargo bench`. Encode, decode all views or one, render, verify.
 
+#![allow(missing_docs)]
+
 use criterion::{Criterion, criterion_group, criterion_main};
 use std::hint::black_box;
 use std::path::Path;

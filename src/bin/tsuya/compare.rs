@@ -114,6 +114,7 @@ pub fn report(comparison: &Comparison) -> Value {
         figures["nearest"] = psnr_json(&error.nearest.psnr());
         figures["model"] = psnr_json(&error.model.psnr());
         figures["warped"] = psnr_json(&error.warped.psnr());
+        figures["relit_views"] = json!(comparison.relit);
         figures["views"] = json!(comparison.held_out.iter().map(|(view, _)| &view.name).collect::<Vec<_>>());
         figures
     });
@@ -147,6 +148,9 @@ fn table(comparison: &Comparison) -> String {
     let _ = writeln!(text, "{:32} {}  {:>7}  dB", "all views", figures(&total), ssim(comparison.ssim));
     if let Some(error) = &comparison.held_out_error {
         let _ = writeln!(text, "\n{} views that the file does not have, rendered:", comparison.held_out.len());
+        if comparison.relit > 0 {
+            let _ = writeln!(text, "({} of them under lights that no view of the file has)", comparison.relit);
+        }
         let rows = [
             ("interpolated", &error.interpolated),
             ("nearest view's residual", &error.nearest),

@@ -9,6 +9,7 @@ use tsuya::asset::{Asset, Photograph, View};
 use tsuya::decoder::Selection;
 use tsuya::encoder::sum_of_components;
 use tsuya::measure::{self, FrameError, HeldOut};
+use tsuya::relight::Renderer;
 use tsuya::separate::separate;
 use tsuya::surface::raster::rasterise;
 
@@ -28,6 +29,8 @@ pub struct Comparison {
     pub held_out: Vec<(View, Photograph)>,
     /// How well they are predicted.
     pub held_out_error: Option<HeldOut>,
+    /// How many of them are under lights that no view of the file has: they are relit.
+    pub relit: usize,
     /// Pixels that are NaN or infinite in the capture, within the masks.
     pub missing_pixels: u64,
     /// What the user should know.
@@ -112,7 +115,21 @@ pub fn compare(file: &Path, capture: &Path, reading: &CaptureArguments, held_out
     } else {
         None
     };
-    Ok(Comparison { asset, bytes, frames, total, ssim, held_out: left_out, held_out_error, missing_pixels, warnings })
+    let renderer = Renderer::new(&asset)?;
+    let relit = left_out.iter().filter(|(view, _)| renderer.light_number(view).is_none()).count();
+    drop(renderer);
+    Ok(Comparison {
+        relit,
+        asset,
+        bytes,
+        frames,
+        total,
+        ssim,
+        held_out: left_out,
+        held_out_error,
+        missing_pixels,
+        warnings,
+    })
 }
 
 fn measure_frames(asset: &Asset, frames: &mut [Compared]) {
