@@ -67,7 +67,8 @@ fn check(frames: usize, options: &EncodeOptions, masks: impl Fn(&mut Option<Mask
     let maps = asset.reflectance.as_ref().unwrap();
     for (name, map) in [("diffuse", &maps.diffuse), ("specular", &maps.specular)] {
         let other = read_pfm(&folder.path().join(format!("reflectance-{name}.pfm")));
-        assert!(map.data.iter().map(|p| p.map(f32::to_bits)).eq(other), "map of the {name} reflectance");
+        let same = map.data.iter().zip(&other).filter(|(a, b)| a.map(f32::to_bits) == **b).count();
+        assert_eq!((same, other.len()), (map.data.len(), map.data.len()), "map of the {name} reflectance");
     }
     let sigma = read_pfm(&folder.path().join("reflectance-sigma.pfm"));
     let far = |(a, b): (&f32, &[u32; 3])| (a / f32::from_bits(b[0])).ln().abs() > 1e-5;
