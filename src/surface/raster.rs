@@ -80,7 +80,11 @@ pub fn rasterise(mesh: &Mesh, camera: &Camera) -> Raster {
         for y in first(1)..last(1, height) {
             for x in first(0)..last(0, width) {
                 let (px, py) = (x as f64 + 0.5, y as f64 + 0.5);
-                let e = [edge(0, px, py), edge(1, px, py), edge(2, px, py)];
+                let (first, second) = (edge(0, px, py), edge(1, px, py));
+                if (first > 0.0 && second < 0.0) || (first < 0.0 && second > 0.0) {
+                    continue;
+                }
+                let e = [first, second, edge(2, px, py)];
                 let inside = (e[0] >= 0.0 && e[1] >= 0.0 && e[2] >= 0.0) || (e[0] <= 0.0 && e[1] <= 0.0 && e[2] <= 0.0);
                 let area = e[0] + e[1] + e[2];
                 if !inside || area == 0.0 {

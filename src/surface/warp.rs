@@ -241,13 +241,18 @@ impl Reference {
         let (left, top) = (x.floor(), y.floor());
         let (wx, wy) = (catmull_rom(x - left), catmull_rom(y - top));
         let (left, top) = (left as i64 - 1, top as i64 - 1);
+        // Four columns without the clamp where all of them are inside.
+        let inside = (left >= 0 && left + 4 <= self.width as i64).then_some(left as usize);
         let mut sum = [0.0f32; 4];
         for (j, wy) in wy.into_iter().enumerate() {
-            let row = (top + j as i64).clamp(0, self.height as i64 - 1) as usize * self.width;
+            let start = (top + j as i64).clamp(0, self.height as i64 - 1) as usize * self.width;
+            let row = &self.pixels[start..start + self.width];
+            let taps: [Pixel; 4] = match inside.and_then(|left| row.get(left..)?.first_chunk()) {
+                Some(taps) => *taps,
+                None => std::array::from_fn(|i| row[(left + i as i64).clamp(0, self.width as i64 - 1) as usize]),
+            };
             let mut line = [0.0f32; 4];
-            for (i, wx) in wx.into_iter().enumerate() {
-                let column = (left + i as i64).clamp(0, self.width as i64 - 1) as usize;
-                let pixel = &self.pixels[row + column];
+            for (wx, pixel) in wx.into_iter().zip(&taps) {
                 for k in 0..4 {
                     line[k] += wx * pixel[k];
                 }
