@@ -88,7 +88,7 @@ fn limits_hold() {
         change(&mut limits);
         decode(bytes, &DecodeOptions { limits, ..Default::default() })
     };
-    let enough = with(|limits| limits.memory_bytes = 128 << 20);
+    let enough = with(|limits| limits.memory_bytes = 512 << 20);
     assert!(enough.is_ok(), "{:?}", enough.map(|_| ()));
     for limited in [
         with(|limits| limits.memory_bytes = 0),
