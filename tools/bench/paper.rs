@@ -3,11 +3,10 @@
 //! Prints, for one capture, the error on visible samples against the share of coefficients kept, beside the published
 //! figures and the true bytes of the bitstream.
 
-use serde_json::Value;
 use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
-use tsuya::asset::{Camera, Component, Mesh, PointLight, View};
+use tsuya::asset::{Component, Mesh, View};
 use tsuya::image::{Mask, RgbImage};
 use tsuya::paper::encode::{fit_model, sample_errors};
 use tsuya::paper::{Encoded, Frame, Options, Samples, decode, encode};
@@ -144,91 +143,17 @@ struct Capture {
 
 impl Capture {
     fn read(folder: &Path) -> Result<Capture> {
-        let json: Value = serde_json::from_slice(&std::fs::read(folder.join("transforms.json"))?)?;
-        let text = |value: &Value| value.as_str().map(|s| folder.join(s)).ok_or("a file name is missing");
-        let number = |value: &Value| value.as_f64().ok_or("a number is missing");
-        let white_off = read_exr(&text(&json["white_reference"]["file_path"])?)?;
-        let white_cross = read_exr(&text(&json["white_reference"]["cross_file_path"])?)?;
-        let white = middle(&white_off);
-        let cross = middle(&white_cross);
-        let beta: [f64; 3] = std::array::from_fn(|c| cross[c] / white[c]);
-        let intensity: [f64; 3] = serde_json::from_value(json["light"]["intensity"].clone())?;
+        let mut capture = tsuya::capture::read(folder, &Default::default())?;
+        let observations = tsuya::separate::separate(&mut capture)?;
+        if observations.components != COMPONENTS {
+            return Err(format!("{}: photographs with and without polarisers are needed", folder.display()).into());
+        }
         let (mut views, mut pictures) = (Vec::new(), Vec::new());
-        for frame in json["frames"].as_array().ok_or("frames are missing")? {
-            let matrix: [[f64; 4]; 4] = serde_json::from_value(frame["transform_matrix"].clone())?;
-            // Camera to world with OpenGL axes; world to camera with OpenCV axes.
-            let signs = [1.0, -1.0, -1.0];
-            let rotation: [[f64; 3]; 3] = std::array::from_fn(|i| std::array::from_fn(|j| signs[i] * matrix[j][i]));
-            let translation = std::array::from_fn(|i| -(0..3).map(|j| rotation[i][j] * matrix[j][3]).sum::<f64>());
-            let camera = Camera {
-                width: number(&json["w"])? as u32,
-                height: number(&json["h"])? as u32,
-                focal: [number(&json["fl_x"])?, number(&json["fl_y"])?],
-                principal: [number(&json["cx"])?, number(&json["cy"])?],
-                rotation,
-                translation,
-            };
-            let position: [f64; 3] = serde_json::from_value(frame["light_position"].clone())?;
-            let light = Some(PointLight { position, intensity });
-            views.push(View { name: frame["file_path"].to_string(), camera, light });
-            let off = read_exr(&text(&frame["file_path"])?)?;
-            let on = read_exr(&text(&frame["cross_file_path"])?)?;
-            let diffuse = on.map(|p| std::array::from_fn(|c| p[c] / beta[c] as f32));
-            let mut specular = off;
-            for (s, d) in specular.data.iter_mut().zip(&diffuse.data) {
-                *s = std::array::from_fn(|c| s[c] - d[c]);
-            }
-            let mask = image::open(text(&frame["mask_path"])?)?.to_luma8();
-            let mask = Mask {
-                width: mask.width() as usize,
-                height: mask.height() as usize,
-                data: mask.pixels().map(|p| p.0[0] > 127).collect(),
-            };
-            pictures.push((mask, vec![diffuse, specular]));
+        for frame in observations.frames {
+            let mask = frame.mask.ok_or_else(|| format!("{}: a mask is needed", frame.view.name))?;
+            views.push(frame.view);
+            pictures.push((mask, frame.images));
         }
-        Ok(Capture { mesh: read_ply(&text(&json["mesh_file"])?)?, views, white, pictures })
+        Ok(Capture { mesh: capture.mesh, views, white: observations.white, pictures })
     }
-}
-
-/// Mean of the middle quarter.
-fn middle(image: &RgbImage) -> [f64; 3] {
-    let (width, height) = (image.width, image.height);
-    let (mut sum, mut count) = ([0.0; 3], 0.0);
-    for y in height * 3 / 8..height * 5 / 8 {
-        for x in width * 3 / 8..width * 5 / 8 {
-            (0..3).for_each(|c| sum[c] += image.at(x, y)[c] as f64);
-            count += 1.0;
-        }
-    }
-    sum.map(|s| s / count)
-}
-
-fn read_exr(path: &Path) -> Result<RgbImage> {
-    let image = exr::prelude::read_first_rgba_layer_from_file(
-        path,
-        |size, _| RgbImage::filled(size.width(), size.height(), [0.0; 3]),
-        |image: &mut RgbImage, at, (r, g, b, _): (f32, f32, f32, f32)| *image.at_mut(at.x(), at.y()) = [r, g, b],
-    )
-    .map_err(|error| format!("{}: {error}", path.display()))?;
-    Ok(image.layer_data.channel_data.pixels)
-}
-
-/// A binary PLY of plain positions and triangles.
-fn read_ply(path: &Path) -> Result<Mesh> {
-    let bytes = std::fs::read(path)?;
-    let mark = b"end_header\n";
-    let end = bytes.windows(mark.len()).position(|w| w == mark).ok_or("not a PLY file")? + mark.len();
-    let header = std::str::from_utf8(&bytes[..end])?;
-    let count = |name: &str| -> Result<usize> {
-        let line = header.lines().find_map(|l| l.strip_prefix(name)).ok_or("an element is missing")?;
-        Ok(line.trim().parse()?)
-    };
-    let (vertices, faces) = (count("element vertex")?, count("element face")?);
-    let word = |offset: usize| -> [u8; 4] { std::array::from_fn(|i| bytes[offset + i]) };
-    let positions =
-        (0..vertices).map(|v| std::array::from_fn(|axis| f32::from_le_bytes(word(end + v * 12 + axis * 4)))).collect();
-    let start = end + vertices * 12;
-    let triangles =
-        (0..faces).map(|f| std::array::from_fn(|k| u32::from_le_bytes(word(start + f * 13 + 1 + k * 4)))).collect();
-    Ok(Mesh { positions, triangles })
 }
