@@ -22,8 +22,6 @@ impl Tag {
     pub const CHARTS: Tag = Tag(*b"CHRT");
     /// Reflectance parameters on the atlas.
     pub const REFLECTANCE: Tag = Tag(*b"RFLC");
-    /// Masks of the views.
-    pub const MASKS: Tag = Tag(*b"MASK");
     /// Residual planes of the `tuned` profile.
     pub const PLANES: Tag = Tag(*b"PLAN");
     /// Residual volumes of the `paper` profile.
@@ -85,14 +83,13 @@ const OWN: &[SectionCodec] = &[SectionCodec::Own];
 const ANY: &[SectionCodec] = &[SectionCodec::None, SectionCodec::Zstd, SectionCodec::Own];
 
 /// All known sections, in the order in which writers put them. Part of the format.
-const TABLE: [Known; 9] = [
+const TABLE: [Known; 8] = [
     entry(Tag::METADATA, 2, 1 << 20, GENERAL),
     entry(Tag::THUMBNAIL, 57, 1 << 20, &[SectionCodec::None]),
     entry(Tag::MESH, 4, 1 << 32, OWN),
     entry(Tag::VIEWS, 4, 1 << 26, OWN),
     entry(Tag::CHARTS, 1, 1 << 30, ANY),
     entry(Tag::REFLECTANCE, 1, 1 << 40, ANY),
-    entry(Tag::MASKS, 1, 1 << 40, ANY),
     entry(Tag::PLANES, 1, 1 << 40, ANY),
     entry(Tag::PAPER, 1, 1 << 40, ANY),
 ];
