@@ -7,7 +7,7 @@ use super::order::{MOST_REFERENCES, Step};
 use super::{ComponentCoding, MaskCoding, PlaneCoding};
 use crate::error::{Error, Result};
 use crate::limits::{Budget, check};
-use byteorder::{ByteOrder, LittleEndian, WriteBytesExt};
+use byteorder::{ByteOrder, LittleEndian};
 
 /// Bytes before the head: its length and checksum.
 pub const PREFIX_BYTES: usize = 8;
@@ -76,9 +76,8 @@ impl Header {
             step_of_view.insert(coded.step.view, index);
         }
         let mut bytes = Vec::with_capacity(head.len() + PREFIX_BYTES);
-        // Writing to memory can't fail.
-        let _ = bytes.write_u32::<LittleEndian>(head.len() as u32);
-        let _ = bytes.write_u32::<LittleEndian>(crc32fast::hash(&head));
+        bytes.extend((head.len() as u32).to_le_bytes());
+        bytes.extend(crc32fast::hash(&head).to_le_bytes());
         bytes.extend(head);
         bytes
     }
