@@ -3,6 +3,7 @@
 //! The way of the data is told by the conductors, [`encoder`] and [`decoder`]; every other module is one stage of it.
 
 pub mod asset;
+pub mod brdf;
 #[cfg(feature = "encode")]
 pub mod capture;
 pub mod container;

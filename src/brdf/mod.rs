@@ -1,0 +1,14 @@
+//! Materials whose reflectance was measured: reading tables, fitting lobes, planning what to measure.
+
+mod angles;
+
+pub use angles::HalfDifference;
+
+/// A bidirectional reflectance distribution function.
+///
+/// Directions are unit vectors from the surface, `z` along its normal. Values are linear red, green, blue, per steradian, without
+/// the cosine of the incident light, and 0 where a direction lies at or below the horizon.
+pub trait Brdf: Sync {
+    /// Value for light from `incoming` seen from `outgoing`.
+    fn evaluate(&self, incoming: [f64; 3], outgoing: [f64; 3]) -> [f64; 3];
+}
