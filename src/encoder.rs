@@ -12,7 +12,6 @@ use crate::options::{EncodeOptions, Profile, Target};
 use crate::reflectance::{code as reflectance_code, maps};
 use crate::separate::{Observations, ObservedFrame, separate};
 use crate::surface::{atlas, charts, raster};
-use crate::tuned::encode::Target as PlaneTarget;
 use crate::{mesh, paper, rate, tuned};
 
 /// A finished file and what is known of it.
@@ -47,36 +46,38 @@ pub fn encode(mut capture: Capture, options: &EncodeOptions) -> Result<Encoded> 
     let (views_bytes, section) = code_views(&observations, &mesh)?;
     let (views, components) = (&section.views, &section.components);
     // 3. Surface: which pixels show the object.
-    let targets = targets(std::mem::take(&mut observations.frames), views, &mesh, &mut warnings)?;
-    let judge = Judge::new(&mesh, &section, &targets);
+    let covered = raster::coverage(&mesh, views);
+    let photographs = photographs(std::mem::take(&mut observations.frames), &covered, &mut warnings)?;
+    let judge = Judge { originals: &photographs, covered: &covered, section: &section };
     // 4. Reflectance: fit on an atlas, code as images.
     let mut file = SectionList::default();
     file.push(Tag::MESH, SectionCodec::Own, coded_mesh.bytes);
     file.push(Tag::VIEWS, SectionCodec::Own, views_bytes);
     // 5. Residual: what the profile makes of the photographs, at the quality that the target asks for.
-    let (photographs, sample_psnr, kept_percent) = match options.profile {
+    let (decoded, total, sample_psnr, kept_percent) = match options.profile {
         Profile::Tuned => {
-            let maps = ReflectanceStage::new(&mesh, views, components, &targets, options)?;
+            let maps = ReflectanceStage::new(&mesh, views, components, &photographs, options)?;
+            let signed = options.signed_specular;
             let encoder =
-                tuned::encode::Encoder::new(&mesh, views, section.white, components, &targets, options.signed_specular);
+                tuned::encode::Encoder::new(&mesh, views, section.white, components, &photographs, &covered, signed);
             let outcome = rate::tuned(options.target.unwrap_or(Target::Quality(75.0)), |step| {
                 let quality = tuned::encode::Quality { step, ..Default::default() };
                 let planes = encoder.encode(&quality)?;
                 let reflectance = maps.code(step)?;
                 let bytes =
                     file.bytes() + maps.chart_bytes.len() as u64 + (reflectance.len() + planes.bytes.len()) as u64;
-                let measured = judge.measure(&planes.photographs);
-                Ok(rate::Trial { measured, bytes, content: (planes, reflectance) })
+                let (measured, total) = judge.measure(&planes.photographs);
+                Ok(rate::Trial { measured, bytes, content: (planes, reflectance, total) })
             })?;
-            let (planes, reflectance) = outcome;
+            let (planes, reflectance, total) = outcome;
             file.push(Tag::CHARTS, SectionCodec::Own, maps.chart_bytes);
             file.push(Tag::REFLECTANCE, SectionCodec::Own, reflectance);
             file.push(Tag::PLANES, SectionCodec::Own, planes.bytes);
-            (planes.photographs, None, None)
+            (planes.photographs, total, None, None)
         }
         Profile::Paper => {
-            let frames: Vec<paper::Frame> = (views.iter().zip(&targets))
-                .map(|(view, target)| paper::Frame { view, mask: Some(&target.mask), images: &target.images })
+            let frames: Vec<paper::Frame> = (views.iter().zip(&photographs))
+                .map(|(view, taken)| paper::Frame { view, mask: Some(&taken.mask), images: &taken.images })
                 .collect();
             let samples = paper::Samples::gather(&mesh, &frames, PATCH_DENSITY);
             let model = paper::encode::fit_model(&samples, components);
@@ -87,20 +88,19 @@ pub fn encode(mut capture: Capture, options: &EncodeOptions) -> Result<Encoded> 
                     paper::decode(&encoded.bytes, &mesh, components, views.len(), &Budget::new(ENCODER_LIMITS))?;
                 let photographs = crate::decoder::paper_photographs(&decoded, &mesh, views, |_| true);
                 let photographs: Vec<Photograph> = photographs.into_iter().flatten().collect();
-                let measured = judge.measure(&photographs);
+                let (measured, total) = judge.measure(&photographs);
                 let bytes = file.bytes() + encoded.bytes.len() as u64;
                 let errors = paper::encode::sample_errors(&samples, &decoded, section.white);
-                Ok(rate::Trial { measured, bytes, content: (encoded, errors, photographs) })
+                Ok(rate::Trial { measured, bytes, content: (encoded, errors, photographs, total) })
             })?;
-            let (encoded, errors, photographs) = outcome;
+            let (encoded, errors, decoded, total) = outcome;
             let kept = encoded.kept_percent();
             file.push(Tag::PAPER, SectionCodec::Own, encoded.bytes);
-            (photographs, Some(components.iter().copied().zip(errors).collect()), Some(kept))
+            (decoded, total, Some(components.iter().copied().zip(errors).collect()), Some(kept))
         }
     };
     // 6. Container.
-    let total = judge.total(&photographs);
-    let thumbnail = thumbnail_png(&photographs, section.white)?;
+    let thumbnail = thumbnail_png(&decoded, section.white)?;
     let metadata = describe(&capture, options, &total);
     let (bytes, sections) = file.write(&metadata, &thumbnail)?;
     let (image_psnr, coverage) = (total.psnr(), total.coverage());
@@ -152,19 +152,13 @@ fn code_views(observations: &Observations, mesh: &crate::asset::Mesh) -> Result<
 }
 
 /// The pixels to code: the mask (all that the mesh covers where there is none) without missing ones, whose values become 0.
-fn targets(
-    frames: Vec<ObservedFrame>,
-    views: &[View],
-    mesh: &crate::asset::Mesh,
-    warnings: &mut Vec<String>,
-) -> Result<Vec<PlaneTarget>> {
+fn photographs(frames: Vec<ObservedFrame>, covered: &[Mask], warnings: &mut Vec<String>) -> Result<Vec<Photograph>> {
     let mut empty = 0;
-    let targets: Vec<PlaneTarget> = frames
+    let photographs: Vec<Photograph> = frames
         .into_iter()
-        .zip(views)
-        .map(|(mut frame, view)| {
-            let mut mask =
-                frame.mask.take().unwrap_or_else(|| measure::mask_coverage(&raster::rasterise(mesh, &view.camera)));
+        .zip(covered)
+        .map(|(mut frame, covered)| {
+            let mut mask = frame.mask.take().unwrap_or_else(|| covered.clone());
             for (at, inside) in mask.data.iter_mut().enumerate() {
                 if frame.images.iter().any(|image| image.data[at].iter().any(|v| !v.is_finite())) {
                     *inside = false;
@@ -172,10 +166,10 @@ fn targets(
                 }
             }
             empty += (mask.count() == 0) as usize;
-            PlaneTarget { mask, images: frame.images }
+            Photograph { mask, images: frame.images }
         })
         .collect();
-    if empty == targets.len() {
+    if empty == photographs.len() {
         return Err(Error::parameter(
             "no photograph shows a pixel of the object: check masks, mesh position and missing (NaN) pixels",
         ));
@@ -183,45 +177,40 @@ fn targets(
     if empty > 0 {
         warnings.push(format!("{empty} views show no pixel of the object"));
     }
-    Ok(targets)
+    Ok(photographs)
 }
 
 /// Compares decoded photographs with the captured ones.
 struct Judge<'a> {
-    originals: &'a [PlaneTarget],
-    coverage: Vec<Mask>,
+    originals: &'a [Photograph],
+    covered: &'a [Mask],
     section: &'a ViewsSection,
 }
 
-impl<'a> Judge<'a> {
-    fn new(mesh: &crate::asset::Mesh, section: &'a ViewsSection, originals: &'a [PlaneTarget]) -> Self {
-        let coverage =
-            (section.views.iter()).map(|view| measure::mask_coverage(&raster::rasterise(mesh, &view.camera))).collect();
-        Judge { originals, coverage, section }
-    }
-    fn total(&self, decoded: &[Photograph]) -> FrameError {
+impl Judge<'_> {
+    fn measure(&self, decoded: &[Photograph]) -> (rate::Measured, FrameError) {
         let mut total = FrameError::default();
-        for ((original, decoded), covered) in self.originals.iter().zip(decoded).zip(&self.coverage) {
-            let original = Photograph { mask: original.mask.clone(), images: original.images.clone() };
-            total.join(&FrameError::of(&original, decoded, &self.section.components, covered, self.section.white));
+        for ((original, decoded), covered) in self.originals.iter().zip(decoded).zip(self.covered) {
+            total.join(&FrameError::of(original, decoded, &self.section.components, covered, self.section.white));
         }
-        total
+        let psnr_db = total.psnr().sum.unwrap_or(f64::INFINITY);
+        (rate::Measured { psnr_db, largest_error: self.largest_error(decoded) }, total)
     }
-    fn measure(&self, decoded: &[Photograph]) -> rate::Measured {
+    /// Largest difference of a component's signal.
+    fn largest_error(&self, decoded: &[Photograph]) -> f64 {
         let white = self.section.white;
         let mut largest = 0.0f64;
-        for ((original, decoded), covered) in self.originals.iter().zip(decoded).zip(&self.coverage) {
+        for ((original, decoded), covered) in self.originals.iter().zip(decoded).zip(self.covered) {
             for (wanted, got) in original.images.iter().zip(&decoded.images) {
                 for at in (0..covered.data.len()).filter(|&at| covered.data[at] && original.mask.data[at]) {
                     for c in 0..3 {
-                        let gap =
-                            measure::signal(wanted.data[at][c], white[c]) - measure::signal(got.data[at][c], white[c]);
-                        largest = largest.max(gap.abs());
+                        let [wanted, got] = [wanted, got].map(|image| measure::signal(image.data[at][c], white[c]));
+                        largest = largest.max((wanted - got).abs());
                     }
                 }
             }
         }
-        rate::Measured { psnr_db: self.total(decoded).psnr().sum.unwrap_or(f64::INFINITY), largest_error: largest }
+        largest
     }
 }
 
@@ -238,7 +227,7 @@ impl<'a> ReflectanceStage<'a> {
         mesh: &'a crate::asset::Mesh,
         views: &[View],
         components: &[Component],
-        targets: &[PlaneTarget],
+        photographs: &[Photograph],
         options: &EncodeOptions,
     ) -> Result<Self> {
         let cameras: Vec<_> = views.iter().map(|v| v.camera).collect();
@@ -246,9 +235,8 @@ impl<'a> ReflectanceStage<'a> {
         let charts = atlas::layout(mesh, density)?;
         let chart_bytes = charts::encode(mesh, &charts)?;
         let raster = atlas::rasterise_atlas(mesh, &charts)?;
-        let photographs: Vec<Option<Photograph>> =
-            targets.iter().map(|t| Some(Photograph { mask: t.mask.clone(), images: t.images.clone() })).collect();
-        let sources = maps::Sources { mesh, views, components, photographs: &photographs };
+        let photographs = photographs.iter().map(Some).collect();
+        let sources = maps::Sources { mesh, views, components, photographs };
         let maps = maps::fit_maps(&sources, &charts, &raster);
         Ok(ReflectanceStage { mesh, charts, chart_bytes, maps })
     }

@@ -18,6 +18,7 @@ pub mod measure;
 pub mod mesh;
 pub mod options;
 pub mod paper;
+pub(crate) mod parallel;
 pub mod quantise;
 #[cfg(feature = "encode")]
 pub mod rate;
@@ -29,6 +30,7 @@ pub mod separate;
 pub mod surface;
 pub mod transform;
 pub mod tuned;
+mod vector;
 
 pub use error::{Error, Result};
 pub use limits::{Budget, Limits};

@@ -157,7 +157,7 @@ fn targets_are_reached() {
     let observed = tsuya::separate::separate(&mut capture.clone()).unwrap();
     let mut largest = 0f64;
     for ((frame, view), decoded) in observed.frames.iter().zip(&asset.views).zip(asset.photographs.iter().flatten()) {
-        let covered = measure::mask_coverage(&tsuya::surface::raster::rasterise(&asset.mesh, &view.camera));
+        let covered = tsuya::surface::raster::rasterise(&asset.mesh, &view.camera).coverage();
         let mask = frame.mask.as_ref().unwrap();
         for (wanted, got) in frame.images.iter().zip(&decoded.images) {
             for at in (0..mask.data.len()).filter(|&at| mask.data[at] && covered.data[at]) {

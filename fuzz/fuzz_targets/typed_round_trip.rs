@@ -3,9 +3,9 @@
 mod scene;
 use libfuzzer_sys::arbitrary::{self, Arbitrary, Unstructured};
 use libfuzzer_sys::fuzz_target;
-use tsuya::asset::Component;
+use tsuya::asset::{Component, Photograph};
 use tsuya::image::{Mask, RgbImage};
-use tsuya::tuned::encode::{Encoder, Quality, Target};
+use tsuya::tuned::encode::{Encoder, Quality};
 use tsuya::tuned::header::{Header, PREFIX_BYTES};
 use tsuya::{Budget, Limits, tuned};
 
@@ -32,14 +32,14 @@ fuzz_target!(|bytes: &[u8]| {
     let components = [Component::Diffuse, Component::Specular, Component::Combined];
     let components = if input.polarised { &components[..2] } else { &components[2..] };
     let mut numbers = input.pixels.iter().map(|x| if x.is_finite() { x.clamp(-1e4, 1e4) } else { 0.5 }).cycle();
-    let targets: Vec<Target> = (0..views.len())
+    let photographs: Vec<Photograph> = (0..views.len())
         .map(|view| {
             let data = (0..width * height).map(|i| input.masks[view % 4] >> (i * 7 / width % 64) & 1 == 1).collect();
             let image = |_| {
                 let data = (0..width * height).map(|_| [0; 3].map(|_| numbers.next().unwrap_or(0.3))).collect();
                 RgbImage { width, height, data }
             };
-            Target { mask: Mask { width, height, data }, images: components.iter().map(image).collect() }
+            Photograph { mask: Mask { width, height, data }, images: components.iter().map(image).collect() }
         })
         .collect();
     let white = [1.0, 0.9, 0.8];
@@ -48,7 +48,8 @@ fuzz_target!(|bytes: &[u8]| {
         lambda: input.lambda as f32 * 0.002,
         ..Quality::default()
     };
-    let encoder = Encoder::new(&mesh, &views, white, components, &targets, input.signed);
+    let covered = tsuya::surface::raster::coverage(&mesh, &views);
+    let encoder = Encoder::new(&mesh, &views, white, components, &photographs, &covered, input.signed);
     let encoded = encoder.encode(&quality).expect("every picture set can be coded");
     let budget = Budget::new(Limits::default());
     let header = Header::parse(&encoded.bytes, views.len(), components.len(), &budget).expect("our own head");
@@ -58,7 +59,7 @@ fuzz_target!(|bytes: &[u8]| {
         Ok(Some(body[step.offset as usize..][..length].to_vec()))
     };
     let decoded = tuned::decode::decode(&header, &mesh, &views, white, |_| true, read, &budget).expect("our own file");
-    for ((decoded, expected), target) in decoded.iter().zip(&encoded.photographs).zip(&targets) {
+    for ((decoded, expected), target) in decoded.iter().zip(&encoded.photographs).zip(&photographs) {
         let decoded = decoded.as_ref().expect("all views were asked for");
         assert_eq!(decoded.mask, target.mask);
         for (a, b) in decoded.images.iter().zip(&expected.images) {

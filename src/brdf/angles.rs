@@ -1,5 +1,6 @@
 //! Half and difference angles (Rusinkiewicz 1998).
 
+use crate::vector::dot;
 use std::f64::consts::PI;
 
 /// An isotropic pair of directions by its half vector `h = (i + o) / |i + o|` and difference vector `d = R_y(-theta_h) R_z(-phi_h) i`.
@@ -43,10 +44,6 @@ impl HalfDifference {
         let turn = |x: f64, y: f64, z: f64| [cos_h * x + sin_h * z, y, cos_h * z - sin_h * x];
         (turn(sin_d * cos_p, sin_d * sin_p, cos_d), turn(-sin_d * cos_p, -sin_d * sin_p, cos_d))
     }
-}
-
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 #[cfg(test)]

@@ -14,6 +14,7 @@ pub mod views;
 mod writer;
 
 pub use reader::Container;
+pub(crate) use section::push_number;
 pub use section::{Section, SectionCodec};
 pub use stream::{Prefix, SectionStream, read_prefix, read_stream, verify};
 pub use tags::{Known, Tag, bounds, known};

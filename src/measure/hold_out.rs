@@ -1,6 +1,6 @@
 //! Views that were left out of a file, rendered and compared with their photographs.
 
-use super::psnr::{FrameError, mask_coverage};
+use super::psnr::FrameError;
 use crate::asset::{Asset, Camera, Photograph, View};
 use crate::error::Result;
 use crate::relight::{Lighting, RenderOptions, Renderer};
@@ -56,6 +56,6 @@ fn compare(
 ) -> Result<FrameError> {
     let rendered = renderer.render(camera, options)?;
     let decoded = Photograph { mask: original.mask.clone(), images: rendered.components };
-    let covered = mask_coverage(&rasterise(&asset.mesh, camera));
+    let covered = rasterise(&asset.mesh, camera).coverage();
     Ok(FrameError::of(original, &decoded, &asset.components, &covered, asset.white))
 }

@@ -7,5 +7,5 @@ mod ssim;
 
 pub use display::{Picture, difference, to_display};
 pub use hold_out::{HeldOut, hold_out};
-pub use psnr::{FrameError, ImagePsnr, SquaredError, mask_coverage, psnr_db, signal};
+pub use psnr::{FrameError, ImagePsnr, SquaredError, psnr_db, signal};
 pub use ssim::ssim;

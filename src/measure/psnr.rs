@@ -137,15 +137,6 @@ impl FrameError {
     }
 }
 
-/// Pixels whose central ray meets the mesh.
-pub fn mask_coverage(raster: &crate::surface::raster::Raster) -> Mask {
-    Mask {
-        width: raster.width,
-        height: raster.height,
-        data: (0..raster.triangle.len()).map(|k| raster.is_covered(k)).collect(),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

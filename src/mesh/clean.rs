@@ -1,6 +1,7 @@
 //! What scanners and exporters leave in a mesh that nothing later should meet: split seams, degenerate and repeated triangles.
 
 use crate::asset::Mesh;
+use crate::vector::cross;
 use std::collections::HashMap;
 
 /// Below this ratio of doubled area to squared longest edge a triangle is a line: far under what `f32` positions resolve.
@@ -98,7 +99,7 @@ fn is_degenerate([a, b, c]: [[f32; 3]; 3]) -> bool {
     let edge = |p: [f32; 3], q: [f32; 3]| -> [f64; 3] { std::array::from_fn(|i| q[i] as f64 - p[i] as f64) };
     let square = |v: [f64; 3]| v[0] * v[0] + v[1] * v[1] + v[2] * v[2];
     let (u, v, w) = (edge(a, b), edge(a, c), edge(b, c));
-    let normal = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
+    let normal = cross(u, v);
     let longest = square(u).max(square(v)).max(square(w));
     square(normal).sqrt() <= DEGENERATE_RATIO * longest
 }

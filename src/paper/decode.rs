@@ -3,12 +3,13 @@
 use super::layout::{Layout, read_grid};
 use super::model::{CodedModel, Model};
 use super::stream::{Models, code_volume};
-use super::{HEADER_BYTES, Header, TAG, parallel};
+use super::{HEADER_BYTES, Header, TAG};
 use crate::asset::{Component, Mesh, Photograph, View};
 use crate::entropy::{BitCoder, RangeDecoder};
 use crate::error::{Error, Result};
 use crate::image::{Mask, RgbImage};
 use crate::limits::Budget;
+use crate::parallel;
 use crate::quantise::dead_zone::DeadZone;
 use crate::residual::volume::{Workspace, restore};
 use crate::surface::patches::{LARGEST_SIDE_LOG2, PatchPoint};

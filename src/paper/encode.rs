@@ -1,13 +1,14 @@
 //! Writing the section from samples.
 
+use super::Header;
 use super::decode::{Decoded, code_sides, predicted};
 use super::model::{CodedModel, Model};
 use super::samples::Samples;
 use super::stream::{Models, code_volume};
-use super::{Header, parallel};
 use crate::asset::Component;
 use crate::entropy::RangeEncoder;
 use crate::error::{Error, Result};
+use crate::parallel;
 use crate::quantise::dead_zone::DeadZone;
 use crate::residual::volume::{Effort, Workspace, truncate};
 use crate::transform::colour::{self, IDENTITY, Rotation};
@@ -248,6 +249,9 @@ impl<'a, const L: usize> Volumes<'a, L> {
 pub struct SampleError {
     /// PSNR of `x / white`.
     pub linear_db: f64,
+    /// PSNR of `x / white` limited to 0..=1, as photographs of 8 bits are: few samples of a highlight (or of a renderer's
+    /// noise) far above white decide over `linear_db`.
+    pub clipped_db: f64,
     /// PSNR of `sqrt(max(x, 0) / white)`.
     pub sqrt_db: f64,
 }
@@ -258,7 +262,7 @@ pub fn sample_errors(samples: &Samples, decoded: &Decoded, white: [f64; 3]) -> V
     let sums = parallel::map(samples.patches.len(), |patch| {
         let data = &samples.patches[patch];
         let area = 1usize << (2 * samples.layout.side_log2[patch]);
-        let mut sums = vec![[0.0f64; 3]; count];
+        let mut sums = vec![[0.0f64; 4]; count];
         for (at, _) in data.visible.iter().enumerate().filter(|(_, visible)| **visible) {
             let (view, sample) = (at / area, at % area);
             for (component, sum) in sums.iter_mut().enumerate() {
@@ -270,7 +274,8 @@ pub fn sample_errors(samples: &Samples, decoded: &Decoded, white: [f64; 3]) -> V
                     let found = found[c] as f64 / white[c];
                     sum[0] += (measured - found).powi(2);
                     sum[1] += (measured.max(0.0).sqrt() - found.max(0.0).sqrt()).powi(2);
-                    sum[2] += 1.0;
+                    sum[2] += (measured.clamp(0.0, 1.0) - found.clamp(0.0, 1.0)).powi(2);
+                    sum[3] += 1.0;
                 }
             }
         }
@@ -279,8 +284,9 @@ pub fn sample_errors(samples: &Samples, decoded: &Decoded, white: [f64; 3]) -> V
     let psnr = |squares: f64, count: f64| -10.0 * (squares / count.max(1.0)).max(1e-30).log10();
     (0..count)
         .map(|component| {
-            let total = sums.iter().fold([0.0; 3], |sum, s| std::array::from_fn(|k| sum[k] + s[component][k]));
-            SampleError { linear_db: psnr(total[0], total[2]), sqrt_db: psnr(total[1], total[2]) }
+            let total = sums.iter().fold([0.0; 4], |sum, s| std::array::from_fn(|k| sum[k] + s[component][k]));
+            let [linear_db, sqrt_db, clipped_db] = [0, 1, 2].map(|k| psnr(total[k], total[3]));
+            SampleError { linear_db, clipped_db, sqrt_db }
         })
         .collect()
 }

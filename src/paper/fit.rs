@@ -1,9 +1,9 @@
 //! Fitting the reflection model to the samples.
 
 use super::model::Model;
-use super::parallel;
 use super::samples::Samples;
 use crate::asset::Component;
+use crate::parallel;
 use crate::reflectance::lambert::LambertSums;
 use crate::reflectance::torrance_sparrow::{self, Sighting};
 
@@ -54,7 +54,7 @@ fn fit_diffuse(samples: &Samples, patch: usize, component: usize, relightable: b
                 }
                 _ => {
                     let (direction, _) = crate::reflectance::geometry::direction(position, centre);
-                    sums.add_unlit(radiance, crate::reflectance::geometry::dot(normal, direction) as f32);
+                    sums.add_unlit(radiance, crate::vector::dot(normal, direction) as f32);
                 }
             }
         }

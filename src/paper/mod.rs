@@ -10,8 +10,6 @@ pub mod encode;
 pub mod fit;
 pub mod layout;
 pub mod model;
-#[cfg_attr(not(feature = "encode"), allow(dead_code))]
-pub(crate) mod parallel;
 #[cfg(feature = "encode")]
 pub mod samples;
 mod stream;

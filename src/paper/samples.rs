@@ -1,9 +1,9 @@
 //! Reading photographs at the samples of the patches.
 
 use super::layout::Layout;
-use super::parallel;
 use crate::asset::View;
 use crate::image::{Mask, RgbImage};
+use crate::parallel;
 use crate::surface::patches::{area_normal, unit};
 use crate::surface::visibility::{Footprint, Occluders};
 
@@ -70,7 +70,7 @@ impl Samples {
                 let facing = unit(area_normal(mesh, mesh.triangles[point.triangle as usize]));
                 for view in 0..frames.len() {
                     let (direction, _) = crate::reflectance::geometry::direction(position, centres[view]);
-                    if crate::reflectance::geometry::dot(facing, direction) < LEAST_COSINE {
+                    if crate::vector::dot(facing, direction) < LEAST_COSINE {
                         continue;
                     }
                     let Some(at) = footprints[view].place(position) else { continue };

@@ -5,6 +5,7 @@ use super::torrance_sparrow::{self, Lobe, Sighting};
 use super::{Geometry, lambert};
 use crate::asset::{Charts, Component, Mesh, Photograph, PointLight, ReflectanceMaps, View};
 use crate::image::Grid;
+use crate::parallel;
 use crate::surface::atlas::AtlasRaster;
 use crate::surface::charts::NONE;
 use crate::surface::raster::{Raster, rasterise, vertex_normals};
@@ -29,7 +30,7 @@ pub struct Sources<'a> {
     /// Components of the photographs.
     pub components: &'a [Component],
     /// Photographs, parallel to `views`; NaN pixels are missing.
-    pub photographs: &'a [Option<Photograph>],
+    pub photographs: Vec<Option<&'a Photograph>>,
 }
 
 /// Fits reflectance to every texel in use: Lambert per texel and Torrance-Sparrow per block of [`BLOCK`] x [`BLOCK`] texels of a chart,
@@ -38,8 +39,8 @@ pub struct Sources<'a> {
 pub fn fit_maps(sources: &Sources, charts: &Charts, atlas: &AtlasRaster) -> ReflectanceMaps {
     let normals = vertex_normals(sources.mesh);
     let relightable = !sources.views.is_empty() && sources.views.iter().all(|v| v.light.is_some());
-    let rasters: Vec<Option<Raster>> = map_all(sources.views.len(), |k| {
-        sources.photographs.get(k)?.as_ref().map(|_| rasterise(sources.mesh, &sources.views[k].camera))
+    let rasters: Vec<Option<Raster>> = parallel::map(sources.views.len(), |k| {
+        sources.photographs.get(k)?.map(|_| rasterise(sources.mesh, &sources.views[k].camera))
     });
     let (width, height) = (atlas.triangle.width, atlas.triangle.height);
     let used: Vec<usize> = (0..atlas.triangle.data.len()).filter(|&k| atlas.triangle.data[k] != NONE).collect();
@@ -53,7 +54,7 @@ pub fn fit_maps(sources: &Sources, charts: &Charts, atlas: &AtlasRaster) -> Refl
     }
     let keys: Vec<(u32, usize, usize)> = blocks.keys().copied().collect();
     let members: Vec<Vec<usize>> = blocks.into_values().collect();
-    let fitted = map_all(members.len(), |k| {
+    let fitted = parallel::map(members.len(), |k| {
         let mut sightings = Vec::new();
         let diffuse: Vec<Option<[f32; 3]>> = members[k]
             .iter()
@@ -142,7 +143,7 @@ fn sight(
     let normal = atlas.normal(sources.mesh, normals, texel).to_array();
     let mut result = Vec::new();
     for (k, view) in sources.views.iter().enumerate() {
-        let (Some(raster), Some(Some(photograph))) = (&rasters[k], sources.photographs.get(k)) else { continue };
+        let (Some(raster), Some(&Some(photograph))) = (&rasters[k], sources.photographs.get(k)) else { continue };
         let dark = PointLight { position: [0.0; 3], intensity: [0.0; 3] };
         let (centre, light) = (view.camera.centre(), view.light.unwrap_or(dark));
         let geometry = Geometry::new(point, normal, centre, &light);
@@ -216,17 +217,4 @@ fn fit_texel(
     let index = of(Component::Diffuse)?;
     seen.iter().for_each(|s| sums.add(s.radiance[index], &s.geometry));
     sums.solve()
-}
-
-/// `f(0), f(1) ...`, on rayon's current threads where the feature is on.
-fn map_all<T: Send>(count: usize, f: impl Fn(usize) -> T + Sync + Send) -> Vec<T> {
-    #[cfg(feature = "parallel")]
-    {
-        use rayon::prelude::*;
-        (0..count).into_par_iter().map(f).collect()
-    }
-    #[cfg(not(feature = "parallel"))]
-    {
-        (0..count).map(f).collect()
-    }
 }

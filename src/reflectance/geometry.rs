@@ -1,6 +1,7 @@
 //! How a surface point lies between a light and a camera.
 
 use crate::asset::PointLight;
+use crate::vector::dot;
 
 /// Smallest `cos(theta_r)` that the specular model divides by: beyond it (87 degrees) the model is cut off.
 pub const LEAST_COS_VIEW: f32 = 0.05;
@@ -43,6 +44,3 @@ pub(crate) fn direction(from: [f64; 3], to: [f64; 3]) -> ([f64; 3], f64) {
     (d.map(|x| x * scale), squared)
 }
 
-pub(crate) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}

@@ -1,7 +1,6 @@
 //! Assets made in memory from the test captures.
 
 use crate::asset::{Asset, Camera, Photograph};
-use crate::measure::mask_coverage;
 use crate::surface::atlas::{AtlasRaster, layout, rasterise_atlas, texels_per_unit};
 use crate::surface::raster::rasterise;
 use std::path::{Path, PathBuf};
@@ -25,7 +24,7 @@ pub fn load(name: &str) -> Option<Asset> {
     let observations = crate::separate::separate(&mut capture).unwrap();
     let mut asset = Asset { mesh, white: observations.white, components: observations.components, ..Asset::default() };
     for frame in observations.frames {
-        let covered = || mask_coverage(&rasterise(&asset.mesh, &frame.view.camera));
+        let covered = || rasterise(&asset.mesh, &frame.view.camera).coverage();
         let mask = frame.mask.unwrap_or_else(covered);
         asset.photographs.push(Some(Photograph { mask, images: frame.images }));
         asset.views.push(frame.view);
@@ -42,7 +41,7 @@ pub fn fit(asset: &mut Asset, density: f64) -> AtlasRaster {
         mesh: &asset.mesh,
         views: &asset.views,
         components: &asset.components,
-        photographs: &asset.photographs,
+        photographs: asset.photographs.iter().map(Option::as_ref).collect(),
     };
     asset.reflectance = Some(crate::reflectance::maps::fit_maps(&sources, &charts, &raster));
     asset.charts = Some(charts);

@@ -146,9 +146,7 @@ pub(super) fn any_context(place: &Place, around: &Around) -> Context {
 
 /// Everything that predicts one coefficient's magnitude once its place is known not to be empty. `before` are the values of
 /// the colours before it.
-pub(super) struct MagnitudeContext {
-    first: Context,
-}
+pub(super) struct MagnitudeContext(Context);
 
 /// How far the slots of the decision "larger than 1" lie from those of "larger than 0", and so on.
 const STRIDES: [u32; INPUTS] = [12 * 9, 12 * 8, 24, 8 * 8, 9 * 8, 256 * 4, 32 * 4, 8 * 8 * 4];
@@ -186,14 +184,14 @@ impl MagnitudeContext {
         ];
         let set = place.is_predicted as u32;
         let selectors = [(set * CLASSES as u32 + class) * kinds, logarithmic(total, 15)];
-        MagnitudeContext { first: Context { slots, selectors } }
+        MagnitudeContext(Context { slots, selectors })
     }
 
     /// Contexts of the decision whether the magnitude is larger than `index`.
     #[inline(always)]
     pub(super) fn decision(&self, index: u32) -> Context {
         let kind = index.min(KINDS as u32 - 1);
-        let Context { slots, selectors } = &self.first;
+        let Context { slots, selectors } = &self.0;
         Context {
             slots: std::array::from_fn(|k| slots[k] + kind * STRIDES[k]),
             selectors: [selectors[0] + kind, selectors[1] + kind * 16],

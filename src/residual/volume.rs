@@ -28,6 +28,11 @@ pub struct Effort {
     pub fitting: u32,
 }
 
+impl Effort {
+    /// Free samples are left at zero and coded as if they had been seen.
+    pub const HOLES_ARE_ZERO: Effort = Effort { choosing: 0, fitting: 0 };
+}
+
 impl Default for Effort {
     fn default() -> Self {
         Effort { choosing: 4, fitting: 3 }
@@ -49,7 +54,11 @@ pub fn truncate<const L: usize>(
     work: &mut Workspace<L>,
 ) -> Vec<[f32; L]> {
     let Workspace { scratch, filled, kept } = work;
-    fill_along_views(residual, visible, shape, filled);
+    if effort == Effort::HOLES_ARE_ZERO {
+        place_visible(residual, visible, shape, filled);
+    } else {
+        fill_along_views(residual, visible, shape, filled);
+    }
     // The transform keeps the energy: less of it than the threshold's in all lanes leaves nothing.
     let energy = filled.iter().fold([0.0f32; L], |sum, x| std::array::from_fn(|l| sum[l] + x[l] * x[l]));
     if energy.iter().all(|e| *e < threshold * threshold) {
@@ -109,6 +118,19 @@ fn restore_visible<const L: usize>(samples: &mut [[f32; L]], measured: &[[f32; L
             *sample = *measured;
         }
     }
+}
+
+/// The visible samples, zero elsewhere.
+#[cfg(feature = "encode")]
+fn place_visible<const L: usize>(
+    residual: &[[f32; L]],
+    visible: &[bool],
+    shape: VolumeShape,
+    samples: &mut Vec<[f32; L]>,
+) {
+    samples.clear();
+    samples.resize(shape.len(), [0.0; L]);
+    restore_visible(samples, residual, visible);
 }
 
 /// Where the filling starts: each sample's free views are interpolated linearly between the visible ones before and

@@ -7,6 +7,7 @@ use crate::asset::{Chart, Charts, Mesh};
 use crate::entropy::{BitCoder, BitModel, Number, RangeDecoder, RangeEncoder};
 use crate::error::{Error, Result};
 use crate::limits::{Budget, check};
+use crate::vector::cross;
 
 /// No triangle, no chart.
 pub const NONE: u32 = u32::MAX;
@@ -70,7 +71,7 @@ pub fn visiting_order(neighbours: &[[u32; 3]]) -> Vec<u32> {
 pub fn area_normal(mesh: &Mesh, triangle: usize) -> [f64; 3] {
     let [a, b, c] = mesh.triangles[triangle].map(|v| mesh.positions[v as usize].map(f64::from));
     let (e, f) = ([b[0] - a[0], b[1] - a[1], b[2] - a[2]], [c[0] - a[0], c[1] - a[1], c[2] - a[2]]);
-    [e[1] * f[2] - e[2] * f[1], e[2] * f[0] - e[0] * f[2], e[0] * f[1] - e[1] * f[0]]
+    cross(e, f)
 }
 
 /// Component of a vector along a facing direction (0 +x, 1 -x, 2 +y, 3 -y, 4 +z, 5 -z).

@@ -5,6 +5,7 @@
 //! `u = (column + 0.5) / N`, `v = (row + 0.5) / N`. The pairing follows from the mesh, so that a file needs not tell it.
 
 use crate::asset::Mesh;
+use crate::vector::{cross, dot};
 use std::collections::BTreeSet;
 
 /// Largest binary logarithm of a patch's side: 16 samples.
@@ -190,12 +191,12 @@ pub fn area_normal(mesh: &Mesh, vertices: [u32; 3]) -> [f64; 3] {
     let p = vertices.map(|v| mesh.positions[v as usize].map(|x| x as f64));
     let a: [f64; 3] = std::array::from_fn(|i| p[1][i] - p[0][i]);
     let b: [f64; 3] = std::array::from_fn(|i| p[2][i] - p[0][i]);
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+    cross(a, b)
 }
 
 /// The vector over its length; zero stays zero.
 pub fn unit(v: [f64; 3]) -> [f64; 3] {
-    let length = (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt();
+    let length = dot(v, v).sqrt();
     if length > 0.0 { v.map(|x| x / length) } else { v }
 }
 

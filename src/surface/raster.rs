@@ -3,9 +3,12 @@
 //! Decoded pictures are predicted from what this module computes, so it must give the same result everywhere: it uses
 //! IEEE double with `+ - * /` and comparisons only, in the order written (normative, `spec/planes.md`).
 
-use crate::asset::{Camera, Mesh};
+use crate::asset::{Camera, Mesh, View};
 use crate::error::Result;
+use crate::image::Mask;
 use crate::limits::check;
+use crate::parallel;
+use crate::vector::cross;
 
 /// No triangle at a pixel.
 pub const NO_TRIANGLE: u32 = u32::MAX;
@@ -26,10 +29,20 @@ pub struct Raster {
 }
 
 impl Raster {
+    /// Pixels whose central ray meets the mesh.
+    pub fn coverage(&self) -> Mask {
+        let data = self.triangle.iter().map(|&triangle| triangle != NO_TRIANGLE).collect();
+        Mask { width: self.width, height: self.height, data }
+    }
     /// Whether the central ray of pixel `index` meets the mesh.
     pub fn is_covered(&self, index: usize) -> bool {
         self.triangle[index] != NO_TRIANGLE
     }
+}
+
+/// What the mesh covers in each view.
+pub fn coverage(mesh: &Mesh, views: &[View]) -> Vec<Mask> {
+    parallel::map(views.len(), |index| rasterise(mesh, &views[index].camera).coverage())
 }
 
 /// Nearest depth drawn, as a share of the mesh's farthest vertex; triangles that reach nearer are dropped.
@@ -136,7 +149,7 @@ pub fn vertex_normals(mesh: &Mesh) -> Vec<[f64; 3]> {
     for corners in &mesh.triangles {
         let [a, b, c] = corners.map(|v| mesh.positions[v as usize].map(f64::from));
         let (u, v) = ([b[0] - a[0], b[1] - a[1], b[2] - a[2]], [c[0] - a[0], c[1] - a[1], c[2] - a[2]]);
-        let n = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
+        let n = cross(u, v);
         for &vertex in corners {
             for k in 0..3 {
                 normals[vertex as usize][k] += n[k];

@@ -239,7 +239,7 @@ mod tests {
                 pixels += reading.len();
             }
             seconds += start.elapsed().as_secs_f64();
-            let covered = crate::measure::mask_coverage(&raster);
+            let covered = raster.coverage();
             error.join(&FrameError::of(photograph, &decoded, &asset.components, &covered, asset.white));
         }
         Some((error.psnr().sum.unwrap(), texels as f64 / pixels as f64, seconds / views.len() as f64))

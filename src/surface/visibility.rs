@@ -2,6 +2,7 @@
 
 use crate::asset::{Camera, Mesh};
 use crate::image::{Grid, Mask, RgbImage};
+use crate::vector::{cross, dot};
 use obvhs::BvhBuildParams;
 use obvhs::cwbvh::{CwBvh, builder::build_cwbvh_from_tris};
 use obvhs::ray::{Ray, RayHit};
@@ -83,7 +84,7 @@ impl Occluders {
         let depth = |x: usize, y: usize| {
             self.first_hit(camera, [x as f64 + 0.5, y as f64 + 0.5]).map_or(f32::INFINITY, |hit| hit.depth as f32)
         };
-        let rows = crate::paper::parallel::map(height, |y| (0..width).map(|x| depth(x, y)).collect::<Vec<_>>());
+        let rows = crate::parallel::map(height, |y| (0..width).map(|x| depth(x, y)).collect::<Vec<_>>());
         Grid { width, height, data: rows.concat() }
     }
 }
@@ -91,9 +92,6 @@ impl Occluders {
 /// Barycentric coordinates and distance where a ray meets a triangle's plane, clamped into the triangle.
 fn intersect(corners: [[f64; 3]; 3], origin: [f64; 3], direction: [f64; 3]) -> ([f64; 3], f64) {
     let sub = |a: [f64; 3], b: [f64; 3]| -> [f64; 3] { std::array::from_fn(|i| a[i] - b[i]) };
-    let cross =
-        |a: [f64; 3], b: [f64; 3]| [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
-    let dot = crate::reflectance::geometry::dot;
     let (e1, e2, s) = (sub(corners[1], corners[0]), sub(corners[2], corners[0]), sub(origin, corners[0]));
     let h = cross(direction, e2);
     let determinant = dot(e1, h);

@@ -7,6 +7,7 @@ use super::raster::{self, Raster};
 use crate::asset::{Mesh, View};
 use crate::image::Mask;
 use crate::transform::shape_adaptive::Pixel;
+use crate::vector::dot;
 
 /// A mesh with what every view needs of it.
 #[derive(Debug)]
@@ -60,12 +61,6 @@ impl Geometry {
         Geometry { view: view.clone(), raster, normals }
     }
 
-    /// Pixels whose central ray meets the mesh.
-    pub fn coverage(&self) -> Mask {
-        let data = self.raster.triangle.iter().map(|&t| t != raster::NO_TRIANGLE).collect();
-        Mask { width: self.raster.width, height: self.raster.height, data }
-    }
-
     /// Gives the mask's pixels that miss the mesh the mean depth and normal of their neighbours, ring by ring.
     pub fn extend(&mut self, mask: &Mask) {
         let (width, height) = (self.raster.width, self.raster.height);
@@ -111,11 +106,6 @@ fn for_neighbours(at: usize, width: usize, height: usize, mut visit: impl FnMut(
             }
         }
     }
-}
-
-#[inline(always)]
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 /// Where a target pixel is found in a reference view.
@@ -360,7 +350,7 @@ mod tests {
         };
         let surface = Surface::new(&mesh);
         let (here, there) = (Geometry::new(&surface, &view(0.5, 4.0)), Geometry::new(&surface, &view(0.0, 1.0)));
-        let mask = here.coverage();
+        let mask = here.raster.coverage();
         assert_eq!(mask.count(), 48 * 32);
         let pixels: Vec<u32> = (0..48 * 32).collect();
         let picture: Vec<Pixel> = (0..48 * 32).map(|i| [(i % 48) as f32, (i / 48) as f32, 1.0, 0.0]).collect();

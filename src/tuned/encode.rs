@@ -4,20 +4,10 @@ use super::colour::ColourSums;
 use super::decode::to_photograph;
 use super::header::{CodedStep, Header};
 use super::picture::{self, Signal};
-use super::{ComponentCoding, MaskCoding, PlaneCoding, Scene, for_each, order, run_waves};
+use super::{ComponentCoding, MaskCoding, PlaneCoding, Scene, order, run_waves};
 use crate::asset::{Component, Mesh, Photograph, View};
 use crate::error::Result;
-use crate::image::{Mask, RgbImage};
-use crate::surface::raster;
-
-/// A view's photograph as it is to be coded.
-#[derive(Debug, Clone)]
-pub struct Target {
-    /// Pixels that show the object and are not missing.
-    pub mask: Mask,
-    /// Linear radiance per component.
-    pub images: Vec<RgbImage>,
-}
+use crate::image::Mask;
 
 /// What does not depend on the quality: made once, used by every trial of the rate control.
 #[derive(Debug)]
@@ -26,7 +16,7 @@ pub struct Encoder<'a> {
     views: &'a [View],
     white: [f64; 3],
     components: &'a [Component],
-    targets: &'a [Target],
+    photographs: &'a [Photograph],
     order: Vec<order::Step>,
     masks: MaskCoding,
     rotations: Vec<[[i16; 3]; 3]>,
@@ -78,13 +68,15 @@ fn to_signal(colour: [f32; 3], white: [f32; 3], signed: bool) -> [f32; 3] {
 }
 
 impl<'a> Encoder<'a> {
-    /// Looks at the photographs: order, colour rotation, masks. `views` and `mesh` are those that the decoder will have.
+    /// Looks at the photographs: order, colour rotation, masks. `views` and `mesh` are those that the decoder will have; `covered` is
+    /// what the mesh covers in each view, the masks of `photographs` the pixels that show the object and are not missing.
     pub fn new(
         mesh: &'a Mesh,
         views: &'a [View],
         white: [f64; 3],
         components: &'a [Component],
-        targets: &'a [Target],
+        photographs: &'a [Photograph],
+        covered: &[Mask],
         signed: bool,
     ) -> Self {
         let bounds = |start: f64, pick: fn(f64, f64) -> f64| -> [f64; 3] {
@@ -92,19 +84,18 @@ impl<'a> Encoder<'a> {
         };
         let (low, high) = (bounds(f64::INFINITY, f64::min), bounds(f64::NEG_INFINITY, f64::max));
         let order = order::coarse_to_fine(views, std::array::from_fn(|k| 0.5 * (low[k] + high[k])));
-        let is_coverage = |index: usize| {
-            let raster = raster::rasterise(mesh, &views[index].camera);
-            targets[index].mask.data.iter().enumerate().all(|(i, &m)| m == raster.is_covered(i))
-        };
-        let all_covered = for_each(views.len(), is_coverage).into_iter().all(|same| same);
-        let masks = if all_covered { MaskCoding::Coverage } else { MaskCoding::Coded };
+        let same = photographs.iter().map(|p| &p.mask).eq(covered);
+        let masks = if same { MaskCoding::Coverage } else { MaskCoding::Coded };
         let white32 = white.map(|w| w as f32);
         let rotations = (0..components.len())
             .map(|component| {
                 let mut sums = ColourSums::default();
-                for target in targets {
-                    for (colour, _) in
-                        target.images[component].data.iter().zip(&target.mask.data).filter(|(_, inside)| **inside)
+                for photograph in photographs {
+                    for (colour, _) in photograph.images[component]
+                        .data
+                        .iter()
+                        .zip(&photograph.mask.data)
+                        .filter(|(_, inside)| **inside)
                     {
                         sums.add(to_signal(*colour, white32, signed));
                     }
@@ -112,7 +103,7 @@ impl<'a> Encoder<'a> {
                 sums.rotation()
             })
             .collect();
-        Encoder { mesh, views, white, components, targets, order, masks, rotations, signed }
+        Encoder { mesh, views, white, components, photographs, order, masks, rotations, signed }
     }
 
     /// Codes all views.
@@ -125,7 +116,7 @@ impl<'a> Encoder<'a> {
         let scale = 64;
         let results = run_waves(&self.order, &all, self.views.len(), |index, decoded| {
             let step = &self.order[index];
-            let target = &self.targets[step.view];
+            let target = &self.photographs[step.view];
             let signal = |component: usize| -> Signal {
                 let coding = &header.coding.components[component];
                 (target.images[component].data.iter().zip(&target.mask.data))

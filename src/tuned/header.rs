@@ -5,6 +5,8 @@
 
 use super::order::{MOST_REFERENCES, Step};
 use super::{ComponentCoding, MaskCoding, PlaneCoding};
+#[cfg(feature = "encode")]
+use crate::container::push_number;
 use crate::error::{Error, Result};
 use crate::limits::{Budget, check};
 use byteorder::{ByteOrder, LittleEndian};
@@ -57,20 +59,20 @@ impl Header {
             head.push(component.signed as u8 | (component.shaded as u8) << 1);
             head.extend(component.rotation.iter().flatten().flat_map(|v| v.to_le_bytes()));
         }
-        write_varint(&mut head, self.steps.len() as u64);
+        push_number(&mut head, self.steps.len() as u64);
         let mut step_of_view = std::collections::HashMap::new();
         for (index, coded) in self.steps.iter().enumerate() {
             let back = |view: &usize| (index - step_of_view[view]) as u64;
-            write_varint(&mut head, coded.step.view as u64);
+            push_number(&mut head, coded.step.view as u64);
             head.push(coded.scale);
-            write_varint(&mut head, coded.step.parent.as_ref().map_or(0, back));
+            push_number(&mut head, coded.step.parent.as_ref().map_or(0, back));
             head.push(coded.step.references.len() as u8);
             for (view, share) in &coded.step.references {
-                write_varint(&mut head, back(view));
+                push_number(&mut head, back(view));
                 head.push(*share);
             }
             for length in &coded.lengths {
-                write_varint(&mut head, *length as u64);
+                push_number(&mut head, *length as u64);
             }
             head.extend(coded.checksum.to_le_bytes());
             step_of_view.insert(coded.step.view, index);
@@ -137,15 +139,6 @@ impl Header {
 
 fn cut(length: usize) -> Error {
     Error::format(SECTION, length, "the section ends within its head: the file is cut short")
-}
-
-#[cfg(feature = "encode")]
-fn write_varint(bytes: &mut Vec<u8>, mut value: u64) {
-    while value >= 0x80 {
-        bytes.push(value as u8 | 0x80);
-        value >>= 7;
-    }
-    bytes.push(value as u8);
 }
 
 struct Reader<'a> {

@@ -14,6 +14,7 @@ mod picture;
 
 use crate::asset::{Mesh, View};
 use crate::image::Mask;
+use crate::parallel;
 use crate::residual::coefficients::{Models, Quantiser};
 use crate::residual::mask::MaskModels;
 use crate::surface::warp::{Geometry, Reference, Source, Surface, find};
@@ -125,7 +126,7 @@ impl<'a> Scene<'a> {
     /// Draws a view; `mask` gives its mask from what the mesh covers.
     fn stage(&self, view: usize, mask: impl FnOnce(Mask) -> Mask) -> Stage {
         let mut geometry = Geometry::new(&self.surface, &self.views[view]);
-        let mask = mask(geometry.coverage());
+        let mask = mask(geometry.raster.coverage());
         geometry.extend(&mask);
         let pixels = (0..mask.data.len() as u32).filter(|&i| mask.data[i as usize]).collect();
         Stage { geometry, plan: Plan::new(&mask), pixels, mask }
@@ -152,17 +153,6 @@ impl<'d> Sources<'d> {
     }
 }
 
-/// Runs `work` for every item, side by side where threads are there; results in order.
-fn for_each<T: Send>(count: usize, work: impl Fn(usize) -> T + Sync + Send) -> Vec<T> {
-    #[cfg(feature = "parallel")]
-    {
-        use rayon::prelude::*;
-        (0..count).into_par_iter().map(work).collect()
-    }
-    #[cfg(not(feature = "parallel"))]
-    (0..count).map(work).collect()
-}
-
 /// Most views that are worked on side by side, so that memory does not grow with the threads.
 const SIDE_BY_SIDE: usize = 8;
 
@@ -179,7 +169,7 @@ fn run_waves<T: Send>(
     let mut results = Vec::with_capacity(steps.len());
     for wave in order::waves(order, steps) {
         for group in wave.chunks(SIDE_BY_SIDE) {
-            let done = for_each(group.len(), |k| work(group[k], &decoded));
+            let done = parallel::map(group.len(), |k| work(group[k], &decoded));
             for (&index, done) in group.iter().zip(done) {
                 let (result, view) = done?;
                 results.push((index, result));

@@ -1,9 +1,10 @@
 //! One view: from its prediction and its streams to pixels, and back.
 
 use super::order::Step;
-use super::{ComponentCoding, DecodedView, MaskCoding, PlaneCoding, Scene, Sources, Stage, ViewModels, for_each};
+use super::{ComponentCoding, DecodedView, MaskCoding, PlaneCoding, Scene, Sources, Stage, ViewModels};
 use crate::entropy::{BitCoder, RangeDecoder};
 use crate::image::Mask;
+use crate::parallel;
 use crate::residual::coefficients::{self, Models};
 use crate::residual::mask;
 use crate::surface::warp::{Reference, predict};
@@ -105,7 +106,7 @@ fn code_components<T: Send>(
 ) -> Vec<T> {
     let sources = Sources::new(stage, step, decoded);
     let parent = parent(step, decoded);
-    for_each(coding.components.len(), |index| {
+    parallel::map(coding.components.len(), |index| {
         let models = parent.map_or_else(Models::default, |view| view.models.components[index].clone());
         let references: Vec<_> =
             sources.of.iter().map(|(view, sources, share)| (&view.references[index], &sources[..], *share)).collect();

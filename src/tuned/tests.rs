@@ -1,21 +1,22 @@
 //! Round trips and hostile streams on a small synthetic scene.
 
 use super::decode::decode;
-use super::encode::{Encoder, Quality, Target};
+use super::encode::{Encoder, Quality};
 use super::header::{Header, PREFIX_BYTES};
-use crate::asset::{Camera, Component, Mesh, PointLight, View};
+use crate::asset::{Camera, Component, Mesh, Photograph, PointLight, View};
 use crate::image::{Mask, RgbImage};
 use crate::limits::{Budget, Limits};
+use crate::surface::raster::coverage;
 
 const COMPONENTS: [Component; 2] = [Component::Diffuse, Component::Specular];
 
 /// A textured octahedron on a turntable, its pictures drawn by projecting a pattern, with ragged masks.
-fn scene(count: usize) -> (Mesh, Vec<View>, Vec<Target>) {
+fn scene(count: usize) -> (Mesh, Vec<View>, Vec<Photograph>) {
     let mesh = Mesh {
         positions: vec![[1., 0., 0.], [-1., 0., 0.], [0., 1., 0.], [0., -1., 0.], [0., 0., 1.], [0., 0., -1.]],
         triangles: vec![[0, 2, 4], [2, 1, 4], [1, 3, 4], [3, 0, 4], [2, 0, 5], [1, 2, 5], [3, 1, 5], [0, 3, 5]],
     };
-    let (mut views, mut targets) = (Vec::new(), Vec::new());
+    let (mut views, mut photographs) = (Vec::new(), Vec::new());
     for i in 0..count {
         let (sin, cos) = (i as f64 * std::f64::consts::TAU / count as f64).sin_cos();
         let camera = Camera {
@@ -45,17 +46,17 @@ fn scene(count: usize) -> (Mesh, Vec<View>, Vec<Target>) {
             images[1].data[at] = [highlight, highlight, highlight];
         }
         views.push(view);
-        targets.push(Target { mask, images });
+        photographs.push(Photograph { mask, images });
     }
-    (mesh, views, targets)
+    (mesh, views, photographs)
 }
 
 const WHITE: [f64; 3] = [1.0, 0.9, 0.8];
 
 #[test]
 fn what_the_encoder_saw_is_what_the_decoder_gives_for_all_or_one() {
-    let (mesh, views, targets) = scene(9);
-    let encoder = Encoder::new(&mesh, &views, WHITE, &COMPONENTS, &targets, true);
+    let (mesh, views, photographs) = scene(9);
+    let encoder = Encoder::new(&mesh, &views, WHITE, &COMPONENTS, &photographs, &coverage(&mesh, &views), true);
     let coarse = encoder.encode(&Quality { step: 0.08, ..Quality::default() }).unwrap();
     let fine = encoder.encode(&Quality { step: 0.01, ..Quality::default() }).unwrap();
     assert!(fine.bytes.len() > 2 * coarse.bytes.len());
@@ -72,10 +73,10 @@ fn what_the_encoder_saw_is_what_the_decoder_gives_for_all_or_one() {
     let decoded =
         decode(&header, &mesh, &views, WHITE, |_| true, |s| read_from(&mut all, s.offset, &s.lengths), &budget)
             .unwrap();
-    for ((decoded, encoded), target) in decoded.iter().zip(&fine.photographs).zip(&targets) {
+    for ((decoded, encoded), photograph) in decoded.iter().zip(&fine.photographs).zip(&photographs) {
         let decoded = decoded.as_ref().unwrap();
-        assert!(decoded == encoded && decoded.mask == target.mask);
-        for (image, wanted) in decoded.images.iter().zip(&target.images) {
+        assert!(decoded == encoded && decoded.mask == photograph.mask);
+        for (image, wanted) in decoded.images.iter().zip(&photograph.images) {
             for (a, b) in image.data.iter().zip(&wanted.data) {
                 assert!((0..3).all(|k| (a[k].max(0.0).sqrt() - b[k].max(0.0).sqrt()).abs() < 0.06), "{a:?} {b:?}");
             }
@@ -91,10 +92,10 @@ fn what_the_encoder_saw_is_what_the_decoder_gives_for_all_or_one() {
 
 #[test]
 fn the_same_bytes_with_one_thread_and_with_two() {
-    let (mesh, views, targets) = scene(6);
+    let (mesh, views, photographs) = scene(6);
     let bytes = |threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        let encoder = Encoder::new(&mesh, &views, WHITE, &COMPONENTS, &targets, false);
+        let encoder = Encoder::new(&mesh, &views, WHITE, &COMPONENTS, &photographs, &coverage(&mesh, &views), false);
         pool.install(|| encoder.encode(&Quality::default()).unwrap().bytes)
     };
     assert_eq!(bytes(1), bytes(2));
@@ -102,8 +103,8 @@ fn the_same_bytes_with_one_thread_and_with_two() {
 
 #[test]
 fn streams_of_noise_never_panic_and_missing_ones_leave_their_views_out() {
-    let (mesh, views, targets) = scene(5);
-    let encoder = Encoder::new(&mesh, &views, WHITE, &COMPONENTS, &targets, false);
+    let (mesh, views, photographs) = scene(5);
+    let encoder = Encoder::new(&mesh, &views, WHITE, &COMPONENTS, &photographs, &coverage(&mesh, &views), false);
     let good = encoder.encode(&Quality::default()).unwrap();
     let budget = Budget::new(Limits::default());
     let mut header = Header::parse(&good.bytes, 5, 2, &budget).unwrap();
@@ -145,8 +146,8 @@ fn streams_of_noise_never_panic_and_missing_ones_leave_their_views_out() {
 
 #[test]
 fn memory_is_charged_before_it_is_used() {
-    let (mesh, views, targets) = scene(3);
-    let encoded = Encoder::new(&mesh, &views, WHITE, &COMPONENTS, &targets, false).encode(&Quality::default()).unwrap();
+    let (mesh, views, photographs) = scene(3);
+    let encoded = Encoder::new(&mesh, &views, WHITE, &COMPONENTS, &photographs, &coverage(&mesh, &views), false).encode(&Quality::default()).unwrap();
     let budget = Budget::new(Limits { memory_bytes: 500_000, ..Limits::default() });
     let header = Header::parse(&encoded.bytes, 3, 2, &budget).unwrap();
     let start = PREFIX_BYTES + Header::length(&encoded.bytes).unwrap() as usize;

@@ -75,7 +75,7 @@ pub fn compare(file: &Path, capture: &Path, reading: &CaptureArguments, held_out
         let camera = frame.view.camera;
         let found = (asset.views.iter().position(|view| view.name == frame.view.name))
             .or_else(|| asset.views.iter().position(|view| stem(&view.name) == stem(&frame.view.name)));
-        let covered = || measure::mask_coverage(&rasterise(&asset.mesh, &camera));
+        let covered = || rasterise(&asset.mesh, &camera).coverage();
         let mask = frame.mask.unwrap_or_else(covered);
         let original = Photograph { mask, images: frame.images };
         match found {
@@ -136,7 +136,7 @@ fn measure_frames(asset: &Asset, frames: &mut [Compared]) {
     use rayon::prelude::*;
     frames.par_iter_mut().for_each(|frame| {
         // The mesh and the cameras as the decoder has them.
-        let covered = measure::mask_coverage(&rasterise(&asset.mesh, &asset.views[frame.view].camera));
+        let covered = rasterise(&asset.mesh, &asset.views[frame.view].camera).coverage();
         let Some(decoded) = &asset.photographs[frame.view] else { return };
         frame.error = FrameError::of(&frame.original, decoded, &asset.components, &covered, asset.white);
         let mut both = frame.original.mask.clone();

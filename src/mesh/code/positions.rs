@@ -1,7 +1,8 @@
 //! Positions: each vertex is predicted from the triangles around it that are already known. Specified in `spec/mesh.md`.
 
 use super::connectivity::NONE;
-use super::prediction::{self, Learned, Vector, add, cross, dot, scale, subtract};
+use super::prediction::{self, Learned, Vector, add, scale, subtract};
+use crate::vector::{cross, dot};
 use crate::entropy::{BitCoder, BitModel, Number, code_raw};
 
 /// Lattice positions.

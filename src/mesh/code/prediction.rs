@@ -14,12 +14,6 @@ pub(super) fn subtract(a: Vector, b: Vector) -> Vector {
 pub(super) fn scale(a: Vector, by: f64) -> Vector {
     [a[0] * by, a[1] * by, a[2] * by]
 }
-pub(super) fn dot(a: Vector, b: Vector) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-pub(super) fn cross(a: Vector, b: Vector) -> Vector {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
 
 /// The axis of the largest magnitude, the last one of equals.
 pub(super) fn largest_axis(a: Vector) -> usize {

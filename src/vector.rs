@@ -1,0 +1,13 @@
+//! Products of three-vectors, in the order of operations that the format's texts give: sums from left to right, no fused multiply-add.
+
+/// Scalar product.
+#[inline(always)]
+pub(crate) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+/// Vector product.
+#[inline(always)]
+pub(crate) fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
