@@ -43,4 +43,3 @@ pub(crate) fn direction(from: [f64; 3], to: [f64; 3]) -> ([f64; 3], f64) {
     let scale = if squared > 0.0 { 1.0 / squared.sqrt() } else { 0.0 };
     (d.map(|x| x * scale), squared)
 }
-

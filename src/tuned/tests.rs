@@ -147,7 +147,9 @@ fn streams_of_noise_never_panic_and_missing_ones_leave_their_views_out() {
 #[test]
 fn memory_is_charged_before_it_is_used() {
     let (mesh, views, photographs) = scene(3);
-    let encoded = Encoder::new(&mesh, &views, WHITE, &COMPONENTS, &photographs, &coverage(&mesh, &views), false).encode(&Quality::default()).unwrap();
+    let encoded = Encoder::new(&mesh, &views, WHITE, &COMPONENTS, &photographs, &coverage(&mesh, &views), false)
+        .encode(&Quality::default())
+        .unwrap();
     let budget = Budget::new(Limits { memory_bytes: 500_000, ..Limits::default() });
     let header = Header::parse(&encoded.bytes, 3, 2, &budget).unwrap();
     let start = PREFIX_BYTES + Header::length(&encoded.bytes).unwrap() as usize;

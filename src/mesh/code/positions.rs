@@ -2,8 +2,8 @@
 
 use super::connectivity::NONE;
 use super::prediction::{self, Learned, Vector, add, scale, subtract};
-use crate::vector::{cross, dot};
 use crate::entropy::{BitCoder, BitModel, Number, code_raw};
+use crate::vector::{cross, dot};
 
 /// Lattice positions.
 pub(super) type Lattice = [i32; 3];
