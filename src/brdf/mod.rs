@@ -1,6 +1,10 @@
 //! Materials whose reflectance was measured: reading tables, fitting lobes, planning what to measure.
 
 mod angles;
+#[cfg(feature = "encode")]
+pub mod merl;
+#[cfg(feature = "encode")]
+mod parallel;
 
 pub use angles::HalfDifference;
 
