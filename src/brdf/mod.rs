@@ -5,6 +5,10 @@ mod angles;
 pub mod merl;
 #[cfg(feature = "encode")]
 mod parallel;
+#[cfg(feature = "encode")]
+pub mod rgl;
+#[cfg(all(test, feature = "encode"))]
+mod test_data;
 
 pub use angles::HalfDifference;
 
