@@ -2,11 +2,16 @@
 
 mod angles;
 #[cfg(feature = "encode")]
+pub mod errors;
+#[cfg(feature = "encode")]
 pub mod merl;
+pub mod models;
 #[cfg(feature = "encode")]
 mod parallel;
 #[cfg(feature = "encode")]
 pub mod rgl;
+#[cfg(feature = "encode")]
+pub mod sphere;
 #[cfg(all(test, feature = "encode"))]
 mod test_data;
 
