@@ -58,16 +58,11 @@ pub struct SpherePair {
 impl SphereScenes {
     /// Pictures of `side * side` pixels; 64 is what error reports use.
     pub fn new(side: usize, environment: &Environment) -> Self {
+        let mut scenes = Self::points(side);
         let place = |k: usize| (2 * k + 1) as f64 / side as f64 - 1.0;
-        let inside = |k: usize| (place(k % side).hypot(place(k / side)) < LAST_SINE).then_some(k);
-        let indices: Vec<usize> = (0..side * side).filter_map(inside).collect();
-        let mut mask = Grid::filled(side, side, false);
-        indices.iter().for_each(|&k| mask.data[k] = true);
-        let pixels: Vec<(usize, f64)> =
-            indices.iter().map(|&k| (k, place(k % side).hypot(place(k / side)).min(LAST_SINE))).collect();
         let half = HalfVectors::new();
-        let radiance = parallel::map(pixels.len(), |p| {
-            let (k, sine) = pixels[p];
+        let radiance = parallel::map(scenes.pixels.len(), |p| {
+            let (k, sine) = scenes.pixels[p];
             let frame = Frame::of([place(k % side), -place(k / side)]);
             let outgoing = [sine, 0.0, (1.0 - sine * sine).sqrt()];
             let sample = |s: usize| {
@@ -79,7 +74,19 @@ impl SphereScenes {
             };
             (0..SAMPLES).map(sample).collect::<Vec<_>>()
         });
-        SphereScenes { side, mask, pixels, radiance: radiance.concat() }
+        scenes.radiance = radiance.concat();
+        scenes
+    }
+
+    /// The same for point lights only: the environment is black.
+    pub fn points(side: usize) -> Self {
+        let place = |k: usize| (2 * k + 1) as f64 / side as f64 - 1.0;
+        let away = |k: usize| place(k % side).hypot(place(k / side));
+        let pixels: Vec<(usize, f64)> =
+            (0..side * side).filter(|&k| away(k) < LAST_SINE).map(|k| (k, away(k))).collect();
+        let mut mask = Grid::filled(side, side, false);
+        pixels.iter().for_each(|&(k, _)| mask.data[k] = true);
+        SphereScenes { side, mask, pixels, radiance: Vec::new() }
     }
 
     /// Pixels that show the sphere.
@@ -130,7 +137,7 @@ impl SphereScenes {
             let view = (at as usize).min(VIEWS - 2);
             let part = (at - view as f64) as f32;
             let mut sum = [0.0f32; 3];
-            let radiance = &self.radiance[p * SAMPLES..(p + 1) * SAMPLES];
+            let radiance = self.radiance.get(p * SAMPLES..(p + 1) * SAMPLES).unwrap_or_default();
             for ((light, low), high) in radiance.iter().zip(&lobes[view]).zip(&lobes[view + 1]) {
                 (0..3).for_each(|c| sum[c] += light[c] * (low[c] + (high[c] - low[c]) * part));
             }
