@@ -1,7 +1,8 @@
 //! Errors of fitted materials: `bench-brdf MERL_TABLES [RGL_MATERIALS [PUBLISHED_FITS]]`, three folders.
 //!
 //! Prints, for every material, log RMSE and the PSNR of rendered spheres for each form, then medians and worst, and the seconds that
-//! reading and fitting take. Classical models are fitted twice: for log RMSE, and (marked `*`) for pictures. Published fits are compared on the tables whose names they carry.
+//! reading and fitting take. Classical models are fitted twice: for both log
+//! RMSE and pictures, and for log RMSE alone (`-log`). Published fits are compared on the tables whose names they carry.
 
 use std::error::Error;
 use std::path::{Path, PathBuf};
@@ -23,7 +24,7 @@ struct Row {
     report: ErrorReport,
 }
 
-pub fn main() -> Result<()> {
+fn main() -> Result<()> {
     let folders: Vec<PathBuf> = std::env::args().skip(1).map(PathBuf::from).collect();
     let Some(tables) = folders.first() else {
         return Err("usage: bench-brdf MERL_TABLES [RGL_MATERIALS [PUBLISHED_FITS]]".into());
@@ -77,7 +78,7 @@ pub fn main() -> Result<()> {
 }
 
 fn fit_all(name: &str, table: &MerlTable, scenes: &SphereScenes, rows: &mut Vec<Row>) -> Result<()> {
-    for (objective, suffix) in [(Objective::Logarithm, ""), (Objective::Picture, "*")] {
+    for (objective, suffix) in [(Objective::Both, ""), (Objective::Logarithm, "-log")] {
         for form in Form::ALL {
             let begun = Instant::now();
             let model = fit(table, form, objective)?;

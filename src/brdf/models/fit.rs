@@ -81,12 +81,25 @@ impl Form {
 /// What a fit makes small.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Objective {
-    /// What the error report calls log RMSE: squares of `ln(1 + f cos) - ln(1 + f' cos)` over valid cells, colours together.
-    #[default]
+    /// What the error report calls log RMSE: the mean square of `ln(1 + f cos) - ln(1 + f' cos)` over valid cells, colours together.
     Logarithm,
-    /// Squares of differences as a picture shows them: of `(x / (x + white))^(1/2.2)`, `x = f cos`, each cell with the area of half
-    /// vectors and difference vectors that it stands for.
+    /// The mean square of differences as a picture shows them: of `(x / (x + white))^(1/2.2)`, `x = f cos`, each cell with the area of
+    /// half vectors and difference vectors that it stands for.
     Picture,
+    /// The first plus 30 times the second, which makes them about equal.
+    #[default]
+    Both,
+}
+
+impl Objective {
+    /// Weights of the two mean squares.
+    fn weights(self) -> [f64; 2] {
+        match self {
+            Objective::Logarithm => [1.0, 0.0],
+            Objective::Picture => [0.0, 1.0],
+            Objective::Both => [1.0, 30.0],
+        }
+    }
 }
 
 /// A cell as the fit sees it.
@@ -94,9 +107,10 @@ struct Sample {
     geometry: Geometry,
     /// The BRDF, red, green, blue.
     value: [f64; 3],
-    /// The measured signal, see [`Signal`].
-    signal: [f64; 3],
-    weight: f64,
+    /// The measured signals, see [`Signal`].
+    signals: [[f64; 3]; 2],
+    /// Their weights.
+    weights: [f64; 2],
 }
 
 /// What is compared, a function of `f cos`.
@@ -131,49 +145,48 @@ pub fn fit(table: &MerlTable, form: Form, objective: Objective) -> Result<Classi
     if samples.len() < 100 {
         return Err(Error::parameter("the table has too few valid cells for a fit"));
     }
-    let signal = prepare(&mut samples, objective);
+    let signals = prepare(&mut samples, objective);
     let coarse: Vec<&Sample> = samples.iter().step_by(7).collect();
     let all: Vec<&Sample> = samples.iter().collect();
     let widths: &[f64] = if form == Form::Lambert { &[1.0] } else { &[0.02, 0.06, 0.2, 0.5] };
     let mut best: Option<Minimum<PARAMETERS>> = None;
     for &width in widths {
-        let found = improve(form, &start(form, &coarse, width), &coarse, signal, 25);
+        let found = improve(form, &start(form, &coarse, width), &coarse, signals, 25);
         if best.is_none_or(|best| found.cost < best.cost) {
             best = Some(found);
         }
     }
-    let best = best.map(|best| improve(form, &best.parameters, &all, signal, 30));
+    let best = best.map(|best| improve(form, &best.parameters, &all, signals, 30));
     let best = best.ok_or_else(|| Error::parameter("nothing to fit"))?;
     Ok(model(form, &best.parameters))
 }
 
 /// Sets weights and measured signals.
-fn prepare(samples: &mut [Sample], objective: Objective) -> Signal {
-    let signal = match objective {
-        Objective::Logarithm => Signal::Logarithm,
-        Objective::Picture => {
-            let mut bright: Vec<(f64, f64)> = Vec::new();
-            for sample in samples.iter_mut() {
-                let g = &sample.geometry;
-                let (sin_h, sin_d) = (g.half[0], (1.0 - g.cos_difference * g.cos_difference).max(0.0).sqrt());
-                // Bins of theta_h are as wide as the root of theta_h is large.
-                sample.weight = sin_h * sin_h.atan2(g.cos_half).sqrt() * sin_d * g.cos_difference;
-                let greatest = sample.value.iter().copied().fold(0.0, f64::max);
-                bright.push((greatest * g.cos_incoming, sample.weight));
-            }
-            bright.sort_by(|a, b| a.0.total_cmp(&b.0));
-            let mut left = 0.95 * bright.iter().map(|(_, weight)| weight).sum::<f64>();
-            let white = bright.iter().find(|(_, weight)| {
-                left -= weight;
-                left <= 0.0
-            });
-            Signal::Picture { white: white.map_or(1.0, |&(x, _)| x.max(1e-6)) }
-        }
+fn prepare(samples: &mut [Sample], objective: Objective) -> [Signal; 2] {
+    let area = |g: &Geometry| {
+        let (sin_h, sin_d) = (g.half[0], (1.0 - g.cos_difference * g.cos_difference).max(0.0).sqrt());
+        // Bins of theta_h are as wide as the root of theta_h is large.
+        sin_h * sin_h.atan2(g.cos_half).sqrt() * sin_d * g.cos_difference
     };
+    let mut bright: Vec<(f64, f64)> = (samples.iter())
+        .map(|s| (s.value.iter().copied().fold(0.0, f64::max) * s.geometry.cos_incoming, area(&s.geometry)))
+        .collect();
+    bright.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let total = bright.iter().map(|(_, area)| area).sum::<f64>();
+    let mut left = 0.95 * total;
+    let white = bright.iter().find(|(_, area)| {
+        left -= area;
+        left <= 0.0
+    });
+    let signals = [Signal::Logarithm, Signal::Picture { white: white.map_or(1.0, |&(x, _)| x.max(1e-6)) }];
+    let [log, picture] = objective.weights();
+    let count = samples.len() as f64;
     for sample in samples {
-        sample.signal = sample.value.map(|f| signal.of(f * sample.geometry.cos_incoming).0);
+        let signal = |signal: Signal| sample.value.map(|f| signal.of(f * sample.geometry.cos_incoming).0);
+        sample.signals = signals.map(signal);
+        sample.weights = [log / count, picture * area(&sample.geometry) / total.max(1e-30)];
     }
-    signal
+    signals
 }
 
 /// Logarithms of diffuse and specular colours, then the shape.
@@ -196,7 +209,7 @@ fn gather(table: &MerlTable, steps: [usize; 3]) -> Vec<Sample> {
                 let index = (h * THETA_D_BINS + d) * PHI_D_BINS + p;
                 if let Some(cell) = table.cell(index).and_then(|value| grid.cell(index, value)) {
                     let geometry = Geometry::of_angles(cell.angles);
-                    samples.push(Sample { geometry, value: cell.value, signal: [0.0; 3], weight: 1.0 });
+                    samples.push(Sample { geometry, value: cell.value, signals: [[0.0; 3]; 2], weights: [0.0; 2] });
                 }
             }
         }
@@ -237,7 +250,7 @@ fn improve(
     form: Form,
     from: &[f64; PARAMETERS],
     samples: &[&Sample],
-    signal: Signal,
+    signals: [Signal; 2],
     evaluations: u32,
 ) -> Minimum<PARAMETERS> {
     const STEP: f64 = 1e-4;
@@ -262,15 +275,16 @@ fn improve(
             for c in 0..3 {
                 let diffuse = found.diffuse[c] / PI;
                 let specular = found.specular[c] * lobe;
-                let (found_signal, slope) = signal.of((diffuse + specular) * g.cos_incoming);
-                let scaled = g.cos_incoming * slope;
-                let residual = found_signal - sample.signal[c];
-                let mut derivatives = [0.0; PARAMETERS];
-                derivatives[c] = scaled * diffuse;
-                derivatives[3 + c] = scaled * specular;
-                derivatives[6] = scaled * found.specular[c] * by_width;
-                derivatives[7] = scaled * found.specular[c] * by_second;
-                equations.add(residual, &derivatives, sample.weight);
+                for k in (0..2).filter(|&k| sample.weights[k] > 0.0) {
+                    let (signal, slope) = signals[k].of((diffuse + specular) * g.cos_incoming);
+                    let scaled = g.cos_incoming * slope;
+                    let mut derivatives = [0.0; PARAMETERS];
+                    derivatives[c] = scaled * diffuse;
+                    derivatives[3 + c] = scaled * specular;
+                    derivatives[6] = scaled * found.specular[c] * by_width;
+                    derivatives[7] = scaled * found.specular[c] * by_second;
+                    equations.add(signal - sample.signals[k][c], &derivatives, sample.weights[k]);
+                }
             }
         }
     })

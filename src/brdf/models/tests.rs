@@ -64,7 +64,7 @@ fn fits_find_what_made_the_table() {
         let specular = if form == Form::Lambert { [0.0; 3] } else { [0.5, 0.4, 0.3] };
         let made = ClassicalModel { diffuse: [0.3, 0.2, 0.1], specular, lobe };
         let table = MerlTable::of(&made);
-        for objective in [Objective::Logarithm, Objective::Picture] {
+        for objective in [Objective::Logarithm, Objective::Picture, Objective::Both] {
             let found = fit(&table, form, objective).unwrap();
             let error = errors::log_rmse(&table, &found);
             assert!(error < 2e-4, "{form:?} {objective:?}: {error} {found:?}");

@@ -33,11 +33,21 @@ impl Environment {
 
     /// Radiance about a direction, averaged over about the solid angle.
     pub fn average(&self, direction: [f64; 3], solid_angle: f64) -> [f32; 3] {
-        let level = 0.5 * (solid_angle / self.texel).max(1.0).log2();
-        let level = (level.round() as usize).min(self.levels.len() - 1);
-        let picture = &self.levels[level];
+        let level = (0.5 * (solid_angle / self.texel).max(1.0).log2()).min((self.levels.len() - 1) as f64);
+        let (lower, part) = (level as usize, level.fract() as f32);
         let u = direction[0].atan2(-direction[2]) / (2.0 * PI);
         let v = direction[1].clamp(-1.0, 1.0).acos() / PI;
+        let first = self.look_up(lower, u, v);
+        if part <= 0.0 {
+            return first;
+        }
+        let second = self.look_up((lower + 1).min(self.levels.len() - 1), u, v);
+        std::array::from_fn(|k| first[k] + (second[k] - first[k]) * part)
+    }
+
+    /// One level between its texels.
+    fn look_up(&self, level: usize, u: f64, v: f64) -> [f32; 3] {
+        let picture = &self.levels[level];
         let x = u * picture.width as f64 - 0.5 + picture.width as f64;
         let y = (v * picture.height as f64 - 0.5).clamp(0.0, (picture.height - 1) as f64);
         let (column, row) = (x as usize, y as usize);

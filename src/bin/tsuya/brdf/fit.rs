@@ -32,7 +32,7 @@ pub struct Fit {
     #[arg(long, value_name = "FORM", default_value = "cook-torrance-ggx", value_parser = form)]
     form: Form,
     /// What the fit of a classical model makes small.
-    #[arg(long, value_enum, default_value_t = Goal::Log)]
+    #[arg(long, value_enum, default_value_t = Goal::Both)]
     objective: Goal,
     /// A lat-long picture as the environment of the rendered sphere [default: one of the program's own].
     #[arg(long, value_name = "FILE")]
@@ -57,6 +57,8 @@ enum Goal {
     Log,
     /// Differences as a picture shows them.
     Picture,
+    /// Both.
+    Both,
 }
 
 fn form(name: &str) -> std::result::Result<Form, String> {
@@ -125,6 +127,7 @@ impl Fit {
         let objective = match self.objective {
             Goal::Log => Objective::Logarithm,
             Goal::Picture => Objective::Picture,
+            Goal::Both => Objective::Both,
         };
         let model = models::fit(table, self.form, objective)?;
         let seconds = begun.elapsed().as_secs_f64();
