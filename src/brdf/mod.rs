@@ -7,10 +7,13 @@ pub mod merl;
 mod parallel;
 #[cfg(feature = "encode")]
 pub mod rgl;
+mod sample;
 #[cfg(all(test, feature = "encode"))]
 mod test_data;
+pub mod tuned;
 
 pub use angles::HalfDifference;
+pub use sample::Sample;
 
 /// A bidirectional reflectance distribution function.
 ///
