@@ -2,12 +2,17 @@
 
 mod angles;
 #[cfg(feature = "encode")]
+pub mod errors;
+#[cfg(feature = "encode")]
 pub mod merl;
+pub mod models;
 #[cfg(feature = "encode")]
 mod parallel;
 #[cfg(feature = "encode")]
 pub mod rgl;
 mod sample;
+#[cfg(feature = "encode")]
+pub mod sphere;
 #[cfg(all(test, feature = "encode"))]
 mod test_data;
 pub mod tuned;

@@ -64,11 +64,12 @@ pub fn fit(samples: &[Sample], options: &FitOptions) -> Result<TunedMaterial> {
     let normal = Normal::new(matrix, sides, degrees(reciprocal));
     // The finest step that fits.
     let (mut low, mut high) = (0u8, 63u8);
-    let mut gains = [12u8; 3];
     let mut best = None;
     while low <= high {
         let step = (low + high) / 2;
-        let coefficients = [0, 1, 2].map(|c| normal.quantise(c, step, &mut gains[c]));
+        let channels = [0, 1, 2].map(|c| normal.quantise(c, step));
+        let gains = [0, 1, 2].map(|c: usize| channels[c].1);
+        let coefficients = channels.map(|(whole, _)| whole);
         let material = TunedMaterial::new(Header { reciprocal, step, floor, ceiling, gains }, coefficients);
         if material.encode().len() <= options.bytes {
             best = Some(material);

@@ -5,6 +5,8 @@ use super::code::{LARGEST, cost, level};
 
 /// Squared steps that a bit is worth.
 const BIT_WORTH: f64 = 0.1;
+/// How often the gain may change.
+const ROUNDS_OF_GAIN: usize = 4;
 /// Added to the diagonal of the normal equations, whose entries are of order 1: where no sample lies, the smallest coefficients win.
 const RIDGE: f64 = 1e-5;
 /// Rounds over all coefficients, each changed alone.
@@ -52,27 +54,31 @@ impl<'a> Normal<'a> {
         Normal { degrees, matrix, order, triangle, sides, solved }
     }
 
-    /// Coefficients of a channel in units of its step; `gain` starts as a guess and becomes what suits them best.
-    pub(super) fn quantise(&self, channel: usize, step: u8, gain: &mut u8) -> Vec<i32> {
+    /// Coefficients of a channel in units of its step, and the gain that suits them.
+    pub(super) fn quantise(&self, channel: usize, step: u8) -> (Vec<i32>, u8) {
         let unit = step_size(step) * CHANNEL_STEPS[channel];
-        let mut whole = vec![];
-        for _ in 0..2 {
-            let levels: Vec<i32> = self.degrees.iter().map(|&d| level(d, channel, *gain)).collect();
-            whole = self.refine(channel, unit, &levels, self.round(channel, unit, &levels));
+        let levels = |gain: u8| self.degrees.iter().map(move |&d| level(d, channel, gain)).collect::<Vec<i32>>();
+        let best_gain = |whole: &[i32]| {
             let bits = |gain: u8| -> f64 {
-                self.degrees.iter().zip(&whole).map(|(&d, &q)| cost(level(d, channel, gain), q.unsigned_abs())).sum()
+                self.degrees.iter().zip(whole).map(|(&d, &q)| cost(level(d, channel, gain), q.unsigned_abs())).sum()
             };
-            let best = (0..32u8).min_by(|&a, &b| bits(a).total_cmp(&bits(b))).unwrap_or(*gain);
-            if best == *gain {
+            (0..32u8).min_by(|&a, &b| bits(a).total_cmp(&bits(b))).unwrap_or(0)
+        };
+        let mut whole = self.round(channel, unit, &levels(0), 0.0);
+        let mut gain = best_gain(&whole);
+        for _ in 0..ROUNDS_OF_GAIN {
+            whole = self.refine(channel, unit, &levels(gain), self.round(channel, unit, &levels(gain), BIT_WORTH));
+            let best = best_gain(&whole);
+            if best == gain {
                 break;
             }
-            *gain = best;
+            gain = best;
         }
-        whole
+        (whole, gain)
     }
 
     /// From the highest degree down, each coefficient given those above it (Babai 1986).
-    fn round(&self, channel: usize, unit: f64, levels: &[i32]) -> Vec<i32> {
+    fn round(&self, channel: usize, unit: f64, levels: &[i32], bit_worth: f64) -> Vec<i32> {
         let count = self.order.len();
         let mut whole = vec![0; count];
         let mut target: Vec<f64> = self.solved[channel].iter().map(|z| z / unit).collect();
@@ -82,7 +88,7 @@ impl<'a> Normal<'a> {
             let n = self.order[i];
             let above: f64 = (i + 1..count).map(|j| row[j] * chosen[j]).sum();
             target[i] = (target[i] - above) / row[i];
-            chosen[i] = choose(target[i], row[i] * row[i], levels[n], &[]);
+            chosen[i] = choose(target[i], row[i] * row[i], levels[n], bit_worth, &[]);
             whole[n] = chosen[i] as i32;
         }
         whole
@@ -102,7 +108,7 @@ impl<'a> Normal<'a> {
             for n in 0..count {
                 let now = whole[n] as f64;
                 let curvature = self.matrix[n][n];
-                let best = choose(now + slope[n] / curvature, curvature, levels[n], &[now, now - 1.0, now + 1.0]);
+                let best = choose(now + slope[n] / curvature, curvature, levels[n], BIT_WORTH, &[now, now - 1.0, now + 1.0]);
                 if best != now {
                     (0..count).for_each(|k| slope[k] -= self.matrix[n][k] * (best - now));
                     whole[n] = best as i32;
@@ -118,13 +124,13 @@ impl<'a> Normal<'a> {
 }
 
 /// The cheapest integer near a target, or 0, or one of the others.
-fn choose(target: f64, curvature: f64, level: i32, others: &[f64]) -> f64 {
+fn choose(target: f64, curvature: f64, level: i32, bit_worth: f64, others: &[f64]) -> f64 {
     let below = target.floor();
     let mut best = (f64::INFINITY, 0.0);
     for candidate in [below, below + 1.0, 0.0].into_iter().chain(others.iter().copied()) {
         let candidate = candidate.clamp(-(LARGEST as f64), LARGEST as f64);
         let apart = candidate - target;
-        let price = curvature * apart * apart + BIT_WORTH * cost(level, candidate.abs() as u32);
+        let price = curvature * apart * apart + bit_worth * cost(level, candidate.abs() as u32);
         if price < best.0 {
             best = (price, candidate);
         }
