@@ -1,6 +1,7 @@
 //! Materials whose reflectance was measured: reading tables, fitting lobes, planning what to measure.
 
 mod angles;
+pub mod dsbrdf;
 #[cfg(feature = "encode")]
 pub mod errors;
 #[cfg(feature = "encode")]

@@ -2,7 +2,7 @@
 
 use super::prior::{CONTINUE, LEVELS, ORDINARY};
 use super::{Degrees, Header, TunedMaterial, degrees};
-use crate::entropy::{BitCoder, RangeDecoder, RangeEncoder, code_raw};
+use crate::entropy::{BitCoder, RangeDecoder, RangeEncoder, code_end, code_raw};
 use crate::error::{Error, Result};
 
 /// Largest magnitude of a quantised coefficient. Part of the format.
@@ -25,7 +25,7 @@ impl TunedMaterial {
     pub fn decode(bytes: &[u8], section: &str) -> Result<Self> {
         let mut coder = RangeDecoder::new(bytes);
         let material = code(&mut coder, None)
-            .ok_or_else(|| Error::format(section, 0, "a coefficient of a tuned material is out of range"))?;
+            .ok_or_else(|| Error::format(section, 0, "a coefficient of a tuned material is out of range, or it is cut"))?;
         if !coder.ends_as_written(0) {
             return Err(Error::format(section, 0, "a tuned material doesn't end where its bytes end"));
         }
@@ -51,7 +51,7 @@ fn code<C: BitCoder>(coder: &mut C, material: Option<&TunedMaterial>) -> Option<
             coefficients[c].push(code_coefficient(coder, level(of, c, header.gains[c]), value)?);
         }
     }
-    Some(TunedMaterial::new(header, coefficients))
+    code_end(coder).then(|| TunedMaterial::new(header, coefficients))
 }
 
 /// Expected magnitude of a coefficient in steps, as half octaves.

@@ -153,6 +153,3 @@ fn chebyshev<const N: usize>(x: f64) -> [f64; N] {
 
 #[cfg(test)]
 mod tests;
-#[doc(hidden)]
-impl TunedMaterial { pub fn debug(&self)->String { format!("step {} gains {:?} ceil {}", self.header.step, self.header.gains, self.header.ceiling) }
- pub fn dump(&self)->String { let mut s=String::new(); for c in 0..3 { s+=&format!("{} {} {} {}",self.header.reciprocal as u8,c,self.header.step,self.header.gains[c]); for q in &self.coefficients[c] { s+=&format!(" {q}"); } s+="\n"; } s } }

@@ -7,4 +7,8 @@ fn bytes_come_back() {
     let material = TunedMaterial::new(header, coefficients);
     let bytes = material.encode();
     assert!(TunedMaterial::decode(&bytes, "mATl").unwrap() == material);
+    for cut in 0..bytes.len() {
+        assert!(TunedMaterial::decode(&bytes[..cut], "mATl").is_err(), "cut at {cut}");
+    }
+    assert!(TunedMaterial::decode(&[bytes.as_slice(), &[7]].concat(), "mATl").is_err());
 }
