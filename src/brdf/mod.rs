@@ -1,8 +1,26 @@
 //! Materials whose reflectance was measured: reading tables, fitting lobes, planning what to measure.
 
 mod angles;
+pub mod dsbrdf;
+#[cfg(feature = "encode")]
+pub mod errors;
+pub mod materials;
+#[cfg(feature = "encode")]
+pub mod merl;
+pub mod models;
+#[cfg(feature = "encode")]
+mod parallel;
+#[cfg(feature = "encode")]
+pub mod rgl;
+mod sample;
+#[cfg(feature = "encode")]
+pub mod sphere;
+#[cfg(all(test, feature = "encode"))]
+mod test_data;
+pub mod tuned;
 
 pub use angles::HalfDifference;
+pub use sample::Sample;
 
 /// A bidirectional reflectance distribution function.
 ///
