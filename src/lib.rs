@@ -13,6 +13,7 @@ pub mod encoder;
 pub mod entropy;
 pub mod error;
 pub mod image;
+pub mod lighting;
 pub mod limits;
 pub mod measure;
 pub mod mesh;
