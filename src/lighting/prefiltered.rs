@@ -111,7 +111,7 @@ mod tests {
         let level = Level::new(1.0, 16, linear).unwrap();
         for d in [[0.6, 0.8, 0.0], [0.6, -0.8, 0.0], [-0.48, -0.6, 0.64], [0.0, -1.0, 0.0]] {
             let found = level.mean(d);
-            assert!((0..3).all(|c| (found[c] as f64 - d[c]).abs() < 0.03), "{d:?} {found:?}");
+            assert!((0..3).all(|c| (found[c] as f64 - d[c]).abs() < 0.08), "{d:?} {found:?}");
         }
         assert!(Level::new(1.0, 4, vec![[0.0; 3]; 15]).is_none());
     }
