@@ -1,12 +1,14 @@
 //! The `tsuya` program: one file a subcommand.
 
 mod align;
+mod bake;
 mod compare;
 mod comparison;
 mod decode;
 mod demo;
 mod encode;
 mod info;
+mod light;
 mod output;
 mod pictures;
 mod ply;
@@ -51,6 +53,8 @@ enum Command {
     Compare(compare::Compare),
     Render(render::Render),
     Align(align::Align),
+    Bake(bake::Bake),
+    Light(light::Light),
     Completions(shell::Completions),
     Man(shell::Man),
 }
@@ -66,6 +70,8 @@ impl Command {
             Command::Compare(compare) => compare.run(),
             Command::Render(render) => render.run(),
             Command::Align(align) => align.run(),
+            Command::Bake(bake) => bake.run(),
+            Command::Light(light) => light.run(),
             Command::Completions(completions) => completions.run(),
             Command::Man(man) => man.run(),
         }
