@@ -3,6 +3,7 @@
 use super::rays::{Grid, Scratch, Surroundings};
 use super::{Visibility, VisibilityError};
 use crate::lighting::octahedral;
+use std::f32::consts::FRAC_PI_2;
 
 /// Vertices looked at, and cells along a side of the grid of exact directions.
 const VERTICES: usize = 96;
@@ -23,7 +24,7 @@ pub fn measure(surroundings: &Surroundings, visibility: &Visibility) -> Visibili
         let (mut squared, mut wrong) = (0.0, 0.0);
         for ((&direction, &exact), &angle) in directions.iter().zip(&scratch.distances).zip(&angles) {
             visibility.basis(direction, &mut basis);
-            let found = super::distance(&basis, visibility.weights(vertex));
+            let found = super::distance(&basis, visibility.weights(vertex)).clamp(-FRAC_PI_2, FRAC_PI_2);
             squared += angle * (found as f64 - exact as f64).powi(2);
             wrong += if (found > 0.0) == (exact > 0.0) { 0.0 } else { angle };
         }

@@ -1,7 +1,8 @@
 //! Visibility of all directions from every vertex, as a signed distance on the sphere, in few numbers a vertex.
 //!
 //! The signed spherical distance of a direction is its angle to the nearest direction of the other kind: positive where the
-//! direction is free, negative where the mesh blocks it (Wang 2009; Sonoda 2011, equation 2). It is smooth enough for a
+//! direction is free, negative where the mesh blocks it (Wang 2009; Sonoda 2011, equation 2), here at most a right angle either
+//! way, beyond which no half-space differs from all or nothing. It is smooth enough for a
 //! principal component analysis over the vertices and for linear interpolation between them.
 
 #[cfg(feature = "encode")]
@@ -15,6 +16,7 @@ mod principal;
 pub mod rays;
 
 use crate::lighting::octahedral::{Taps, taps};
+use std::f64::consts::FRAC_PI_2;
 
 /// Visibility of a mesh's vertices: `distance(vertex, direction) = mean(direction) + sum_k weight(vertex, k) base(direction, k)`.
 ///
@@ -92,7 +94,7 @@ impl Visibility {
             }
         }
     }
-    /// Signed distance in radians, -pi to pi, of a unit direction as seen from a vertex.
+    /// Signed distance in radians, -pi/2 to pi/2, of a unit direction as seen from a vertex.
     pub fn evaluate(&self, vertex: usize, direction: [f64; 3]) -> f64 {
         let weights = self.weights(vertex);
         self.at_cells(direction, |values| {
@@ -112,11 +114,11 @@ impl Visibility {
                 distance += share * (mean + sum(values));
             }
         }
-        (distance as f64).clamp(-std::f64::consts::PI, std::f64::consts::PI)
+        (distance as f64).clamp(-FRAC_PI_2, FRAC_PI_2)
     }
 }
 
-/// Signed distance in radians by a direction's [`Visibility::basis`] and a vertex's weights.
+/// Signed distance in radians by a direction's [`Visibility::basis`] and a vertex's weights; may lie beyond a right angle.
 #[inline]
 pub fn distance(basis: &[f32], weights: &[i8]) -> f32 {
     let Some((mean, values)) = basis.split_first() else { return 0.0 };

@@ -92,7 +92,7 @@ impl Surroundings {
         })
     }
 
-    /// The signed spherical distance of every cell's direction to the edge of what the vertex sees. The edge is a chain of great
+    /// The signed spherical distance of every cell's direction to the edge of what the vertex sees, -pi/2 to pi/2. The edge is a chain of great
     /// arcs between points that bisection finds on the lines between neighbouring cells.
     pub fn signed_distances(&self, vertex: usize, grid: &Grid, scratch: &mut Scratch) {
         let Scratch { visible, point_of_pair, edge, links, cosine, nearest, distances } = scratch;
@@ -154,7 +154,8 @@ impl Surroundings {
                     best = best.max(cosine_to_arc(grid.directions[cell], edge[point], edge[other as usize]));
                 }
             }
-            let angle = best.clamp(-1.0, 1.0).acos();
+            // Beyond a right angle no lobe sees a difference.
+            let angle = best.clamp(0.0, 1.0).acos();
             distances.push(if visible[cell] { angle } else { -angle });
         }
     }
