@@ -2,6 +2,8 @@
 
 use crate::brdf::materials::NamedMaterial;
 use crate::image::{Grid, Mask, RgbImage};
+use crate::lighting::Light;
+use crate::visibility::Visibility;
 use serde::{Deserialize, Serialize};
 
 /// Triangle mesh in world coordinates (the capture's unit). Triangles are counter-clockwise seen from outside.
@@ -176,6 +178,10 @@ pub struct Asset {
     pub photographs: Vec<Option<Photograph>>,
     /// Fitted materials by name.
     pub materials: Vec<NamedMaterial>,
+    /// What the mesh's vertices see.
+    pub visibility: Option<Visibility>,
+    /// Light to show the object in.
+    pub light: Option<Light>,
 }
 
 /// One view's decoded pictures.

@@ -8,7 +8,7 @@ use crate::limits::Limits;
 use crate::reflectance::code as reflectance_code;
 use crate::surface::{charts, raster};
 use crate::tuned::header::{Header, PREFIX_BYTES};
-use crate::{Budget, mesh, paper, tuned};
+use crate::{Budget, lighting, mesh, paper, tuned, visibility};
 use std::io::{Read, Seek};
 
 /// Which photographs to decode.
@@ -57,9 +57,9 @@ pub fn decode_from<R: Read + Seek>(file: &mut Container<R>, options: &DecodeOpti
     };
     // What stands for itself needs no views, and some of it no mesh.
     let has = |tags: &[Tag]| tags.iter().any(|&tag| file.find(tag).is_some());
-    let alone = has(&[Tag::MATERIALS]);
+    let alone = has(&[Tag::VISIBILITY, Tag::LIGHT, Tag::MATERIALS]);
     let needs_views = !alone || has(&[Tag::VIEWS, Tag::PLANES, Tag::PAPER]);
-    let needs_mesh = !alone || needs_views || has(&[Tag::MESH, Tag::CHARTS]);
+    let needs_mesh = !alone || needs_views || has(&[Tag::MESH, Tag::VISIBILITY, Tag::CHARTS]);
     let section = match needs_views {
         true => views::decode(&file.read_section(Tag::VIEWS)?, &budget)?,
         false => views::ViewsSection { white: [1.0; 3], components: Vec::new(), views: Vec::new() },
@@ -83,6 +83,10 @@ pub fn decode_from<R: Read + Seek>(file: &mut Container<R>, options: &DecodeOpti
         (Some(charts), Some(bytes)) => Some(reflectance_code::decode(&bytes, &mesh, charts, &budget)?),
         _ => None,
     };
+    // Precomputed: what the vertices see, and light.
+    let visibility = file.read_optional(Tag::VISIBILITY)?;
+    let visibility = visibility.map(|bytes| visibility::code::decode(&bytes, &mesh, &budget)).transpose()?;
+    let light = file.read_optional(Tag::LIGHT)?.map(|bytes| lighting::code::decode(&bytes, &budget)).transpose()?;
     // 5. Residual.
     let wanted = |view: usize| options.selection.takes(view);
     let photographs = if options.selection == Selection::None {
@@ -103,7 +107,19 @@ pub fn decode_from<R: Read + Seek>(file: &mut Container<R>, options: &DecodeOpti
         None => Vec::new(),
     };
     let views::ViewsSection { white, components, views } = section;
-    Ok(Asset { metadata, mesh, charts, reflectance, white, components, views, photographs, materials })
+    Ok(Asset {
+        metadata,
+        mesh,
+        charts,
+        reflectance,
+        white,
+        components,
+        views,
+        photographs,
+        materials,
+        visibility,
+        light,
+    })
 }
 
 /// Photographs of profile `tuned`: the head of the section, then the streams of the views that are needed.

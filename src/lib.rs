@@ -13,6 +13,7 @@ pub mod encoder;
 pub mod entropy;
 pub mod error;
 pub mod image;
+pub mod lighting;
 pub mod limits;
 pub mod measure;
 pub mod mesh;
@@ -31,6 +32,7 @@ pub mod surface;
 pub mod transform;
 pub mod tuned;
 mod vector;
+pub mod visibility;
 
 pub use error::{Error, Result};
 pub use limits::{Budget, Limits};

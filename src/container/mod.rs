@@ -3,6 +3,8 @@
 //! A section's inline header and its entry in the directory are the same bytes ([`Section`]), so that a file is read either
 //! from its start, section by section ([`SectionStream`]), or by its directory at the end ([`Container`]).
 
+#[cfg(feature = "encode")]
+pub mod edit;
 pub mod metadata;
 mod reader;
 mod section;

@@ -1,4 +1,4 @@
-//! How long the sample capture takes: `cargo bench`. Encode, decode all views or one, render, verify.
+//! How long the sample capture takes: `cargo bench`. Encode, decode all views or one, render, verify; bake visibility, fit light.
 
 #![allow(missing_docs)]
 
@@ -10,8 +10,11 @@ use tsuya::capture::{self, ReadOptions};
 use tsuya::container::{Container, verify};
 use tsuya::decoder::{DecodeOptions, Selection, decode, decode_from};
 use tsuya::encoder::encode;
+use tsuya::lighting::fit::{self, FitOptions};
+use tsuya::lighting::{Environment, levels};
 use tsuya::options::EncodeOptions;
 use tsuya::relight::{RenderOptions, Renderer};
+use tsuya::visibility::bake::{BakeOptions, bake};
 
 fn speed(criterion: &mut Criterion) {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/sample-spot");
@@ -33,8 +36,26 @@ fn speed(criterion: &mut Criterion) {
     let Ok(asset) = decode(bytes, &DecodeOptions::default()) else { return };
     let Ok(renderer) = Renderer::new(&asset) else { return };
     group.bench_function("render", |b| b.iter(|| renderer.render(&asset.views[3].camera, &RenderOptions::default())));
+    group.bench_function("bake visibility", |b| b.iter(|| bake(black_box(&asset.mesh), &BakeOptions::default())));
     group.finish();
 }
 
-criterion_group!(benches, speed);
+/// An environment of 512 x 256 pixels with a sun, a sky and a ground.
+fn light(criterion: &mut Criterion) {
+    let environment = Environment::from_fn(512, |d| {
+        let sun = 300.0 * (900.0 * (0.48 * d[0] + 0.6 * d[1] + 0.64 * d[2] - 1.0)).exp();
+        let (sky, ripple) = (0.4 + 0.6 * d[1].max(0.0), 0.2 + 0.1 * (40.0 * d[0]).sin());
+        if d[1] > 0.0 { [sun + 0.5 * sky, sun + 0.7 * sky, sun + sky] } else { [ripple; 3] }.map(|x| x as f32)
+    });
+    let mut group = criterion.benchmark_group("environment 512 x 256");
+    group.sample_size(10);
+    let lobes = fit::fit(&environment, &FitOptions::default(), None);
+    group.bench_function("fit lobes", |b| b.iter(|| fit::fit(black_box(&environment), &FitOptions::default(), None)));
+    let turned = environment.rotated_y(2.0);
+    group.bench_function("update lobes", |b| b.iter(|| fit::fit(&turned, &FitOptions::default(), Some(&lobes))));
+    group.bench_function("levels", |b| b.iter(|| levels::levels(black_box(&environment), 512)));
+    group.finish();
+}
+
+criterion_group!(benches, speed, light);
 criterion_main!(benches);

@@ -1,6 +1,7 @@
 //! The `tsuya` program: one file a subcommand.
 
 mod align;
+mod bake;
 mod brdf;
 mod compare;
 mod comparison;
@@ -8,6 +9,7 @@ mod decode;
 mod demo;
 mod encode;
 mod info;
+mod light;
 mod output;
 mod pictures;
 mod ply;
@@ -53,6 +55,8 @@ enum Command {
     Render(render::Render),
     Align(align::Align),
     Brdf(brdf::Brdf),
+    Bake(bake::Bake),
+    Light(light::Light),
     Completions(shell::Completions),
     Man(shell::Man),
 }
@@ -69,6 +73,8 @@ impl Command {
             Command::Render(render) => render.run(),
             Command::Align(align) => align.run(),
             Command::Brdf(brdf) => brdf.run(),
+            Command::Bake(bake) => bake.run(),
+            Command::Light(light) => light.run(),
             Command::Completions(completions) => completions.run(),
             Command::Man(man) => man.run(),
         }

@@ -1,0 +1,15 @@
+//! Any bytes as section `vISB` of an octahedron.
+#![no_main]
+mod scene;
+use libfuzzer_sys::fuzz_target;
+use tsuya::{Budget, Limits, visibility};
+
+fuzz_target!(|bytes: &[u8]| {
+    let budget = Budget::new(Limits { memory_bytes: 1 << 24, ..Limits::default() });
+    if let Ok(visibility) = visibility::code::decode(bytes, &scene::mesh(), &budget) {
+        assert_eq!(visibility.vertices(), 6);
+        for vertex in 0..7 {
+            assert!(visibility.evaluate(vertex, [0.48, -0.6, 0.64]).abs() <= 3.15);
+        }
+    }
+});

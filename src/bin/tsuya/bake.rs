@@ -1,0 +1,135 @@
+//! `tsuya bake`: what the vertices of a mesh see.
+
+use crate::source::limits;
+use crate::{output, progress, source, values};
+use anyhow::{Context, Result};
+use clap::Args;
+use serde_json::json;
+use std::path::{Path, PathBuf};
+use tsuya::container::{Container, SIGNATURE, SectionCodec, Tag, Writer, edit};
+use tsuya::visibility::bake::{BakeOptions, Baked, bake};
+use tsuya::{Error, asset, mesh};
+
+/// Computes the visibility of all directions from every vertex, for shadows under any light.
+///
+/// Takes a mesh (PLY, OBJ, GLB) or a .tsuya file, and writes a .tsuya file that holds the visibility beside the mesh.
+#[derive(Args)]
+pub struct Bake {
+    /// The mesh or the .tsuya file.
+    input: PathBuf,
+    /// The .tsuya file to write; - is standard output. Without it only the figures are printed.
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<PathBuf>,
+    /// Directions along a side of their grid, 8 to 128.
+    #[arg(long, value_name = "N", default_value_t = 24)]
+    resolution: usize,
+    /// Terms for each vertex: of the first group, which serves for broad light, and of the second.
+    #[arg(long, value_name = "N,N", default_value = "16,32", value_parser = values::numbers)]
+    terms: values::Numbers,
+    /// Finest step of the stored weights; smaller is better and longer.
+    #[arg(long, value_name = "STEP", default_value_t = 0.01)]
+    step: f64,
+    /// An endless plane below the object blocks light, too. Its upward direction, e.g. 0,1,0.
+    #[arg(long, value_name = "X,Y,Z", value_parser = values::triple)]
+    ground: Option<[f64; 3]>,
+    /// Bits of a coordinate of a mesh that is not coded yet, 8 to 24.
+    #[arg(long, value_name = "BITS", default_value_t = 14, value_parser = clap::value_parser!(u8).range(8..=24))]
+    position_bits: u8,
+    /// Overwrites an existing file.
+    #[arg(long)]
+    force: bool,
+    /// Prints figures as JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+impl Bake {
+    pub fn run(self) -> Result<()> {
+        if let Some(path) = &self.output {
+            output::check_free(path, self.force)?;
+        }
+        let options = self.options()?;
+        let (old, mesh, mesh_bytes) = read(&self.input, self.position_bits)?;
+        let baked = {
+            let _busy = progress::busy("baking visibility");
+            bake(&mesh, &options)?
+        };
+        if let Some(path) = &self.output {
+            let section = (Tag::VISIBILITY, SectionCodec::Own, baked.bytes.clone());
+            let bytes = match &old {
+                Some(old) => edit::with_sections(old, &[section], limits())?,
+                None => {
+                    let mut writer = Writer::new(Vec::new())?;
+                    writer.section(Tag::MESH, SectionCodec::Own, &mesh_bytes)?;
+                    writer.section(section.0, section.1, &section.2)?;
+                    writer.finish()?
+                }
+            };
+            output::write(path, &bytes, self.force)?;
+        }
+        // The figures must not get into the file.
+        if self.output.as_deref().is_some_and(output::is_stream) { Ok(()) } else { self.report(&mesh, &baked) }
+    }
+
+    fn options(&self) -> Result<BakeOptions> {
+        let wrong =
+            || Error::parameter("--terms takes one or two whole numbers, the first 1 to 64, the second 0 to 64");
+        let whole = |x: f64| (x.fract() == 0.0 && (0.0..=64.0).contains(&x)).then_some(x as usize);
+        let terms = match self.terms.0.as_slice() {
+            [first] => [whole(*first), Some(0)],
+            [first, second] => [whole(*first), whole(*second)],
+            _ => return Err(wrong().into()),
+        };
+        let [Some(first), Some(second)] = terms else { return Err(wrong().into()) };
+        let length = |v: [f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
+        let ground_up = match self.ground {
+            Some(up) if length(up) < 1e-9 => return Err(Error::parameter("--ground needs a direction").into()),
+            up => up.map(|up| up.map(|x| x / length(up))),
+        };
+        Ok(BakeOptions { size: self.resolution, terms: [first, second], ground_up, weight_step: self.step })
+    }
+
+    fn report(&self, mesh: &asset::Mesh, baked: &Baked) -> Result<()> {
+        let (vertices, triangles) = (mesh.positions.len(), mesh.triangles.len());
+        let error = baked.visibility.error();
+        let bytes_per_vertex = baked.bytes.len() as f64 / vertices as f64;
+        if self.json {
+            return output::say_json(&json!({
+                "vertices": vertices,
+                "triangles": triangles,
+                "seconds": baked.seconds,
+                "terms": baked.visibility.terms(),
+                "bytes_per_vertex": bytes_per_vertex,
+                "rms_error_rad": error.rms_radians,
+                "sign_error": error.wrong_signs,
+            }));
+        }
+        output::say(&format!(
+            "{vertices} vertices, {triangles} triangles: {} terms in {:.2} s, {bytes_per_vertex:.1} bytes a vertex\n\
+             error of the signed distance {:.2} degrees rms, {:.2} % of directions on the wrong side\n",
+            baked.visibility.terms(),
+            baked.seconds,
+            error.rms_radians.to_degrees(),
+            100.0 * error.wrong_signs,
+        ))
+    }
+}
+
+/// The bytes of a .tsuya file, if it is one, the mesh as a decoder has it, and its section.
+fn read(path: &Path, position_bits: u8) -> Result<(Option<Vec<u8>>, asset::Mesh, Vec<u8>)> {
+    let failed = |e| Error::io(path, e);
+    let mut bytes = Vec::new();
+    std::io::Read::read_to_end(&mut source::open(path)?, &mut bytes).map_err(failed)?;
+    if bytes.starts_with(&SIGNATURE) {
+        let mut file = Container::open_slice(&bytes, limits()).with_context(|| source::name(path))?;
+        let section = file.read_section(Tag::MESH).with_context(|| source::name(path))?;
+        let mesh = mesh::code::decode(&section, &file.budget()).with_context(|| source::name(path))?;
+        return Ok((Some(bytes), mesh, section));
+    }
+    let (mesh, cleaned) = mesh::clean::clean(mesh::read::read(path)?);
+    if !cleaned.is_clean() {
+        output::warn(&[format!("{}: {cleaned}", source::name(path))]);
+    }
+    let coded = mesh::code::encode(&mesh, &mesh::code::MeshOptions { position_bits })?;
+    Ok((None, coded.mesh, coded.bytes))
+}

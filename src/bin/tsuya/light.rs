@@ -1,0 +1,236 @@
+//! `tsuya light`: environments made ready for shading.
+
+use crate::source::limits;
+use crate::{output, progress, source, values};
+use anyhow::{Context, Result};
+use clap::{Args, Subcommand, ValueEnum};
+use serde_json::json;
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+use tsuya::container::{Container, SectionCodec, Tag, Writer, edit};
+use tsuya::lighting::fit::{self, FitOptions};
+use tsuya::lighting::read::{Fisheye, Looks, Projection, ReadOptions, read};
+use tsuya::lighting::{Environment, code, levels};
+use tsuya::{Error, lighting};
+
+/// Environments as light: fits lobes and prefilters levels.
+#[derive(Args)]
+pub struct Light {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    Fit(Box<Fit>),
+}
+
+impl Light {
+    pub fn run(self) -> Result<()> {
+        match self.command {
+            Command::Fit(fit) => fit.run(),
+        }
+    }
+}
+
+/// Fits an environment: spherical Gaussians for diffuse reflection, prefiltered levels for specular reflection.
+///
+/// Several pictures of different exposure are merged. World axes: +Y up; the middle of a latitude-longitude picture is +Z, a
+/// quarter from its left edge is +X.
+#[derive(Args)]
+pub struct Fit {
+    /// Pictures of the environment: EXR, HDR, PNG, JPEG, TIFF.
+    #[arg(required = true)]
+    pictures: Vec<PathBuf>,
+    /// The .tsuya file to write; - is standard output. Without it only the figures are printed.
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<PathBuf>,
+    /// A .tsuya file whose other sections the written one keeps.
+    #[arg(long, value_name = "FILE")]
+    asset: Option<PathBuf>,
+    /// A .tsuya file with the light of a similar environment (the frame before), from which the fit starts.
+    #[arg(long, value_name = "FILE")]
+    from: Option<PathBuf>,
+    /// Lobes of the diffuse part, 1 to 64.
+    #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u16).range(1..=64))]
+    lobes: u16,
+    /// Cells along a side of the sharpest level, 8 to 1024.
+    #[arg(long, value_name = "N", default_value_t = 512, value_parser = clap::value_parser!(u16).range(8..=1024))]
+    level_size: u16,
+    /// Step of the stored levels in 1/64 of a doubling; smaller is better and longer.
+    #[arg(long, value_name = "STEP", default_value_t = 3.0)]
+    step: f32,
+    /// Columns that the environment is brought to first [default: as many as the picture's detail needs].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(4..=8192))]
+    width: Option<u16>,
+    /// How a picture shows the sphere [default: by its shape].
+    #[arg(long, value_enum)]
+    projection: Option<Shape>,
+    /// Angle from edge to edge of a fisheye picture, in degrees.
+    #[arg(long, value_name = "DEGREES", default_value_t = 180.0)]
+    field: f64,
+    /// A fisheye lens looks to the zenith, not ahead.
+    #[arg(long)]
+    looks_up: bool,
+    /// Exposure of each picture, in seconds or anything proportional to the light let in.
+    #[arg(long, value_name = "T,T,...", value_parser = values::numbers)]
+    exposures: Option<values::Numbers>,
+    /// Colour space of PNG, JPEG and TIFF pictures [default: srgb].
+    #[arg(long, value_name = "NAME")]
+    color_space: Option<String>,
+    /// Turns the environment about +Y, in degrees.
+    #[arg(long, value_name = "DEGREES", default_value_t = 0.0)]
+    rotation_y: f64,
+    /// Overwrites an existing file.
+    #[arg(long)]
+    force: bool,
+    /// Prints figures as JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+/// Projections by name.
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum Shape {
+    /// Latitude and longitude, 2:1.
+    LatLong,
+    /// Cube: a cross or a strip of six squares.
+    Cube,
+    /// A mirror ball that touches the picture's edges.
+    MirrorBall,
+    /// Fisheye, distance proportional to the angle.
+    Equidistant,
+    /// Fisheye, equal areas for equal solid angles.
+    Equisolid,
+}
+
+/// Directions in which the levels' error is measured.
+const DIRECTIONS: usize = 32;
+
+impl Fit {
+    pub fn run(self) -> Result<()> {
+        if let Some(path) = &self.output {
+            output::check_free(path, self.force)?;
+        }
+        let (environment, cleaned) = read(&self.pictures, &self.read_options())?;
+        let environment = match self.rotation_y {
+            0.0 => environment,
+            degrees => environment.rotated_y(degrees),
+        };
+        let mut warnings = Vec::new();
+        if cleaned.negative + cleaned.not_finite > 0 {
+            let (negative, not_finite) = (cleaned.negative, cleaned.not_finite);
+            warnings
+                .push(format!("{negative} pixels with negative and {not_finite} without finite values were replaced"));
+        }
+        output::warn(&warnings);
+        let previous = self.from.as_deref().map(read_light).transpose()?;
+        let busy = progress::busy("fitting light");
+        let start = Instant::now();
+        let options = FitOptions { lobes: self.lobes.into(), ..Default::default() };
+        let diffuse = fit::fit(&environment, &options, previous.as_ref().map(|light| &light.diffuse[..]));
+        let diffuse_seconds = start.elapsed().as_secs_f64();
+        let start = Instant::now();
+        let levels = levels::levels(&environment, self.level_size.into());
+        let levels_seconds = start.elapsed().as_secs_f64();
+        let (bytes, light) =
+            code::encode(&lighting::Light { diffuse, levels }, &code::StoreOptions { step: self.step })?;
+        let figures = Figures::new(&environment, &light, [diffuse_seconds, levels_seconds], bytes.len());
+        drop(busy);
+        let Some(path) = &self.output else { return figures.report(self.json) };
+        let section = (Tag::LIGHT, SectionCodec::Own, bytes);
+        let file = match &self.asset {
+            Some(asset) => {
+                let mut old = Vec::new();
+                std::io::Read::read_to_end(&mut source::open(asset)?, &mut old).map_err(|e| Error::io(asset, e))?;
+                edit::with_sections(&old, &[section], limits()).with_context(|| source::name(asset))?
+            }
+            None => {
+                let mut writer = Writer::new(Vec::new())?;
+                writer.section(section.0, section.1, &section.2)?;
+                writer.finish()?
+            }
+        };
+        output::write(path, &file, self.force)?;
+        // The figures must not get into the file.
+        if output::is_stream(path) { Ok(()) } else { figures.report(self.json) }
+    }
+
+    fn read_options(&self) -> ReadOptions {
+        let fisheye = |model| Projection::Fisheye {
+            model,
+            field_degrees: self.field,
+            looks: if self.looks_up { Looks::Up } else { Looks::Ahead },
+        };
+        ReadOptions {
+            projection: self.projection.map(|shape| match shape {
+                Shape::LatLong => Projection::LatLong,
+                Shape::Cube => Projection::Cube,
+                Shape::MirrorBall => Projection::MirrorBall,
+                Shape::Equidistant => fisheye(Fisheye::Equidistant),
+                Shape::Equisolid => fisheye(Fisheye::Equisolid),
+            }),
+            width: self.width.map(usize::from),
+            color_space: self.color_space.clone(),
+            exposures: self.exposures.clone().map_or(Vec::new(), |numbers| numbers.0),
+        }
+    }
+}
+
+fn read_light(path: &Path) -> Result<lighting::Light> {
+    let mut file = Container::open_seek(source::open(path)?, limits()).with_context(|| source::name(path))?;
+    let section = file.read_section(Tag::LIGHT).with_context(|| source::name(path))?;
+    code::decode(&section, &file.budget()).with_context(|| source::name(path))
+}
+
+/// What is reported.
+struct Figures {
+    seconds: [f64; 2],
+    diffuse_error: f64,
+    level_errors: Vec<f64>,
+    sharpness: Vec<f64>,
+    lobes: usize,
+    bytes: usize,
+}
+
+impl Figures {
+    fn new(environment: &Environment, light: &lighting::Light, seconds: [f64; 2], bytes: usize) -> Self {
+        Figures {
+            seconds,
+            diffuse_error: fit::relative_error(environment, &light.diffuse),
+            level_errors: levels::relative_errors(environment, &light.levels, DIRECTIONS),
+            sharpness: light.levels.iter().map(|level| level.sharpness()).collect(),
+            lobes: light.diffuse.len(),
+            bytes,
+        }
+    }
+    /// Root mean square over the levels.
+    fn levels_error(&self) -> f64 {
+        let squared: f64 = self.level_errors.iter().map(|e| e * e).sum();
+        (squared / self.level_errors.len().max(1) as f64).sqrt()
+    }
+    fn report(&self, as_json: bool) -> Result<()> {
+        if as_json {
+            return output::say_json(&json!({
+                "diffuse_seconds": self.seconds[0],
+                "levels_seconds": self.seconds[1],
+                "diffuse_error": self.diffuse_error,
+                "levels_error": self.levels_error(),
+                "lobes": self.lobes,
+            }));
+        }
+        let mut text = format!(
+            "{} lobes in {:.3} s, error of the irradiance {:.2} %\nlevels in {:.2} s, {} bytes together\n",
+            self.lobes,
+            self.seconds[0],
+            100.0 * self.diffuse_error,
+            self.seconds[1],
+            self.bytes
+        );
+        for (sharpness, error) in self.sharpness.iter().zip(&self.level_errors) {
+            let _ = writeln!(text, "  sharpness {sharpness:5}: error {:.2} %", 100.0 * error);
+        }
+        output::say(&text)
+    }
+}

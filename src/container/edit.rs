@@ -1,0 +1,23 @@
+//! Sections added to a file, the others kept.
+
+use super::{Container, SectionCodec, Tag, Writer};
+use crate::Result;
+use crate::limits::Limits;
+
+/// The file with `sections` put in place of those of the same tags, or at its end. All others stay as they are, also those that
+/// this build doesn't know: the critical sections do not change.
+pub fn with_sections(file: &[u8], sections: &[(Tag, SectionCodec, Vec<u8>)], limits: Limits) -> Result<Vec<u8>> {
+    let mut old = Container::open_slice(file, limits)?;
+    let mut writer = Writer::new(Vec::with_capacity(file.len()))?;
+    for section in old.sections().to_vec() {
+        if sections.iter().all(|(tag, ..)| *tag != section.tag) {
+            let content = old.read(&section)?;
+            old.budget().release(section.decoded);
+            writer.section(section.tag, section.codec, &content)?;
+        }
+    }
+    for (tag, codec, content) in sections {
+        writer.section(*tag, *codec, content)?;
+    }
+    writer.finish()
+}

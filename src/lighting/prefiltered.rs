@@ -1,0 +1,118 @@
+//! Light ready for shading: a few spherical Gaussians for diffuse reflection, prefiltered levels for specular reflection.
+
+use super::SphericalGaussian;
+use super::octahedral::{Taps, solid_angles, taps};
+
+/// Sharpness of the levels that the encoder makes, from a mirror's to nearly diffuse (Sonoda 2011, section 4.2).
+pub const SHARPNESS: [f64; 7] = [21_000.0, 5_250.0, 1_312.0, 328.0, 82.0, 20.0, 5.0];
+
+/// The light of an environment. What a file's section `lIGt` holds.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Light {
+    /// Radiance as a sum of lobes, for diffuse reflection.
+    pub diffuse: Vec<SphericalGaussian>,
+    /// The environment seen through lobes of falling sharpness.
+    pub levels: Vec<Level>,
+}
+
+/// The environment averaged by a lobe, about every direction of an octahedral grid.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Level {
+    sharpness: f64,
+    size: usize,
+    /// Cells of [`super::octahedral`], row by row.
+    cells: Vec<[f32; 3]>,
+}
+
+impl Level {
+    /// From `size * size` cells; `None` where their number is another or `sharpness` is not positive.
+    pub fn new(sharpness: f64, size: usize, cells: Vec<[f32; 3]>) -> Option<Self> {
+        let right = size > 0 && sharpness > 0.0 && sharpness.is_finite() && Some(cells.len()) == size.checked_mul(size);
+        right.then_some(Level { sharpness, size, cells })
+    }
+    /// Sharpness of the lobe.
+    pub fn sharpness(&self) -> f64 {
+        self.sharpness
+    }
+    /// Cells along a side.
+    pub fn size(&self) -> usize {
+        self.size
+    }
+    /// Mean radiance about each cell's direction, row by row.
+    pub fn cells(&self) -> &[[f32; 3]] {
+        &self.cells
+    }
+    /// Mean radiance, weighted by the lobe about a direction: `int G L / int G`. Bilinear between cells.
+    #[inline]
+    pub fn mean(&self, direction: [f64; 3]) -> [f32; 3] {
+        let Taps { cells, weights } = taps(direction, self.size);
+        let mut sum = [0.0; 3];
+        for (cell, weight) in cells.into_iter().zip(weights) {
+            let cell = &self.cells[cell as usize];
+            (0..3).for_each(|c| sum[c] += weight * cell[c]);
+        }
+        sum
+    }
+}
+
+impl Light {
+    /// Mean radiance weighted by a lobe of any sharpness about a direction, `int G L / int G`; interpolated between the two
+    /// levels about it in the logarithm of the sharpness; beyond them the outermost level.
+    /// Times the lobe's [`SphericalGaussian::integral`] it is the inner product of the lobe and the light. Black without levels.
+    #[inline]
+    pub fn prefiltered(&self, direction: [f64; 3], sharpness: f64) -> [f32; 3] {
+        // Levels come from sharp to dull.
+        let below = self.levels.iter().position(|level| level.sharpness <= sharpness).unwrap_or(self.levels.len());
+        let (Some(dull), Some(sharp)) = (self.levels.get(below), below.checked_sub(1).and_then(|k| self.levels.get(k)))
+        else {
+            return self.levels.get(below).or(self.levels.last()).map_or([0.0; 3], |level| level.mean(direction));
+        };
+        let part = ((sharpness / dull.sharpness).ln() / (sharp.sharpness / dull.sharpness).ln()) as f32;
+        let (a, b) = (dull.mean(direction), sharp.mean(direction));
+        std::array::from_fn(|c| a[c] + part * (b[c] - a[c]))
+    }
+    /// Irradiance of the diffuse lobes on a surface that nothing shadows.
+    pub fn irradiance(&self, normal: [f64; 3]) -> [f64; 3] {
+        let mut sum = [0.0; 3];
+        for lobe in &self.diffuse {
+            let part = lobe.irradiance(normal);
+            (0..3).for_each(|c| sum[c] += part[c]);
+        }
+        sum
+    }
+    /// Mean radiance of all directions, by the least sharp level.
+    pub fn mean(&self) -> [f64; 3] {
+        let mut sum = [0.0; 3];
+        if let Some(level) = self.levels.last() {
+            for (cell, angle) in level.cells.iter().zip(solid_angles(level.size)) {
+                (0..3).for_each(|c| sum[c] += cell[c] as f64 * angle / (4.0 * std::f64::consts::PI));
+            }
+        }
+        sum
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::octahedral::directions;
+    use super::*;
+
+    #[test]
+    fn levels_are_interpolated_in_the_logarithm() {
+        let level = |sharpness: f64, value: f32| Level::new(sharpness, 4, vec![[value; 3]; 16]).unwrap();
+        let light = Light { diffuse: Vec::new(), levels: vec![level(64.0, 3.0), level(4.0, 1.0)] };
+        let at = |sharpness| light.prefiltered([0.0, 1.0, 0.0], sharpness)[0];
+        assert!(
+            (at(16.0) - 2.0).abs() < 1e-6 && at(64.0) == 3.0 && at(1000.0) == 3.0 && at(4.0) == 1.0 && at(1.0) == 1.0
+        );
+        assert_eq!(Light::default().prefiltered([1.0, 0.0, 0.0], 5.0), [0.0; 3]);
+        assert!((light.mean()[0] - 1.0).abs() < 1e-12);
+        let linear: Vec<[f32; 3]> = directions(16).iter().map(|d| d.map(|x| x as f32)).collect();
+        let level = Level::new(1.0, 16, linear).unwrap();
+        for d in [[0.6, 0.8, 0.0], [0.6, -0.8, 0.0], [-0.48, -0.6, 0.64], [0.0, -1.0, 0.0]] {
+            let found = level.mean(d);
+            assert!((0..3).all(|c| (found[c] as f64 - d[c]).abs() < 0.08), "{d:?} {found:?}");
+        }
+        assert!(Level::new(1.0, 4, vec![[0.0; 3]; 15]).is_none());
+    }
+}

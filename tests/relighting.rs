@@ -1,0 +1,115 @@
+//! Files that carry visibility and light: figures on real data, and files without photographs.
+
+use std::path::PathBuf;
+use tsuya::container::{SectionCodec, Tag, Writer, edit};
+use tsuya::decoder::{DecodeOptions, decode};
+use tsuya::lighting::fit::{self, FitOptions};
+use tsuya::lighting::read::{self, Fisheye, Looks, Projection, ReadOptions};
+use tsuya::lighting::{Environment, Light, code, levels};
+use tsuya::visibility::bake::{BakeOptions, bake};
+use tsuya::{Limits, mesh};
+
+/// A file of the test data, or none where they are not there.
+fn data(name: &str) -> Option<PathBuf> {
+    let beside = || PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../shared/data");
+    let path = std::env::var_os("TSUYA_DATA").map_or_else(beside, PathBuf::from).join(name);
+    if !path.is_file() {
+        println!("{} is not there: skipped", path.display());
+        return None;
+    }
+    Some(path)
+}
+
+fn file(sections: &[(Tag, &[u8])]) -> Vec<u8> {
+    let mut writer = Writer::new(Vec::new()).unwrap();
+    for (tag, bytes) in sections {
+        writer.section(*tag, SectionCodec::Own, bytes).unwrap();
+    }
+    writer.finish().unwrap()
+}
+
+#[test]
+fn visibility_of_a_small_bunny() {
+    let Some(path) = data("meshes/bunny_lowres.ply") else { return };
+    let (given, _) = mesh::clean::clean(mesh::read::read(&path).unwrap());
+    let coded = mesh::code::encode(&given, &mesh::code::MeshOptions { position_bits: 14 }).unwrap();
+    let baked = bake(&coded.mesh, &BakeOptions::default()).unwrap();
+    assert_eq!(baked.bytes, bake(&coded.mesh, &BakeOptions::default()).unwrap().bytes, "the same bytes each time");
+    let error = baked.visibility.error();
+    assert!(error.rms_radians < 0.04 && error.wrong_signs < 0.02, "{error:?}");
+    assert!(baked.bytes.len() <= 48 * coded.mesh.positions.len(), "{} bytes", baked.bytes.len());
+    // A file of the mesh and its visibility alone.
+    let bytes = file(&[(Tag::MESH, &coded.bytes), (Tag::VISIBILITY, &baked.bytes)]);
+    let asset = decode(&bytes, &DecodeOptions::default()).unwrap();
+    assert_eq!((asset.visibility.as_ref(), asset.views.len()), (Some(&baked.visibility), 0));
+    // With a ground below nothing comes from there.
+    let ground = BakeOptions { ground_up: Some([0.0, 1.0, 0.0]), ..Default::default() };
+    let above = bake(&coded.mesh, &ground).unwrap().visibility;
+    assert!((0..above.vertices()).all(|v| above.evaluate(v, [0.0, -1.0, 0.0]) < -0.3));
+    // Visibility without its mesh, and without any section that stands for itself.
+    assert!(decode(&file(&[(Tag::VISIBILITY, &baked.bytes)]), &DecodeOptions::default()).is_err());
+    assert!(decode(&file(&[(Tag::MESH, &coded.bytes)]), &DecodeOptions::default()).is_err());
+}
+
+#[test]
+fn light_of_a_museum() {
+    let Some(path) = data("envmaps/museum.exr") else { return };
+    let (environment, _) = read::read(&[&path], &ReadOptions::default()).unwrap();
+    let environment = environment.resized(256, 128);
+    let diffuse = fit::fit(&environment, &FitOptions::default(), None);
+    assert!(fit::relative_error(&environment, &diffuse) < 0.02);
+    let levels = levels::levels(&environment, 256);
+    let (bytes, light) = code::encode(&Light { diffuse, levels }, &Default::default()).unwrap();
+    let errors = levels::relative_errors(&environment, &light.levels[1..], 16);
+    assert!(errors.iter().all(|&error| error < 0.05), "{errors:?}");
+    let alone = file(&[(Tag::LIGHT, &bytes)]);
+    assert_eq!(decode(&alone, &DecodeOptions::default()).unwrap().light, Some(light.clone()));
+    // Put in place of another light.
+    let dark = code::encode(&Light::default(), &Default::default()).unwrap().0;
+    let changed = edit::with_sections(&alone, &[(Tag::LIGHT, SectionCodec::Own, dark)], Limits::default()).unwrap();
+    assert_eq!(decode(&changed, &DecodeOptions::default()).unwrap().light, Some(Light::default()));
+    for length in (0..alone.len()).step_by(997) {
+        assert!(decode(&alone[..length], &DecodeOptions::default()).is_err());
+    }
+}
+
+#[test]
+fn negative_pixels_of_a_compressed_environment_are_counted() {
+    let Some(path) = data("envmaps/studio.exr") else { return };
+    let (environment, cleaned) = read::read(&[&path], &ReadOptions::default()).unwrap();
+    assert!(environment.image().data.iter().flatten().all(|x| x.is_finite() && *x >= 0.0));
+    println!("{cleaned:?}");
+}
+
+/// The fisheye picture is a half of the panorama: the same scene where both show it.
+#[test]
+fn a_fisheye_picture_agrees_with_its_panorama() {
+    let (Some(fisheye), Some(panorama)) = (data("fisheye/equidistant-180.jpg"), data("fisheye/panorama.jpg")) else {
+        return;
+    };
+    let projection = Projection::Fisheye { model: Fisheye::Equidistant, field_degrees: 180.0, looks: Looks::Ahead };
+    let options = ReadOptions { projection: Some(projection), width: Some(256), ..Default::default() };
+    let half = read::read(&[&fisheye], &options).unwrap().0;
+    let options = ReadOptions { projection: Some(Projection::LatLong), width: Some(256), ..Default::default() };
+    let whole = read::read(&[&panorama], &options).unwrap().0;
+    // The lens may have looked to any side of the panorama, or up: the best turn must fit well.
+    let difference = |turned: &Environment| {
+        let (mut sum, mut count) = (0.0, 0.0);
+        for y in 0..128 {
+            for x in 0..256 {
+                let direction = half.direction(x as f64 + 0.5, y as f64 + 0.5);
+                if direction[2] > 0.2 {
+                    let (a, b) = (half.radiance(direction), turned.radiance(direction));
+                    sum += (0..3).map(|c| (a[c] - b[c]).abs() as f64).sum::<f64>() / 3.0;
+                    count += 1.0;
+                }
+            }
+        }
+        sum / count
+    };
+    let differences: Vec<f64> = (0..72).map(|k| difference(&whole.rotated_y(5.0 * k as f64))).collect();
+    let best = differences.iter().copied().fold(f64::MAX, f64::min);
+    let mean = differences.iter().sum::<f64>() / 72.0;
+    println!("{best} {mean}");
+    assert!(best < 0.5 * mean, "{differences:?}");
+}
