@@ -3,13 +3,34 @@
 //! A picture is the reflectance model, evaluated, plus the residual (photograph minus model), interpolated between the nearest
 //! captured views (Miyazaki 2007, equations 12 to 16).
 
+mod appearance;
+mod better;
 mod cameras;
+#[cfg(feature = "encode")]
+pub mod job;
+mod material;
+mod models;
+mod occlusion;
+mod octahedral;
+mod published;
+#[cfg(feature = "encode")]
+mod reference;
 mod renderer;
 mod residual;
+mod scene;
 mod shadow;
+mod surround;
 
+pub use appearance::{Appearance, Look, Prepared, Uniform};
 pub use cameras::{bounds, look_at, orbit};
+pub use material::{HalfLobe, Material, Specular, WarpedLobe, fit_lobes};
+pub use models::Model;
+pub use occlusion::Occlusion;
+#[cfg(feature = "encode")]
+pub use reference::{ReferenceOptions, reference};
+pub use surround::{DistantLight, Surround, SurroundOptions};
 pub use renderer::Renderer;
+pub use scene::{EnvironmentOptions, Evaluator, Object, Relit, Scene};
 
 use crate::asset::{Asset, Camera, PointLight};
 use crate::error::Result;
