@@ -26,6 +26,10 @@ impl Tag {
     pub const PLANES: Tag = Tag(*b"PLAN");
     /// Residual volumes of the `paper` profile.
     pub const PAPER: Tag = Tag(*b"PAPR");
+    /// Visibility of the vertices; holds for the MESH beside it only.
+    pub const VISIBILITY: Tag = Tag(*b"vISB");
+    /// Light: spherical Gaussians and prefiltered levels.
+    pub const LIGHT: Tag = Tag(*b"lIGt");
 
     /// True when a reader that doesn't know the section must refuse the file.
     pub fn is_critical(self) -> bool {
@@ -83,7 +87,7 @@ const OWN: &[SectionCodec] = &[SectionCodec::Own];
 const ANY: &[SectionCodec] = &[SectionCodec::None, SectionCodec::Zstd, SectionCodec::Own];
 
 /// All known sections, in the order in which writers put them. Part of the format.
-const TABLE: [Known; 8] = [
+const TABLE: [Known; 10] = [
     entry(Tag::METADATA, 2, 1 << 20, GENERAL),
     entry(Tag::THUMBNAIL, 57, 1 << 20, &[SectionCodec::None]),
     entry(Tag::MESH, 4, 1 << 32, OWN),
@@ -92,6 +96,8 @@ const TABLE: [Known; 8] = [
     entry(Tag::REFLECTANCE, 1, 1 << 40, ANY),
     entry(Tag::PLANES, 1, 1 << 40, ANY),
     entry(Tag::PAPER, 1, 1 << 40, ANY),
+    entry(Tag::VISIBILITY, 21, 1 << 36, OWN),
+    entry(Tag::LIGHT, 4, 1 << 32, OWN),
 ];
 /// What holds for sections that this build doesn't know. Part of the format.
 const UNKNOWN_LONGEST: u64 = 1 << 40;

@@ -1,0 +1,35 @@
+//! The error of stored visibility against rays.
+
+use super::rays::{Grid, Scratch, Surroundings};
+use super::{Visibility, VisibilityError};
+use crate::lighting::octahedral;
+
+/// Vertices looked at, and cells along a side of the grid of exact directions.
+const VERTICES: usize = 96;
+const SIZE: usize = 90;
+
+/// Compares with rays in 8,100 directions from up to 96 vertices spread over the list; each direction counts by its solid angle.
+pub fn measure(surroundings: &Surroundings, visibility: &Visibility) -> VisibilityError {
+    let grid = Grid::new(SIZE);
+    let angles = octahedral::solid_angles(SIZE);
+    let directions = octahedral::directions(SIZE);
+    let vertices = surroundings.vertices();
+    let count = vertices.min(VERTICES);
+    let sums = crate::paper::parallel::map(count, |k| {
+        let vertex = k * vertices / count;
+        let mut scratch = Scratch::default();
+        surroundings.signed_distances(vertex, &grid, &mut scratch);
+        let mut basis = vec![0.0; visibility.terms() + 1];
+        let (mut squared, mut wrong) = (0.0, 0.0);
+        for ((&direction, &exact), &angle) in directions.iter().zip(&scratch.distances).zip(&angles) {
+            visibility.basis(direction, &mut basis);
+            let found = super::distance(&basis, visibility.weights(vertex));
+            squared += angle * (found as f64 - exact as f64).powi(2);
+            wrong += if (found > 0.0) == (exact > 0.0) { 0.0 } else { angle };
+        }
+        (squared, wrong)
+    });
+    let (squared, wrong) = sums.iter().fold((0.0, 0.0), |a, b| (a.0 + b.0, a.1 + b.1));
+    let whole = 4.0 * std::f64::consts::PI * count.max(1) as f64;
+    VisibilityError { rms_radians: (squared / whole).sqrt() as f32, wrong_signs: (wrong / whole) as f32 }
+}

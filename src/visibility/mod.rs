@@ -1,0 +1,124 @@
+//! Visibility of all directions from every vertex, as a signed distance on the sphere, in few numbers a vertex.
+//!
+//! The signed spherical distance of a direction is its angle to the nearest direction of the other kind: positive where the
+//! direction is free, negative where the mesh blocks it (Wang 2009; Sonoda 2011, equation 2). It is smooth enough for a
+//! principal component analysis over the vertices and for linear interpolation between them.
+
+#[cfg(feature = "encode")]
+pub mod bake;
+pub mod code;
+#[cfg(feature = "encode")]
+mod measure;
+#[cfg(feature = "encode")]
+mod principal;
+#[cfg(feature = "encode")]
+pub mod rays;
+
+use crate::lighting::octahedral::{Taps, taps};
+
+/// Visibility of a mesh's vertices: `distance(vertex, direction) = mean(direction) + sum_k weight(vertex, k) base(direction, k)`.
+///
+/// Directions are those of the mesh's world. Bases are functions on the octahedral grid of [`crate::lighting::octahedral`],
+/// bilinear between its cells, already multiplied by the steps of their weights; weights are integers of 8 bits.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Visibility {
+    size: usize,
+    terms: [usize; 2],
+    ground: bool,
+    error: VisibilityError,
+    /// For each cell the mean, then one value for each term.
+    bases: Vec<f32>,
+    /// For each vertex one integer for each term.
+    weights: Vec<i8>,
+}
+
+/// How far the stored visibility is from the exact one, over all directions, vertices counted alike.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct VisibilityError {
+    /// Root mean square error of the signed distance, radians.
+    pub rms_radians: f32,
+    /// Share of directions whose sign is wrong: free ones taken for blocked ones or the reverse, 0 to 1.
+    pub wrong_signs: f32,
+}
+
+impl Visibility {
+    /// Number of vertices.
+    pub fn vertices(&self) -> usize {
+        self.weights.len() / self.terms()
+    }
+    /// Number of terms, all of them.
+    pub fn terms(&self) -> usize {
+        self.terms[0] + self.terms[1]
+    }
+    /// Number of terms of the first group, which alone serves for broad lobes (16), and of the second (32).
+    pub fn groups(&self) -> [usize; 2] {
+        self.terms
+    }
+    /// Cells along a side of the grid of directions.
+    pub fn size(&self) -> usize {
+        self.size
+    }
+    /// Whether an endless plane below the object was taken as blocking, too.
+    pub fn has_ground(&self) -> bool {
+        self.ground
+    }
+    /// The error that the encoder measured.
+    pub fn error(&self) -> VisibilityError {
+        self.error
+    }
+    /// Weights of a vertex, [`Visibility::terms`] of them; none for a vertex that there is not.
+    pub fn weights(&self, vertex: usize) -> &[i8] {
+        let terms = self.terms();
+        self.weights.get(vertex.saturating_mul(terms)..).and_then(|rest| rest.get(..terms)).unwrap_or(&[])
+    }
+    /// Weights between three vertices: as many as `out` holds, [`Visibility::terms`] at most.
+    pub fn interpolate(&self, vertices: [usize; 3], barycentric: [f32; 3], out: &mut [f32]) {
+        out.fill(0.0);
+        for (vertex, share) in vertices.into_iter().zip(barycentric) {
+            for (sum, &weight) in out.iter_mut().zip(self.weights(vertex)) {
+                *sum += share * weight as f32;
+            }
+        }
+    }
+    /// The mean and the bases in a direction: as many as `out` holds, [`Visibility::terms`] + 1 at most. With [`distance`] they
+    /// serve for every vertex.
+    pub fn basis(&self, direction: [f64; 3], out: &mut [f32]) {
+        let stride = self.terms() + 1;
+        let Taps { cells, weights } = taps(direction, self.size);
+        out.fill(0.0);
+        for (cell, share) in cells.into_iter().zip(weights) {
+            for (sum, &value) in out.iter_mut().zip(&self.bases[cell as usize * stride..][..stride]) {
+                *sum += share * value;
+            }
+        }
+    }
+    /// Signed distance in radians, -pi to pi, of a unit direction as seen from a vertex.
+    pub fn evaluate(&self, vertex: usize, direction: [f64; 3]) -> f64 {
+        let weights = self.weights(vertex);
+        self.at_cells(direction, |values| {
+            weights.iter().zip(values).map(|(&weight, &value)| weight as f32 * value).sum()
+        })
+    }
+    /// The same with weights of [`Visibility::interpolate`], as many as are given.
+    pub fn evaluate_weights(&self, weights: &[f32], direction: [f64; 3]) -> f64 {
+        self.at_cells(direction, |values| weights.iter().zip(values).map(|(weight, value)| weight * value).sum())
+    }
+    fn at_cells(&self, direction: [f64; 3], sum: impl Fn(&[f32]) -> f32) -> f64 {
+        let stride = self.terms() + 1;
+        let Taps { cells, weights } = taps(direction, self.size);
+        let mut distance = 0.0;
+        for (cell, share) in cells.into_iter().zip(weights) {
+            if let Some((mean, values)) = self.bases[cell as usize * stride..][..stride].split_first() {
+                distance += share * (mean + sum(values));
+            }
+        }
+        (distance as f64).clamp(-std::f64::consts::PI, std::f64::consts::PI)
+    }
+}
+
+/// Signed distance in radians by a direction's [`Visibility::basis`] and a vertex's weights.
+#[inline]
+pub fn distance(basis: &[f32], weights: &[i8]) -> f32 {
+    let Some((mean, values)) = basis.split_first() else { return 0.0 };
+    mean + values.iter().zip(weights).map(|(value, &weight)| value * weight as f32).sum::<f32>()
+}
