@@ -1,6 +1,19 @@
 //! Materials whose reflectance was measured: reading tables, fitting lobes, planning what to measure.
 
 mod angles;
+#[cfg(feature = "encode")]
+pub mod errors;
+#[cfg(feature = "encode")]
+pub mod merl;
+pub mod models;
+#[cfg(feature = "encode")]
+mod parallel;
+#[cfg(feature = "encode")]
+pub mod rgl;
+#[cfg(feature = "encode")]
+pub mod sphere;
+#[cfg(all(test, feature = "encode"))]
+mod test_data;
 
 pub use angles::HalfDifference;
 

@@ -1,0 +1,174 @@
+//! How far a fitted material is from the measured one.
+
+use super::merl::{CellGrid, MerlTable, THETA_H_BINS};
+use super::sphere::SphereScenes;
+use super::{Brdf, parallel};
+use serde::{Deserialize, Serialize};
+use std::f64::consts::{FRAC_PI_2, PI};
+
+/// The figures of one fit.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct ErrorReport {
+    /// Root mean square of `ln(1 + f cos) - ln(1 + f' cos)` over valid cells, colours together; `cos` is that of the incident light.
+    pub log_rmse: f64,
+    /// Root mean square of `(f - f') cos` over valid cells, colours together.
+    pub cosine_rmse: f64,
+    /// The fitted material's greatest [`albedo`] over [`ALBEDO_ANGLES_DEG`] and colours; more than 1 makes light of nothing.
+    pub albedo_max: f64,
+    /// The fitted material's [`reciprocity`].
+    pub reciprocity: f64,
+    /// Of a rendered sphere.
+    pub sphere_psnr_db: SpherePsnr,
+}
+
+/// PSNR of a rendered sphere against the measured material's, see [`SphereScenes`].
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct SpherePsnr {
+    /// Under a point light.
+    pub point: f64,
+    /// Under an environment.
+    pub environment: f64,
+}
+
+impl ErrorReport {
+    /// Compares a fitted material with a measured one.
+    pub fn of(measured: &MerlTable, fitted: &impl Brdf, scenes: &SphereScenes) -> Self {
+        let cells = cell_errors(measured, fitted);
+        ErrorReport {
+            log_rmse: cells.log_rmse,
+            cosine_rmse: cells.cosine_rmse,
+            albedo_max: albedo_max(fitted),
+            reciprocity: reciprocity(fitted),
+            sphere_psnr_db: scenes.psnr(&measured.smooth(), fitted),
+        }
+    }
+}
+
+/// The two errors over cells.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CellErrors {
+    /// See [`ErrorReport::log_rmse`].
+    pub log_rmse: f64,
+    /// See [`ErrorReport::cosine_rmse`].
+    pub cosine_rmse: f64,
+}
+
+/// See [`ErrorReport::log_rmse`].
+pub fn log_rmse(measured: &MerlTable, fitted: &impl Brdf) -> f64 {
+    cell_errors(measured, fitted).log_rmse
+}
+
+/// Both errors over valid cells, in one go.
+pub fn cell_errors(measured: &MerlTable, fitted: &impl Brdf) -> CellErrors {
+    let grid = CellGrid::new();
+    let sums = parallel::map(THETA_H_BINS, |plane| {
+        let mut sums = [0.0; 3];
+        for cell in measured.valid_cells_of_plane(&grid, plane..plane + 1) {
+            let Some((incoming, outgoing)) = grid.directions_above(cell.index) else { continue };
+            let found = fitted.evaluate(incoming, outgoing);
+            for c in 0..3 {
+                let (a, b) = (cell.value[c] * cell.cos_incoming, found[c] * cell.cos_incoming);
+                // ln(1 + a) - ln(1 + b) in one logarithm.
+                let log = ((a - b) / (1.0 + b)).ln_1p();
+                sums[0] += log * log;
+                sums[1] += (a - b) * (a - b);
+            }
+            sums[2] += 3.0;
+        }
+        sums
+    });
+    let [log, linear, count] = sums.into_iter().fold([0.0; 3], |all, one| std::array::from_fn(|k| all[k] + one[k]));
+    CellErrors { log_rmse: (log / f64::max(count, 1.0)).sqrt(), cosine_rmse: (linear / f64::max(count, 1.0)).sqrt() }
+}
+
+/// Angles of the viewer at which [`albedo_max`] looks, degrees. Nearer to the horizon measurements mean little.
+pub const ALBEDO_ANGLES_DEG: [f64; 7] = [0.0, 15.0, 30.0, 45.0, 60.0, 70.0, 80.0];
+
+/// The greatest albedo over [`ALBEDO_ANGLES_DEG`] and colours.
+pub fn albedo_max(material: &impl Brdf) -> f64 {
+    let albedos = parallel::map(ALBEDO_ANGLES_DEG.len(), |k| albedo(material, ALBEDO_ANGLES_DEG[k].to_radians()));
+    albedos.into_iter().flatten().fold(0.0, f64::max)
+}
+
+/// Directional albedo, `integral of f cos(theta_i) over i`, seen at an angle to the normal, red, green, blue.
+///
+/// By a regular quadrature over half vectors, 128 angles times 64 azimuths, the angles as the cube of equal steps, so that lobes of a
+/// few minutes of arc are still integrated: `d i = 4 (h.o) d h`.
+pub fn albedo(material: &impl Brdf, theta_outgoing: f64) -> [f64; 3] {
+    const ANGLES: usize = 128;
+    const AZIMUTHS: usize = 64;
+    let (sine, cosine) = theta_outgoing.sin_cos();
+    let outgoing = [sine, 0.0, cosine];
+    let mut sum = [0.0; 3];
+    for a in 0..ANGLES {
+        let at = (a as f64 + 0.5) / ANGLES as f64;
+        let (sin_h, cos_h) = (FRAC_PI_2 * at.powi(3)).sin_cos();
+        let area = sin_h * FRAC_PI_2 * 3.0 * at * at / ANGLES as f64 * 2.0 * PI / AZIMUTHS as f64;
+        for p in 0..AZIMUTHS {
+            let (sin_p, cos_p) = ((p as f64 + 0.5) / AZIMUTHS as f64 * 2.0 * PI).sin_cos();
+            let half = [sin_h * cos_p, sin_h * sin_p, cos_h];
+            let dot = half[0] * outgoing[0] + half[2] * outgoing[2];
+            let incoming: [f64; 3] = std::array::from_fn(|k| 2.0 * dot * half[k] - outgoing[k]);
+            if dot <= 0.0 || incoming[2] <= 0.0 {
+                continue;
+            }
+            let value = material.evaluate(incoming, outgoing);
+            (0..3).for_each(|c| sum[c] += value[c] * incoming[2] * 4.0 * dot * area);
+        }
+    }
+    sum
+}
+
+/// The greatest `|f(i, o) - f(o, i)| / (f(i, o) + f(o, i))` over 1,000 fixed pairs of directions, all more than 5 degrees above the
+/// horizon, and colours; 0 for a material that obeys Helmholtz.
+pub fn reciprocity(material: &impl Brdf) -> f64 {
+    let fraction = |k: usize, step: f64| (0.5 + k as f64 * step).fract();
+    let direction = |cosine: f64, turn: f64| {
+        let cosine = 0.0872 + (1.0 - 0.0872) * cosine;
+        let sine = (1.0 - cosine * cosine).max(0.0).sqrt();
+        let (sin_p, cos_p) = (2.0 * PI * turn).sin_cos();
+        [sine * cos_p, sine * sin_p, cosine]
+    };
+    let mut worst = 0.0f64;
+    for k in 0..1000 {
+        // A sequence of low discrepancy in four dimensions (powers of the root of x^5 = x + 1).
+        let [a, b, c, d] = [0.856_674_883_854_502_9, 0.733_891_856_627_126, 0.628_706_720_785_653, 0.538_597_259_4];
+        let (one, other) = (direction(fraction(k, a), fraction(k, b)), direction(fraction(k, c), fraction(k, d)));
+        let (there, back) = (material.evaluate(one, other), material.evaluate(other, one));
+        for c in 0..3 {
+            worst = worst.max((there[c] - back[c]).abs() / (there[c] + back[c]).max(1e-12));
+        }
+    }
+    worst
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    struct Constant(f64);
+    impl Brdf for Constant {
+        fn evaluate(&self, _: [f64; 3], _: [f64; 3]) -> [f64; 3] {
+            [self.0; 3]
+        }
+    }
+
+    #[test]
+    fn figures_of_constants() {
+        assert!((albedo_max(&Constant(1.0 / PI)) - 1.0).abs() < 2e-3, "{}", albedo_max(&Constant(1.0 / PI)));
+        assert_eq!(reciprocity(&Constant(0.3)), 0.0);
+        let (one, other) = (Constant(0.2), Constant(0.3));
+        let table = MerlTable::of(&one);
+        let errors = cell_errors(&table, &other);
+        let grid = CellGrid::new();
+        let (mut logs, mut squares, mut count) = (0.0, 0.0, 0.0);
+        for cell in table.valid_cells(&grid) {
+            logs += ((0.2 * cell.cos_incoming).ln_1p() - (0.3 * cell.cos_incoming).ln_1p()).powi(2);
+            squares += (0.1 * cell.cos_incoming).powi(2);
+            count += 1.0;
+        }
+        assert!((errors.log_rmse - f64::sqrt(logs / count)).abs() < 1e-6);
+        assert!((errors.cosine_rmse - f64::sqrt(squares / count)).abs() < 1e-6);
+        assert!(log_rmse(&table, &one) < 1e-7);
+    }
+}

@@ -1,0 +1,112 @@
+//! Tables in the format of the MERL database (Matusik, Pfister, Brand, McMillan 2003).
+//!
+//! A file has three 32-bit counts, 90, 90 and 180, then three planes (red, green, blue) of 90 x 90 x 180 doubles, all little-endian. The
+//! slowest axis is `theta_h`, whose bins grow with its square; then `theta_d`; then `phi_d`. Values are stored divided by 1/1500,
+//! 1.15/1500 and 1.66/1500. A negative value marks a cell that was not measured or lies below the horizon.
+
+mod file;
+mod grid;
+mod look_up;
+
+pub use grid::{Cell, CellGrid};
+pub use look_up::SmoothMerl;
+
+use super::{Brdf, HalfDifference};
+
+/// Bins of `theta_h`, 0 to 90 degrees; bin `i` begins at `(i / 90)^2 * 90` degrees.
+pub const THETA_H_BINS: usize = 90;
+/// Bins of `theta_d`, one degree each.
+pub const THETA_D_BINS: usize = 90;
+/// Bins of `phi_d`, one degree each, 0 to 180.
+pub const PHI_D_BINS: usize = 180;
+/// Cells of a table.
+pub const CELLS: usize = THETA_H_BINS * THETA_D_BINS * PHI_D_BINS;
+/// What a stored red, green, blue value is multiplied by to be a BRDF per steradian.
+pub const SCALES: [f64; 3] = [1.0 / 1500.0, 1.15 / 1500.0, 1.66 / 1500.0];
+
+/// A measured isotropic material: 90 x 90 x 180 cells of red, green and blue.
+///
+/// As a [`Brdf`] it answers as the database's own program does, with the value of the cell that the directions fall into;
+/// [`MerlTable::smooth`] interpolates. 17.5 MB.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MerlTable {
+    /// Per steradian; NaN, all three, where a cell is not valid.
+    cells: Vec<[f32; 3]>,
+}
+
+impl MerlTable {
+    /// A table of any material, each cell evaluated at its middle. Cells whose directions lie below the horizon there are not valid.
+    pub fn of(material: &impl Brdf) -> Self {
+        let grid = CellGrid::new();
+        let planes = super::parallel::map(THETA_H_BINS, |plane| {
+            let cell = |within: usize| {
+                let index = plane * THETA_D_BINS * PHI_D_BINS + within;
+                match grid.directions_above(index) {
+                    Some((incoming, outgoing)) => storable(material.evaluate(incoming, outgoing)),
+                    None => [f32::NAN; 3],
+                }
+            };
+            (0..THETA_D_BINS * PHI_D_BINS).map(cell).collect::<Vec<_>>()
+        });
+        MerlTable { cells: planes.concat() }
+    }
+
+    /// A table from its cells (per steradian, in the file's order); `None` unless there are [`CELLS`] of them. A cell with a negative value
+    /// or one that is not finite is not valid.
+    pub fn from_cells(mut cells: Vec<[f32; 3]>) -> Option<Self> {
+        if cells.len() != CELLS {
+            return None;
+        }
+        cells.iter_mut().for_each(|cell| *cell = storable(cell.map(f64::from)));
+        Some(MerlTable { cells })
+    }
+
+    /// The value of a cell, `None` where it is not valid. Cells are counted as in the file: `(theta_h * 90 + theta_d) * 180 + phi_d`.
+    pub fn cell(&self, index: usize) -> Option<[f64; 3]> {
+        self.cells.get(index).filter(|cell| !cell[0].is_nan()).map(|cell| cell.map(f64::from))
+    }
+
+    /// Every valid cell that lies above the horizon at its middle, in the file's order.
+    pub fn valid_cells<'a>(&'a self, grid: &'a CellGrid) -> impl Iterator<Item = Cell> + 'a {
+        self.valid_cells_of_plane(grid, 0..THETA_H_BINS)
+    }
+
+    /// The same for some bins of `theta_h`, so that threads can share the work.
+    pub fn valid_cells_of_plane<'a>(
+        &'a self,
+        grid: &'a CellGrid,
+        theta_h_bins: std::ops::Range<usize>,
+    ) -> impl Iterator<Item = Cell> + 'a {
+        const PLANE: usize = THETA_D_BINS * PHI_D_BINS;
+        let range = theta_h_bins.start.min(THETA_H_BINS) * PLANE..theta_h_bins.end.min(THETA_H_BINS) * PLANE;
+        range.filter_map(|index| self.cell(index).and_then(|value| grid.cell(index, value)))
+    }
+
+    /// How many cells are valid.
+    pub fn valid_count(&self) -> usize {
+        self.cells.iter().filter(|cell| !cell[0].is_nan()).count()
+    }
+
+    /// The table with values between the middles of its cells interpolated.
+    pub fn smooth(&self) -> SmoothMerl<'_> {
+        SmoothMerl { table: self }
+    }
+}
+
+/// A value as a cell keeps it.
+fn storable(value: [f64; 3]) -> [f32; 3] {
+    let value = value.map(|x| x as f32);
+    if value.iter().all(|&x| x >= 0.0 && x.is_finite()) { value } else { [f32::NAN; 3] }
+}
+
+impl Brdf for MerlTable {
+    fn evaluate(&self, incoming: [f64; 3], outgoing: [f64; 3]) -> [f64; 3] {
+        if incoming[2] <= 0.0 || outgoing[2] <= 0.0 {
+            return [0.0; 3];
+        }
+        self.cell(look_up::cell_of(HalfDifference::of(incoming, outgoing))).unwrap_or([0.0; 3])
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,69 @@
+//! Classical models of reflectance: a Lambertian part and one lobe.
+
+#[cfg(feature = "encode")]
+mod fit;
+mod lobe;
+#[cfg(feature = "encode")]
+mod published;
+
+#[cfg(feature = "encode")]
+pub use fit::{Form, fit};
+pub use lobe::{Geometry, Lobe, ShiftedGamma};
+#[cfg(feature = "encode")]
+pub use published::{PublishedFit, read_published};
+
+use super::Brdf;
+use crate::{Error, Result};
+use serde::{Deserialize, Serialize};
+use std::f64::consts::PI;
+
+/// A classical material: `f = diffuse / pi + specular * lobe`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ClassicalModel {
+    /// Albedo of the Lambertian part, red, green, blue.
+    pub diffuse: [f64; 3],
+    /// Factor of the lobe, red, green, blue.
+    pub specular: [f64; 3],
+    /// The lobe and its shape.
+    pub lobe: Lobe,
+}
+
+impl ClassicalModel {
+    /// Checks what was read from a file: every parameter finite and within its range.
+    pub fn check(&self) -> Result<()> {
+        let colours = self.diffuse.iter().chain(&self.specular);
+        if !colours.clone().all(|x| x.is_finite() && (0.0..=1e6).contains(x)) {
+            return Err(Error::parameter("a model's colours are numbers from 0 to 1000000"));
+        }
+        self.lobe.check()
+    }
+
+    /// Numbers that the model has.
+    pub fn parameters(&self) -> usize {
+        match self.lobe {
+            Lobe::Lambert => 3,
+            _ => 6 + self.lobe.parameters(),
+        }
+    }
+
+    /// Value at angles, per steradian.
+    pub fn at(&self, geometry: &Geometry) -> [f64; 3] {
+        let lobe = self.lobe.evaluate(geometry);
+        std::array::from_fn(|c| {
+            let value = self.diffuse[c] / PI + self.specular[c] * lobe[c];
+            if value.is_finite() { value.max(0.0) } else { 0.0 }
+        })
+    }
+}
+
+impl Brdf for ClassicalModel {
+    fn evaluate(&self, incoming: [f64; 3], outgoing: [f64; 3]) -> [f64; 3] {
+        if incoming[2] <= 0.0 || outgoing[2] <= 0.0 {
+            return [0.0; 3];
+        }
+        self.at(&Geometry::of(incoming, outgoing))
+    }
+}
+
+#[cfg(all(test, feature = "encode"))]
+mod tests;

@@ -1,0 +1,164 @@
+//! Errors of fitted materials: `bench-brdf MERL_TABLES [RGL_MATERIALS [PUBLISHED_FITS]]`, three folders.
+//!
+//! Prints, for every material, log RMSE and the PSNR of rendered spheres for each form, then medians and worst, and the seconds that
+//! reading and fitting take. Published fits are compared on the tables whose names they carry.
+
+use std::error::Error;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+use tsuya::brdf::errors::ErrorReport;
+use tsuya::brdf::merl::MerlTable;
+use tsuya::brdf::models::{ClassicalModel, Form, fit, read_published};
+use tsuya::brdf::rgl::RglMaterial;
+use tsuya::brdf::sphere::{Environment, SphereScenes, studio};
+
+type Result<T> = std::result::Result<T, Box<dyn Error>>;
+
+/// One form's figures for one material.
+struct Row {
+    material: String,
+    form: String,
+    bytes: usize,
+    seconds: f64,
+    report: ErrorReport,
+}
+
+pub fn main() -> Result<()> {
+    let folders: Vec<PathBuf> = std::env::args().skip(1).map(PathBuf::from).collect();
+    let Some(tables) = folders.first() else {
+        return Err("usage: bench-brdf MERL_TABLES [RGL_MATERIALS [PUBLISHED_FITS]]".into());
+    };
+    let scenes = SphereScenes::new(64, &Environment::new(&studio()));
+    let mut published = Vec::new();
+    if let Some(folder) = folders.get(2) {
+        for path in files(folder, "fit")? {
+            published.push((stem(&path), read_published(&path)?));
+        }
+    }
+    let mut rows = Vec::new();
+    let (mut reading, mut bytes) = (0.0, 0u64);
+    let merl = files(tables, "binary")?;
+    for path in &merl {
+        let begun = Instant::now();
+        let table = MerlTable::read(path)?;
+        reading += begun.elapsed().as_secs_f64();
+        bytes += std::fs::metadata(path)?.len();
+        let name = stem(path);
+        fit_all(&name, &table, &scenes, &mut rows)?;
+        for (list, fits) in &published {
+            if let Some(found) = fits.iter().find(|fit| fit.material == name) {
+                let report = ErrorReport::of(&table, &found.model, &scenes);
+                rows.push(Row {
+                    material: name.clone(),
+                    form: list.clone(),
+                    bytes: size(&found.model),
+                    seconds: 0.0,
+                    report,
+                });
+            }
+        }
+    }
+    print("MERL tables", &rows);
+    println!(
+        "read {} tables, {:.0} MB/s; greatest memory of this process {}\n",
+        merl.len(),
+        bytes as f64 / 1e6 / f64::max(reading, 1e-9),
+        greatest_memory()
+    );
+    if let Some(folder) = folders.get(1) {
+        let mut rows = Vec::new();
+        for path in files(folder, "bsdf")? {
+            let table = MerlTable::of(&RglMaterial::read(&path)?.reciprocal());
+            fit_all(&stem(&path), &table, &scenes, &mut rows)?;
+        }
+        print("RGL materials", &rows);
+    }
+    Ok(())
+}
+
+fn fit_all(name: &str, table: &MerlTable, scenes: &SphereScenes, rows: &mut Vec<Row>) -> Result<()> {
+    for form in Form::ALL {
+        let begun = Instant::now();
+        let model = fit(table, form)?;
+        let seconds = begun.elapsed().as_secs_f64();
+        let report = ErrorReport::of(table, &model, scenes);
+        rows.push(Row { material: name.into(), form: form.name().into(), bytes: size(&model), seconds, report });
+    }
+    Ok(())
+}
+
+/// Bytes of a classical model, four a number.
+fn size(model: &ClassicalModel) -> usize {
+    4 * model.parameters()
+}
+
+fn print(title: &str, rows: &[Row]) {
+    let mut forms: Vec<&str> = Vec::new();
+    rows.iter().filter(|row| !row.form.is_empty()).for_each(|row| {
+        if !forms.contains(&row.form.as_str()) {
+            forms.push(&row.form);
+        }
+    });
+    let mut materials: Vec<&str> = rows.iter().map(|row| row.material.as_str()).collect();
+    materials.dedup();
+    println!("{title}: log RMSE, PSNR of a sphere under a point light / in an environment, dB\n");
+    println!("{:24} {}", "", forms.iter().map(|form| format!("{form:>24}")).collect::<String>());
+    for material in &materials {
+        let cell = |form: &str| {
+            let row = rows.iter().find(|row| row.material == *material && row.form == form);
+            row.map_or_else(String::new, |row| {
+                let psnr = row.report.sphere_psnr_db;
+                format!("{:.4} {:5.1} {:5.1}", row.report.log_rmse, psnr.point, psnr.environment)
+            })
+        };
+        println!("{material:24} {}", forms.iter().map(|form| format!("{:>24}", cell(form))).collect::<String>());
+    }
+    println!(
+        "\n{:24}   n  bytes  log RMSE median / worst  cosine RMSE  point dB median / worst  environment dB  albedo  seconds",
+        "form"
+    );
+    for form in forms {
+        let of: Vec<&Row> = rows.iter().filter(|row| row.form == form).collect();
+        let column = |value: &dyn Fn(&Row) -> f64| {
+            let mut values: Vec<f64> = of.iter().map(|row| value(row)).collect();
+            values.sort_by(f64::total_cmp);
+            (values[0], values[values.len() / 2], values[values.len() - 1])
+        };
+        let log = column(&|row| row.report.log_rmse);
+        let (point, light) =
+            (column(&|row| row.report.sphere_psnr_db.point), column(&|row| row.report.sphere_psnr_db.environment));
+        println!(
+            "{form:24} {:3} {:6}        {:.4} / {:7.4}       {:8.4}          {:6.2} / {:5.2}   {:6.2} / {:5.2}  {:6.3}   {:6.3}",
+            of.len(),
+            column(&|row| row.bytes as f64).2,
+            log.1,
+            log.2,
+            column(&|row| row.report.cosine_rmse).1,
+            point.1,
+            point.0,
+            light.1,
+            light.0,
+            column(&|row| row.report.albedo_max).2,
+            column(&|row| row.seconds).1,
+        );
+    }
+    println!();
+}
+
+fn files(folder: &Path, extension: &str) -> Result<Vec<PathBuf>> {
+    let mut found: Vec<PathBuf> =
+        std::fs::read_dir(folder)?.map(|entry| entry.map(|entry| entry.path())).collect::<std::io::Result<_>>()?;
+    found.retain(|path| path.extension().is_some_and(|e| e == extension));
+    found.sort();
+    Ok(found)
+}
+
+fn stem(path: &Path) -> String {
+    path.file_stem().unwrap_or_default().to_string_lossy().into_owned()
+}
+
+fn greatest_memory() -> String {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let line = status.lines().find(|line| line.starts_with("VmHWM"));
+    line.map_or_else(|| "unknown".into(), |line| line.trim_start_matches("VmHWM:").trim().into())
+}
