@@ -1,8 +1,10 @@
 //! A picture asked for in one JSON file, so that another renderer can be asked for the same.
 
 use super::material::{Material, Specular};
-use super::models::Model;
+use super::models::TorranceSparrow;
 use crate::asset::Camera;
+use crate::brdf::Brdf;
+use crate::brdf::models::{ClassicalModel, Lobe};
 use crate::error::{Error, Result};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
@@ -148,21 +150,21 @@ pub struct JobMaterial {
     /// Diffuse albedo.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub diffuse: Option<Parameter<Colour>>,
-    /// Factor of the specular part; for models with a Fresnel term see `f0`.
+    /// Factor of the specular part; for models with a Fresnel term see `reflectance`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub specular: Option<Parameter<Colour>>,
     /// Reflectance at normal incidence, for `cook-torrance` and `ashikhmin-shirley` [default: 1].
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub f0: Option<Colour>,
+    pub reflectance: Option<f64>,
     /// Slope: one number, or for `ward` also two (along and across); `sigma` of `torrance-sparrow`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub roughness: Option<Parameter<Pair>>,
     /// Exponent: one number, or for `ashikhmin-shirley` also two.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub exponent: Option<Pair>,
-    /// `cx, cy, cz` of `lafortune`.
+    /// `cx = cy` and `cz` of `lafortune`, up to a common factor [default: -1 and 1].
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub coefficients: Option<[f64; 3]>,
+    pub coefficients: Option<[f64; 2]>,
     /// `beckmann` (the default) or `ggx`, for `cook-torrance`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub distribution: Option<String>,
@@ -189,8 +191,8 @@ impl Pair {
 }
 
 impl JobMaterial {
-    /// The specular model, `roughness` in place of the job's where it varies; `None` for `lambert`.
-    pub fn specular_model(&self, roughness: Option<f64>) -> Result<Option<Model>> {
+    /// The specular part without its factor, `roughness` in place of the job's where it varies; `None` for `lambert`.
+    pub fn specular_part(&self, roughness: Option<f64>) -> Result<Option<Box<dyn Brdf + Send>>> {
         let constant = match &self.roughness {
             Some(Parameter::Constant(pair)) => Some(pair.values()),
             _ => None,
@@ -201,37 +203,32 @@ impl JobMaterial {
             let fits = pair.iter().all(|r| (0.001..=2.0).contains(r));
             if fits { Ok(pair) } else { Err(asked("a roughness of 0.001 to 2")) }
         };
-        let exponents = || {
-            let pair = self.exponent.ok_or_else(|| asked("exponent"))?.values();
-            let fits = pair.iter().all(|n| (0.0..=1e6).contains(n));
-            if fits { Ok(pair) } else { Err(asked("an exponent of 0 to 1000000")) }
-        };
-        let f0 = self.f0.map_or([1.0; 3], Colour::rgb);
-        Ok(Some(match self.model.as_str() {
+        let exponents = || Ok::<_, Error>(self.exponent.ok_or_else(|| asked("exponent"))?.values());
+        let reflectance = self.reflectance.unwrap_or(1.0);
+        let lobe = match self.model.as_str() {
             "lambert" => return Ok(None),
-            "blinn-phong" => Model::BlinnPhong { exponent: exponents()?[0] },
-            "cook-torrance" => {
-                let ggx = match self.distribution.as_deref() {
-                    None | Some("beckmann") => false,
-                    Some("ggx") => true,
-                    Some(other) => return Err(Error::Unsupported(format!("distribution {other}; known: beckmann, ggx"))),
-                };
-                Model::CookTorrance { roughness: rough()?[0], f0, ggx }
-            }
-            "ward" => Model::Ward { roughness: rough()? },
-            "ashikhmin-shirley" => Model::AshikhminShirley { exponents: exponents()?, f0 },
-            "lafortune" => Model::Lafortune {
-                coefficients: self.coefficients.ok_or_else(|| asked("coefficients"))?,
-                exponent: exponents()?[0],
+            "blinn-phong" => Lobe::BlinnPhong { exponent: exponents()?[0] },
+            "cook-torrance" => match self.distribution.as_deref() {
+                None | Some("beckmann") => Lobe::CookTorranceBeckmann { roughness: rough()?[0], reflectance },
+                Some("ggx") => Lobe::CookTorranceGgx { roughness: rough()?[0], reflectance },
+                Some(other) => return Err(Error::Unsupported(format!("distribution {other}; known: beckmann, ggx"))),
             },
-            "torrance-sparrow" => Model::TorranceSparrow { sigma: rough()?[0] },
+            "ward" => Lobe::WardAnisotropic { roughness: rough()? },
+            "ashikhmin-shirley" => Lobe::AshikhminShirley { exponents: exponents()?, reflectance },
+            "lafortune" => {
+                let [xy, z] = self.coefficients.unwrap_or([-1.0, 1.0]);
+                Lobe::Lafortune { xy, z, exponent: exponents()?[0] }
+            }
+            "torrance-sparrow" => return Ok(Some(Box::new(TorranceSparrow { sigma: rough()?[0] }))),
             other => {
                 return Err(Error::Unsupported(format!(
                     "material model {other}; known: lambert, blinn-phong, cook-torrance, ward, ashikhmin-shirley, lafortune, \
                      torrance-sparrow"
                 )));
             }
-        }))
+        };
+        lobe.check()?;
+        Ok(Some(Box::new(ClassicalModel { diffuse: [0.0; 3], specular: [1.0; 3], lobe })))
     }
 
     /// The material, where nothing in it varies; what does is taken as 1.
@@ -241,11 +238,11 @@ impl JobMaterial {
             Some(Parameter::Texture { .. }) => [1.0; 3],
             None => [none; 3],
         };
-        let model = self.specular_model(None)?;
-        let diffuse = if model.is_none() { 0.5 } else { 0.0 };
+        let part = self.specular_part(None)?;
+        let diffuse = if part.is_none() { 0.5 } else { 0.0 };
         Ok(Material {
             albedo: colour(&self.diffuse, diffuse),
-            specular: model.map(|m| Specular::new(Box::new(m))),
+            specular: part.map(Specular::new),
             specular_scale: colour(&self.specular, 1.0),
         })
     }
@@ -258,7 +255,7 @@ mod tests {
     #[test]
     fn a_job_is_read_as_it_was_written() {
         let text = r#"{"mesh": "a.obj", "material": {"model": "cook-torrance", "diffuse": 0.2, "specular": [1, 0.5, 0.2],
-            "roughness": 0.3, "f0": 0.04}, "environment": {"file": "e.exr", "scale": 2, "rotation_y_deg": 30},
+            "roughness": 0.3, "reflectance": 0.04}, "environment": {"file": "e.exr", "scale": 2, "rotation_y_deg": 30},
             "camera": {"position": [0, 0, 5], "target": [0, 0, 0], "up": [0, 1, 0], "fov_y_deg": 90}, "size": [200, 100],
             "shadows": false, "evaluator": "published"}"#;
         let job: Job = serde_json::from_str(text).unwrap();
@@ -267,12 +264,13 @@ mod tests {
         assert!((camera.focal[1] - 50.0).abs() < 1e-9);
         let material = job.material.as_ref().unwrap();
         assert_eq!(material.uniform().unwrap().specular_scale, [1.0, 0.5, 0.2]);
-        let model = material.specular_model(None).unwrap().unwrap();
-        assert_eq!(model, Model::CookTorrance { roughness: 0.3, f0: [0.04; 3], ggx: false });
+        let part = material.specular_part(None).unwrap().unwrap();
+        let mirror = part.evaluate([0.0, 0.0, 1.0], [0.0, 0.0, 1.0])[0];
+        assert!((mirror - 0.04 / (4.0 * std::f64::consts::PI * 0.09)).abs() < 1e-9, "{mirror}");
         let again: Job = serde_json::from_str(&serde_json::to_string(&job).unwrap()).unwrap();
         assert_eq!(again, job);
         assert!(serde_json::from_str::<Job>(&text.replace("scale", "gain")).is_err());
         let unknown = JobMaterial { model: "velvet".into(), ..material.clone() };
-        assert!(matches!(unknown.specular_model(None), Err(Error::Unsupported(_))));
+        assert!(matches!(unknown.specular_part(None), Err(Error::Unsupported(_))));
     }
 }

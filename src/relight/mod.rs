@@ -20,15 +20,17 @@ mod residual;
 mod scene;
 mod shadow;
 mod surround;
+mod textures;
 
 pub use appearance::{Appearance, Look, Prepared, Uniform};
 pub use cameras::{bounds, look_at, orbit};
 pub use material::{HalfLobe, Material, Specular, WarpedLobe, fit_lobes};
-pub use models::Model;
+pub use models::TorranceSparrow;
 pub use occlusion::Occlusion;
 #[cfg(feature = "encode")]
 pub use reference::{ReferenceOptions, reference};
 pub use surround::{DistantLight, Surround, SurroundOptions};
+pub use textures::{AssetLook, Texture, TexturedLook, Textures};
 pub use renderer::Renderer;
 pub use scene::{EnvironmentOptions, Evaluator, Object, Relit, Scene};
 

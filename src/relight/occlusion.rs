@@ -1,7 +1,8 @@
 //! Signed spherical distances of all vertices, ready to be read in any direction.
 
 use super::octahedral::to_square;
-use crate::lighting::octahedral::wrap;
+use crate::lighting::octahedral::{self, wrap};
+use crate::visibility::{self, Visibility};
 use glam::{Vec2, Vec3};
 
 /// The angle, radians, that a stored byte of 127 stands for.
@@ -34,6 +35,22 @@ impl Occlusion {
             places.iter().map(|&k| (distances[k] / LARGEST * 127.0).round().clamp(-127.0, 127.0) as i8).collect()
         });
         Occlusion { side, bytes: rows.concat() }
+    }
+
+    /// Decodes a file's visibility.
+    pub fn of(visibility: &Visibility) -> Self {
+        let cells: Vec<Vec<f32>> = octahedral::directions(visibility.size())
+            .into_iter()
+            .map(|direction| {
+                let mut basis = vec![0.0; visibility.terms() + 1];
+                visibility.basis(direction, &mut basis);
+                basis
+            })
+            .collect();
+        Self::new(visibility.size(), visibility.vertices(), |vertex| {
+            let weights = visibility.weights(vertex);
+            cells.iter().map(|basis| visibility::distance(basis, weights)).collect::<Vec<f32>>()
+        })
     }
 
     /// Number of vertices.

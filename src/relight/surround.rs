@@ -1,13 +1,13 @@
 //! An environment made ready for rendering: compact bright sources as distant lights, everything else prefiltered on octahedral grids.
 
-use super::octahedral::{Sphere, texel_direction, to_square};
-use crate::lighting::Environment;
-use crate::lighting::octahedral::{solid_angles, wrap};
+use super::octahedral::Sphere;
+use crate::lighting::octahedral::taps;
+use crate::lighting::prefiltered::SHARPNESS;
+use crate::lighting::{Environment, levels::levels};
 use glam::Vec3;
 
-/// Sharpness of the spherical Gaussians that the levels are convolved with (Sonoda 2011), and the side of each level's grid.
-pub(super) const LEVELS: [(f32, usize); 7] =
-    [(21_000.0, 512), (5_250.0, 512), (1_312.0, 256), (328.0, 128), (82.0, 64), (20.0, 32), (5.0, 16)];
+/// Cells along a side of the sharpest levels' grids.
+const LARGEST: usize = 256;
 
 /// A small bright part of the environment.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -39,6 +39,8 @@ impl Default for SurroundOptions {
 pub struct Surround {
     /// The environment as it is.
     pub(super) environment: Environment,
+    /// What is left of it without the compact bright sources.
+    rest: Environment,
     /// Compact bright sources.
     pub(super) distant: Vec<DistantLight>,
     levels: Vec<Sphere>,
@@ -48,15 +50,13 @@ impl Surround {
     /// Takes the environment apart and filters it.
     pub fn new(environment: Environment, options: &SurroundOptions) -> Self {
         let (rest, distant) = take_out_bright(&environment, options);
-        let mut levels = vec![resampled(&rest, LEVELS[0].1)];
-        for k in 1..LEVELS.len() {
-            let (finer, coarser) = (LEVELS[k - 1].0, LEVELS[k].0);
-            // Of two blurs after each other the reciprocals of the sharpness add up, nearly.
-            let kernel = if k == 1 { coarser } else { 1.0 / (1.0 / coarser - 1.0 / finer) };
-            let next = convolved(&levels[k - 1], kernel, LEVELS[k].1);
-            levels.push(next);
-        }
-        Surround { environment, distant, levels }
+        let levels = levels(&rest, LARGEST)
+            .iter()
+            .map(|level| {
+                Sphere::new(level.size(), |x, y| Vec3::from_array(level.cells()[y * level.size() + x]))
+            })
+            .collect();
+        Surround { environment, rest, distant, levels }
     }
 
     /// The compact bright sources.
@@ -65,11 +65,11 @@ impl Surround {
     }
 
     /// Radiance around a direction, given by its place on the octahedral square, averaged with a spherical Gaussian; without the
-    /// distant lights. `level` counts in [`LEVELS`].
+    /// distant lights. `level` counts in [`SHARPNESS`].
     #[inline]
     pub(super) fn filtered(&self, square: glam::Vec2, level: f32) -> Vec3 {
-        let level = level.clamp(0.0, (LEVELS.len() - 1) as f32);
-        let first = (level as usize).min(LEVELS.len() - 2);
+        let level = level.clamp(0.0, (SHARPNESS.len() - 1) as f32);
+        let first = (level as usize).min(SHARPNESS.len() - 2);
         let part = level - first as f32;
         let (fine, coarse) = (self.levels[first].read(square), self.levels[first + 1].read(square));
         fine + (coarse - fine) * part
@@ -77,13 +77,16 @@ impl Surround {
 
     /// Mean radiance, times the solid angle, in each cell of a grid, without the distant lights.
     pub(super) fn cells(&self, side: usize) -> Vec<Vec3> {
-        let base = &self.levels[0];
-        let angles = solid_angles(base.side);
-        let factor = base.side / side;
+        let image = self.rest.image();
         let mut cells = vec![Vec3::ZERO; side * side];
-        for y in 0..side * factor {
-            for x in 0..side * factor {
-                cells[y / factor * side + x / factor] += base.at(x, y) * angles[y * base.side + x] as f32;
+        for y in 0..image.height {
+            let angle = self.rest.solid_angle(y) as f32;
+            for x in 0..image.width {
+                let radiance = Vec3::from_array(*image.at(x, y)) * angle;
+                let around = taps(self.rest.direction(x as f64 + 0.5, y as f64 + 0.5), side);
+                for (cell, weight) in around.cells.into_iter().zip(around.weights) {
+                    cells[cell as usize] += weight * radiance;
+                }
             }
         }
         cells
@@ -94,73 +97,7 @@ impl Surround {
 #[inline]
 pub(super) fn level_of(sharpness: f32) -> f32 {
     // All but the ends are a factor of 4 apart.
-    ((LEVELS[0].0.ln() - sharpness.max(1e-3).ln()) / 4f32.ln()).clamp(0.0, 6.0)
-}
-
-/// Radiance on the octahedral grid, means of 3 x 3 places in each texel.
-fn resampled(environment: &Environment, side: usize) -> Sphere {
-    Sphere::new(side, |x, y| {
-        let mut sum = Vec3::ZERO;
-        for k in 0..9 {
-            let at = glam::Vec2::new(
-                (x as f32 + (k % 3) as f32 / 3.0 + 1.0 / 6.0) / side as f32,
-                (y as f32 + (k / 3) as f32 / 3.0 + 1.0 / 6.0) / side as f32,
-            );
-            let direction = super::octahedral::to_direction(at).as_dvec3().to_array();
-            sum += Vec3::from_array(environment.radiance(direction));
-        }
-        sum / 9.0
-    })
-}
-
-/// Means with a spherical Gaussian of this sharpness around each texel of a coarser grid.
-fn convolved(fine: &Sphere, sharpness: f32, side: usize) -> Sphere {
-    let angles = solid_angles(fine.side);
-    let directions: Vec<Vec3> = (0..fine.side * fine.side)
-        .map(|k| texel_direction(fine.side, k % fine.side, k / fine.side))
-        .collect();
-    // Beyond three standard deviations nothing counts. Cells are 2.2 / side wide at least.
-    let least = 1.0 - (5.0 / sharpness).min(2.0);
-    let window = (least.acos() * fine.side as f32 / 2.2).ceil() as isize + 1;
-    let whole = 2 * window + 1 >= fine.side as isize;
-    Sphere::new(side, |x, y| {
-        let axis = texel_direction(side, x, y);
-        let (mut sum, mut total) = (Vec3::ZERO, 0.0);
-        let mut add = |index: usize| {
-            let cosine = axis.dot(directions[index]);
-            if cosine > least {
-                let weight = (sharpness * (cosine - 1.0)).exp() * angles[index] as f32;
-                sum += weight * fine.at(index % fine.side, index / fine.side);
-                total += weight;
-            }
-        };
-        if whole {
-            (0..fine.side * fine.side).for_each(add);
-        } else {
-            let centre = to_square(axis) * fine.side as f32;
-            let (cx, cy) = (centre.x as isize, centre.y as isize);
-            for dy in -window..=window {
-                for dx in -window..=window {
-                    add(beyond(cx + dx, cy + dy, fine.side));
-                }
-            }
-        }
-        sum / total.max(1e-20)
-    })
-}
-
-/// The cell of a place up to one side beyond the square.
-fn beyond(column: isize, row: isize, side: usize) -> usize {
-    let last = side as isize - 1;
-    let fold = |at: isize| if at < 0 { -1 - at } else if at > last { 2 * last + 1 - at } else { at };
-    let (mut column, mut row) = (column, row);
-    if fold(column) != column {
-        (column, row) = (fold(column), last - row);
-    }
-    if fold(row) != row {
-        (column, row) = (last - column, fold(row));
-    }
-    wrap(column, row, side)
+    (((SHARPNESS[0] as f32).ln() - sharpness.max(1e-3).ln()) / 4f32.ln()).clamp(0.0, 6.0)
 }
 
 /// The environment without its compact bright parts, and those as distant lights: median cut of what lies above the threshold.
@@ -261,6 +198,7 @@ fn halves(mut part: Vec<Bright>) -> (Vec<Bright>, Vec<Bright>) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use super::super::octahedral::to_square;
     use crate::lighting::SphericalGaussian;
 
     #[test]
@@ -268,9 +206,9 @@ mod tests {
         let lobe = SphericalGaussian { axis: [0.6, 0.48, 0.64], sharpness: 50.0, amplitude: [3.0, 1.0, 0.5] };
         let environment = Environment::from_fn(256, |d| lobe.evaluate(d).map(|v| v as f32));
         let light = Surround::new(environment, &SurroundOptions { distant_lights: 0, ..SurroundOptions::default() });
-        for (k, &(sharpness, _)) in LEVELS.iter().enumerate() {
+        for (k, &sharpness) in SHARPNESS.iter().enumerate() {
             for axis in [[0.6, 0.48, 0.64], [0.7071, 0.7071, 0.0], [0.0, 0.0, 1.0]] {
-                let filter = SphericalGaussian::grey(axis, sharpness as f64, 1.0);
+                let filter = SphericalGaussian::grey(axis, sharpness, 1.0);
                 let expected = lobe.inner_product(&filter)[0] / filter.integral()[0];
                 let square = to_square(Vec3::from_array(axis.map(|x| x as f32)).normalize());
                 let found = light.filtered(square, k as f32).x as f64;

@@ -51,7 +51,7 @@ def triple(value, default):
 
 
 class Reflection(mi.BSDF):
-    """Lambert plus one specular model, the formulas of src/relight/models.rs; drawn by the cosine, or by the half vector."""
+    """Lambert plus one specular model, the formulas of src/brdf/models/lobe.rs; drawn by the cosine, or by the half vector."""
 
     material = None
 
@@ -62,11 +62,11 @@ class Reflection(mi.BSDF):
         specular = self.model != "lambert"
         self.albedo = mi.Color3f(triple(m.get("diffuse"), 0.0 if specular else 0.5))
         self.scale = mi.Color3f(triple(m.get("specular"), 1.0))
-        self.f0 = mi.Color3f(triple(m.get("f0"), 1.0))
+        self.f0 = m.get("reflectance", 1.0)
         pair = lambda v: [v, v] if np.isscalar(v) else v
         self.roughness = pair(m.get("roughness", 0.0))
         self.exponent = pair(m.get("exponent", 0.0))
-        self.coefficients = m.get("coefficients", [-1, -1, 1])
+        self.coefficients = m.get("coefficients", [-1, 1])
         self.ggx = m.get("distribution") == "ggx"
         flags = mi.BSDFFlags.GlossyReflection | mi.BSDFFlags.FrontSide
         if self.model in ("ward", "ashikhmin-shirley"):
@@ -103,7 +103,7 @@ class Reflection(mi.BSDF):
             else:
                 d = dr.exp(-(1 / z2 - 1) / m2) / (pi * m2 * z2 * z2)
                 g = dr.minimum(1, dr.minimum(2 * z * co / oh, 2 * z * ci / oh))
-            f = schlick * (d * g / (4 * ci * co))
+            f = mi.Color3f(schlick * d * g / (4 * ci * co))
         elif self.model == "ward":
             ax, ay = self.roughness
             exponent = (dr.square(h.x / ax) + dr.square(h.y / ay)) / (z * z)
@@ -112,10 +112,10 @@ class Reflection(mi.BSDF):
             sine = h.x * h.x + h.y * h.y
             exponent = dr.select(sine > 1e-18, (n[0] * h.x * h.x + n[1] * h.y * h.y) / sine, n[0])
             scale = np.sqrt((n[0] + 1) * (n[1] + 1)) / (8 * pi)
-            f = schlick * (scale * dr.power(z, exponent) / (oh * dr.maximum(ci, co)))
+            f = mi.Color3f(schlick * scale * dr.power(z, exponent) / (oh * dr.maximum(ci, co)))
         elif self.model == "lafortune":
-            c = self.coefficients
-            inner = c[0] * i.x * o.x + c[1] * i.y * o.y + c[2] * i.z * o.z
+            xy, along = self.coefficients
+            inner = (xy * (i.x * o.x + i.y * o.y) + along * ci * co) / max(abs(xy), abs(along))
             f = mi.Color3f((n[0] + 2) / (2 * pi) * dr.power(dr.maximum(inner, 0), n[0]))
         else:
             alpha = dr.acos(dr.minimum(z, 1)) / self.roughness[0]
