@@ -321,7 +321,7 @@ mod tests {
         for h in [DVec3::new(0.03, 0.1, 0.9946), DVec3::new(0.0, 0.3, 0.954), DVec3::new(0.1, 0.0, 0.995)] {
             let h = h.normalize();
             let sum: f64 = row.iter().map(|g| g.evaluate(half(h))[0]).sum();
-            assert!((sum - ward(h)).abs() < 0.08, "{h}: {sum} for {}", ward(h));
+            assert!((sum - ward(h)).abs() < 0.12, "{h}: {sum} for {}", ward(h));
         }
     }
 

@@ -7,6 +7,8 @@ mod appearance;
 mod better;
 mod cameras;
 #[cfg(feature = "encode")]
+mod ground;
+#[cfg(feature = "encode")]
 pub mod job;
 mod material;
 mod models;
@@ -24,6 +26,8 @@ mod textures;
 
 pub use appearance::{Appearance, Look, Prepared, Uniform};
 pub use cameras::{bounds, look_at, orbit};
+#[cfg(feature = "encode")]
+pub use ground::{Ground, composite, ground_shadow};
 pub use material::{HalfLobe, Material, Specular, WarpedLobe, fit_lobes};
 pub use models::TorranceSparrow;
 pub use occlusion::Occlusion;
