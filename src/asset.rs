@@ -1,6 +1,8 @@
 //! What a `.tsuya` file holds, in memory.
 
 use crate::image::{Grid, Mask, RgbImage};
+use crate::lighting::Light;
+use crate::visibility::Visibility;
 use serde::{Deserialize, Serialize};
 
 /// Triangle mesh in world coordinates (the capture's unit). Triangles are counter-clockwise seen from outside.
@@ -159,7 +161,7 @@ pub struct ReflectanceMaps {
 pub struct Asset {
     /// Descriptive metadata, a JSON object; unknown keys are kept.
     pub metadata: serde_json::Map<String, serde_json::Value>,
-    /// The mesh.
+    /// The mesh; empty in a file that carries none.
     pub mesh: Mesh,
     /// Atlas layout of the reflectance.
     pub charts: Option<Charts>,
@@ -173,6 +175,10 @@ pub struct Asset {
     pub views: Vec<View>,
     /// Decoded photographs, parallel to `views`; `None` for views that were not asked for.
     pub photographs: Vec<Option<Photograph>>,
+    /// What the mesh's vertices see.
+    pub visibility: Option<Visibility>,
+    /// Light to show the object in.
+    pub light: Option<Light>,
 }
 
 /// One view's decoded pictures.

@@ -7,7 +7,7 @@ use crate::limits::Limits;
 use crate::reflectance::code as reflectance_code;
 use crate::surface::{charts, raster};
 use crate::tuned::header::{Header, PREFIX_BYTES};
-use crate::{Budget, mesh, paper, tuned};
+use crate::{Budget, lighting, mesh, paper, tuned, visibility};
 use std::io::{Read, Seek};
 
 /// Which photographs to decode.
@@ -54,23 +54,30 @@ pub fn decode_from<R: Read + Seek>(file: &mut Container<R>, options: &DecodeOpti
         Some(content) => metadata::decode(&content, &budget)?.0,
         None => Default::default(),
     };
-    let section = views::decode(&file.read_section(Tag::VIEWS)?, &budget)?;
+    // What stands for itself needs no views, and some of it no mesh.
+    let has = |tags: &[Tag]| tags.iter().any(|&tag| file.find(tag).is_some());
+    let alone = has(&[Tag::VISIBILITY, Tag::LIGHT]);
+    let needs_views = !alone || has(&[Tag::VIEWS, Tag::PLANES, Tag::PAPER]);
+    let needs_mesh = !alone || needs_views || has(&[Tag::MESH, Tag::VISIBILITY, Tag::CHARTS]);
+    let section = match needs_views {
+        true => views::decode(&file.read_section(Tag::VIEWS)?, &budget)?,
+        false => views::ViewsSection { white: [1.0; 3], components: Vec::new(), views: Vec::new() },
+    };
     // 2. Mesh.
-    let mesh = mesh::code::decode(&file.read_section(Tag::MESH)?, &budget)?;
-    if let Selection::Views(wanted) = &options.selection
-        && let Some(view) = wanted.iter().find(|&&view| view >= section.views.len())
-    {
-        return Err(Error::parameter(format!(
-            "view {view} does not exist: the file has {} views",
-            section.views.len()
-        )));
-    }
+    let mesh = match needs_mesh {
+        true => mesh::code::decode(&file.read_section(Tag::MESH)?, &budget)?,
+        false => Default::default(),
+    };
     // 4. Reflectance.
     let charts = file.read_optional(Tag::CHARTS)?.map(|bytes| charts::decode(&bytes, &mesh, &budget)).transpose()?;
     let reflectance = match (&charts, file.read_optional(Tag::REFLECTANCE)?) {
         (Some(charts), Some(bytes)) => Some(reflectance_code::decode(&bytes, &mesh, charts, &budget)?),
         _ => None,
     };
+    // Precomputed: what the vertices see, and light.
+    let visibility = file.read_optional(Tag::VISIBILITY)?;
+    let visibility = visibility.map(|bytes| visibility::code::decode(&bytes, &mesh, &budget)).transpose()?;
+    let light = file.read_optional(Tag::LIGHT)?.map(|bytes| lighting::code::decode(&bytes, &budget)).transpose()?;
     // 5. Residual.
     let wanted = |view: usize| options.selection.takes(view);
     let photographs = if options.selection == Selection::None {
@@ -86,7 +93,7 @@ pub fn decode_from<R: Read + Seek>(file: &mut Container<R>, options: &DecodeOpti
         vec![None; section.views.len()]
     };
     let views::ViewsSection { white, components, views } = section;
-    Ok(Asset { metadata, mesh, charts, reflectance, white, components, views, photographs })
+    Ok(Asset { metadata, mesh, charts, reflectance, white, components, views, photographs, visibility, light })
 }
 
 /// Photographs of profile `tuned`: the head of the section, then the streams of the views that are needed.

@@ -30,6 +30,7 @@ pub mod separate;
 pub mod surface;
 pub mod transform;
 pub mod tuned;
+pub mod visibility;
 
 pub use error::{Error, Result};
 pub use limits::{Budget, Limits};

@@ -16,7 +16,7 @@ mod colmap;
 mod description;
 mod json;
 mod lens;
-mod photograph;
+pub(crate) mod photograph;
 #[cfg(test)]
 mod tests;
 mod transforms;

@@ -55,7 +55,7 @@ impl ColorSpace {
 }
 
 /// Why a picture was not read.
-pub(super) enum Fault {
+pub(crate) enum Fault {
     /// It is missing or damaged: the frame can be left out.
     Unreadable(Error),
     /// It contradicts the capture: nothing should go on.
@@ -71,7 +71,7 @@ impl From<Fault> for Error {
 }
 
 /// A picture in linear radiance.
-pub(super) struct Picture {
+pub(crate) struct Picture {
     /// Missing pixels (NaN or infinite in any colour) are NaN in all three.
     pub colour: RgbImage,
     /// Pixels whose alpha is one half or more; `None` without alpha, or where all are.
@@ -79,7 +79,7 @@ pub(super) struct Picture {
 }
 
 /// Reads a photograph. A given `size` (width, height) is checked before the pixels are decoded.
-pub(super) fn read_picture(path: &Path, space: &ColorSpace, size: Option<(u32, u32)>) -> Result<Picture, Fault> {
+pub(crate) fn read_picture(path: &Path, space: &ColorSpace, size: Option<(u32, u32)>) -> Result<Picture, Fault> {
     let raw = read_raw(path, size)?;
     let linear = |value: f32| if raw.display_referred { space.linear(value) } else { value };
     let colour = raw.pixels.map(|p| {

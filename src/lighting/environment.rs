@@ -147,31 +147,54 @@ impl Environment {
     /// Resampled to another size: means over the area of the new pixels where those are larger, bilinear where they are smaller.
     pub fn resized(&self, width: usize, height: usize) -> Self {
         let (width, height) = (width.max(2), height.max(1));
+        if width > self.image.width || height > self.image.height {
+            return Environment { image: self.enlarged(width, height) };
+        }
         let columns = overlaps(self.image.width, width);
         let rows = overlaps(self.image.height, height);
+        let angles: Vec<f64> = (0..self.image.height).map(|y| self.solid_angle(y)).collect();
         let mut image = RgbImage::filled(width, height, [0.0; 3]);
-        let enlarges = width > self.image.width || height > self.image.height;
+        let mut sums = vec![([0.0f64; 3], 0.0f64); width];
         for y in 0..height {
-            for x in 0..width {
-                if enlarges {
-                    let direction = direction_at(width, height, x as f64 + 0.5, y as f64 + 0.5);
-                    *image.at_mut(x, y) = self.radiance(direction);
-                    continue;
-                }
-                let (mut sum, mut total) = ([0.0f64; 3], 0.0);
-                for &(sy, wy) in &rows[y] {
-                    let weight_of_row = wy * self.solid_angle(sy);
-                    for &(sx, wx) in &columns[x] {
-                        let weight = weight_of_row * wx;
-                        let pixel = self.image.at(sx, sy);
-                        (0..3).for_each(|c| sum[c] += weight * pixel[c] as f64);
-                        total += weight;
+            sums.fill(([0.0; 3], 0.0));
+            for &(source, share_of_row) in &rows[y] {
+                let weight_of_row = share_of_row * angles[source];
+                let row = self.image.row(source);
+                for ((sum, total), columns) in sums.iter_mut().zip(&columns) {
+                    for &(x, share) in columns {
+                        let weight = weight_of_row * share;
+                        (0..3).for_each(|c| sum[c] += weight * row[x][c] as f64);
+                        *total += weight;
                     }
                 }
+            }
+            for (x, (sum, total)) in sums.iter().enumerate() {
                 *image.at_mut(x, y) = sum.map(|s| (s / total) as f32);
             }
         }
         Environment { image }
+    }
+    fn enlarged(&self, width: usize, height: usize) -> RgbImage {
+        let (w, h) = (self.image.width, self.image.height);
+        let place = |k: usize, new: usize, old: usize| (k as f64 + 0.5) * old as f64 / new as f64 - 0.5;
+        let mut image = RgbImage::filled(width, height, [0.0; 3]);
+        for y in 0..height {
+            let v = place(y, height, h);
+            let b = (v - v.floor()) as f32;
+            let row = |v: f64| self.image.row((v.max(0.0) as usize).min(h - 1));
+            let (top, bottom) = (row(v.floor()), row(v.floor() + 1.0));
+            for x in 0..width {
+                let u = place(x, width, w);
+                let a = (u - u.floor()) as f32;
+                let left = (u.floor() as isize).rem_euclid(w as isize) as usize;
+                let right = if left + 1 == w { 0 } else { left + 1 };
+                *image.at_mut(x, y) = std::array::from_fn(|c| {
+                    (1.0 - b) * ((1.0 - a) * top[left][c] + a * top[right][c])
+                        + b * ((1.0 - a) * bottom[left][c] + a * bottom[right][c])
+                });
+            }
+        }
+        image
     }
 }
 

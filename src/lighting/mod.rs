@@ -1,8 +1,17 @@
 //! Light from all around: environment maps, spherical Gaussians fitted to them, prefiltered levels.
 
+pub mod code;
 pub mod environment;
+#[cfg(feature = "encode")]
+pub mod fit;
+#[cfg(feature = "encode")]
+pub mod levels;
+#[cfg(feature = "encode")]
+mod minimise;
 pub mod octahedral;
 pub mod prefiltered;
+#[cfg(feature = "encode")]
+pub mod read;
 pub mod spherical_gaussian;
 
 pub use environment::Environment;

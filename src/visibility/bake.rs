@@ -25,7 +25,7 @@ pub struct BakeOptions {
 
 impl Default for BakeOptions {
     fn default() -> Self {
-        BakeOptions { size: 32, terms: [16, 32], ground_up: None, weight_step: 0.02 }
+        BakeOptions { size: 24, terms: [16, 32], ground_up: None, weight_step: 0.01 }
     }
 }
 
@@ -80,7 +80,8 @@ pub fn bake(mesh: &Mesh, options: &BakeOptions) -> Result<Baked> {
         .map(|(component, &spread)| code::quantise(&unroot(component), basis_error / spread.max(1e-3)))
         .collect();
     // 3. Weights, by least squares for the bases as they are stored.
-    let rooted = |values: Vec<f32>| -> Vec<f32> { values.iter().zip(&roots).map(|(value, root)| value * root).collect() };
+    let rooted =
+        |values: Vec<f32>| -> Vec<f32> { values.iter().zip(&roots).map(|(value, root)| value * root).collect() };
     let stored: Vec<Vec<f32>> = bases.iter().map(|base| rooted(base.values())).collect();
     let stored_mean = rooted(mean.values());
     let projection = principal::least_squares(&stored);
@@ -114,7 +115,10 @@ pub fn bake(mesh: &Mesh, options: &BakeOptions) -> Result<Baked> {
         terms: options.terms,
         ground: options.ground_up.is_some(),
         error: VisibilityError::default(),
-        steps: Steps { mean: mean.step, terms: bases.iter().zip(&steps).map(|(base, &step)| [base.step, step]).collect() },
+        steps: Steps {
+            mean: mean.step,
+            terms: bases.iter().zip(&steps).map(|(base, &step)| [base.step, step]).collect(),
+        },
         mean: mean.integers,
         bases: bases.into_iter().map(|base| base.integers).collect(),
         weights: integers,

@@ -143,10 +143,7 @@ pub fn decode(bytes: &[u8], mesh: &Mesh, budget: &Budget) -> Result<Visibility> 
     if u32::from_le_bytes(word(5)) as usize != vertices {
         return Err(wrong(5, format!("made for {} vertices, the mesh has {vertices}", u32::from_le_bytes(word(5)))));
     }
-    let error = VisibilityError {
-        rms_radians: f32::from_le_bytes(word(9)),
-        wrong_signs: f32::from_le_bytes(word(13)),
-    };
+    let error = VisibilityError { rms_radians: f32::from_le_bytes(word(9)), wrong_signs: f32::from_le_bytes(word(13)) };
     if !(0.0..=4.0).contains(&error.rms_radians) || !(0.0..=1.0).contains(&error.wrong_signs) {
         return Err(wrong(9, "errors are 0 to 4 radians and 0 to 1".into()));
     }
@@ -161,7 +158,8 @@ pub fn decode(bytes: &[u8], mesh: &Mesh, budget: &Budget) -> Result<Visibility> 
         }
         numbers.push(step);
     }
-    let steps = Steps { mean: numbers[0], terms: numbers[1..].chunks_exact(2).map(|pair| [pair[0], pair[1]]).collect() };
+    let steps =
+        Steps { mean: numbers[0], terms: numbers[1..].chunks_exact(2).map(|pair| [pair[0], pair[1]]).collect() };
     let first_length = u32::from_le_bytes(word(17)) as usize;
     let streams_at = HEADER_BYTES + step_bytes.len();
     let Some((first_stream, second_stream)) = streams.split_at_checked(first_length) else {
@@ -308,5 +306,100 @@ impl Before {
     fn of(&self, vertex: usize) -> &[u32] {
         let range = self.first[vertex] as usize..self.first[vertex + 1] as usize;
         self.vertices.get(range).unwrap_or(&[])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::limits::Limits;
+
+    /// A strip of triangles and numbers that vary along it.
+    fn sample(terms: [usize; 2]) -> (Mesh, Content) {
+        let positions = (0..30).map(|k| [k as f32, (k % 2) as f32, 0.0]).collect();
+        let mesh = Mesh { positions, triangles: (0..28).map(|k| [k, k + 1, k + 2]).collect() };
+        let (size, count) = (8, terms[0] + terms[1]);
+        let picture =
+            |seed: usize| (0..size * size).map(move |k| ((k * seed) as f64 * 0.1).sin() * 90.0).map(|x| x as i32);
+        let content = Content {
+            size,
+            terms,
+            ground: true,
+            error: VisibilityError { rms_radians: 0.02, wrong_signs: 0.01 },
+            steps: Steps { mean: 0.01, terms: vec![[0.02, 0.5]; count] },
+            mean: picture(3).collect(),
+            bases: (0..count).map(|k| picture(k + 5).collect()).collect(),
+            weights: (0..30 * count).map(|k| (k % 255) as i8).collect(),
+        };
+        (mesh, content)
+    }
+
+    fn read(bytes: &[u8], mesh: &Mesh) -> Result<Visibility> {
+        decode(bytes, mesh, &Budget::new(Limits { memory_bytes: 1 << 20, ..Limits::default() }))
+    }
+
+    #[test]
+    fn content_comes_back_and_damage_is_an_error() {
+        for terms in [[3, 2], [2, 0]] {
+            let (mesh, content) = sample(terms);
+            let bytes = write(&content, &mesh);
+            assert_eq!(read(&bytes, &mesh).unwrap(), content.visibility());
+            for length in 0..bytes.len() {
+                assert!(read(&bytes[..length], &mesh).is_err(), "{length}");
+            }
+            for extra in [0, 1] {
+                assert!(read(&[&bytes[..], &[extra]].concat(), &mesh).is_err());
+            }
+            let heads = [
+                (0, 1),
+                (1, 2),
+                (2, 7),
+                (2, 129),
+                (3, 0),
+                (3, 65),
+                (5, 31),
+                (8, 1),
+                (12, 0xff),
+                (17, 0xff),
+                (24, 0xff),
+            ];
+            for (at, value) in heads {
+                let mut damaged = bytes.clone();
+                damaged[at] = value;
+                assert!(read(&damaged, &mesh).is_err(), "byte {at}");
+            }
+            for at in 0..bytes.len() {
+                let mut damaged = bytes.clone();
+                damaged[at] ^= 1 << (at % 8);
+                if let Ok(visibility) = read(&damaged, &mesh) {
+                    assert!(visibility.evaluate(7, [0.6, 0.8, 0.0]).abs() <= std::f64::consts::PI);
+                }
+            }
+            let tight = Budget::new(Limits { memory_bytes: 1000, ..Limits::default() });
+            assert!(matches!(decode(&bytes, &mesh, &tight), Err(Error::Limits { .. })));
+            let fewer = Mesh { positions: mesh.positions[..29].to_vec(), triangles: mesh.triangles[..27].to_vec() };
+            assert!(matches!(read(&bytes, &fewer), Err(Error::Format { .. })));
+        }
+    }
+
+    #[test]
+    fn evaluation_is_the_sum_of_terms() {
+        let (mesh, content) = sample([3, 2]);
+        let visibility = read(&write(&content, &mesh), &mesh).unwrap();
+        let direction = crate::lighting::octahedral::directions(8)[20];
+        let mut basis = [0.0; 6];
+        visibility.basis(direction, &mut basis);
+        let expected = 0.01 * content.mean[20] as f32
+            + (0..5)
+                .map(|k| 0.02 * 0.5 * (content.bases[k][20] * content.weights[5 * 4 + k] as i32) as f32)
+                .sum::<f32>();
+        let clamped = expected.clamp(-std::f32::consts::PI, std::f32::consts::PI) as f64;
+        assert!((super::super::distance(&basis, visibility.weights(4)) - expected).abs() < 1e-3);
+        assert!((visibility.evaluate(4, direction) - clamped).abs() < 1e-3);
+        let mut weights = [0.0; 5];
+        visibility.interpolate([4, 4, 9], [0.5, 0.5, 0.0], &mut weights);
+        assert!((visibility.evaluate_weights(&weights, direction) - clamped).abs() < 1e-3);
+        assert_eq!(visibility.weights(30), &[] as &[i8]);
+        assert_eq!((visibility.vertices(), visibility.groups(), visibility.has_ground()), (30, [3, 2], true));
     }
 }

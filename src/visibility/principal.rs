@@ -125,7 +125,7 @@ mod tests {
         let bases: Vec<Vec<f32>> = (0..3).map(|k| base(k).collect()).collect();
         let rows: Vec<f32> = (0..700)
             .flat_map(|n| {
-                let weight = |k: usize| ((n * (2 * k + 3)) as f32 * 0.71).cos() * [5.0, 2.0, 0.5][k];
+                let weight = move |k: usize| ((n * (2 * k + 3)) as f32 * 0.71).cos() * [5.0, 2.0, 0.5][k];
                 let bases = &bases;
                 (0..columns).map(move |i| 1.0 + (0..3).map(|k| weight(k) * bases[k][i]).sum::<f32>())
             })

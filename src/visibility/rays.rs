@@ -178,9 +178,8 @@ const NONE: u32 = u32::MAX;
 
 /// Cosine of the angle to the great arc between two points, or -1 where the nearest of it is one of its ends.
 fn cosine_to_arc(direction: [f32; 3], a: [f32; 3], b: [f32; 3]) -> f32 {
-    let cross = |p: [f32; 3], q: [f32; 3]| {
-        [p[1] * q[2] - p[2] * q[1], p[2] * q[0] - p[0] * q[2], p[0] * q[1] - p[1] * q[0]]
-    };
+    let cross =
+        |p: [f32; 3], q: [f32; 3]| [p[1] * q[2] - p[2] * q[1], p[2] * q[0] - p[0] * q[2], p[0] * q[1] - p[1] * q[0]];
     let dot = |p: [f32; 3], q: [f32; 3]| p[0] * q[0] + p[1] * q[1] + p[2] * q[2];
     let normal = cross(a, b);
     let squared = dot(normal, normal);

@@ -1,0 +1,407 @@
+//! Environment maps out of files: latitude-longitude, cube, mirror ball and fisheye pictures, one or a bracket of several.
+//!
+//! EXR and Radiance HDR are linear; PNG, JPEG and TIFF are decoded by their colour space. Pictures of one place with several
+//! exposures are merged, each divided by its exposure and weighed by how far its values are from black and from white.
+
+use super::environment::{Cleaned, Environment, clean};
+use crate::capture::photograph::{ColorSpace, read_picture};
+use crate::error::{Error, Result};
+use crate::image::RgbImage;
+use std::f64::consts::PI;
+use std::path::Path;
+
+/// How a picture shows the sphere.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Projection {
+    /// Latitude and longitude, as [`Environment`] has them.
+    LatLong,
+    /// Six squares: a cross 4 x 3 or 3 x 4 of them, or a strip of +X, -X, +Y, -Y, +Z, -Z. In the horizontal cross the middle row is
+    /// -X, +Z, +X, -Z with +Y above and -Y below +Z; in the vertical cross -Z stands upside down below -Y. Seen from inside, as in
+    /// OpenGL's cube maps.
+    Cube,
+    /// A mirror ball that touches all four sides, seen from far away in +Z; what it shows in its middle comes from there.
+    MirrorBall,
+    /// Fisheye whose image circle touches the shorter sides.
+    Fisheye {
+        /// How the angle from the axis becomes the distance from the middle.
+        model: Fisheye,
+        /// Angle from edge to edge, degrees, up to 360.
+        field_degrees: f64,
+        /// Where the lens looks.
+        looks: Looks,
+    },
+}
+
+/// A fisheye lens's law.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Fisheye {
+    /// Distance proportional to the angle.
+    Equidistant,
+    /// Distance proportional to the sine of half the angle: equal areas for equal solid angles.
+    Equisolid,
+}
+
+/// Where a fisheye lens looks.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Looks {
+    /// To +Z, the middle of a latitude-longitude picture, with +Y up in the picture.
+    Ahead,
+    /// To +Y, the zenith, with +Z down in the picture (the picture of someone who tilts the camera up from +Z... and goes on
+    /// looking: the lower edge is what stood ahead).
+    Up,
+}
+
+/// How environments are read.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct ReadOptions {
+    /// `None`: by the picture's shape, 2:1 latitude-longitude, 4:3, 3:4, 6:1 and 1:6 cube.
+    pub projection: Option<Projection>,
+    /// Columns of the environment made of other projections; `None`: as many as keep the picture's detail.
+    pub width: Option<usize>,
+    /// Colour space of PNG, JPEG and TIFF; `None`: srgb.
+    pub color_space: Option<String>,
+    /// Exposure (seconds, or any number proportional to the light let in) of each picture; empty for a single picture.
+    pub exposures: Vec<f64>,
+}
+
+/// Reads an environment from one picture, or from several of different exposure.
+///
+/// Errors name the file: unreadable, of another size than the first, of a shape that no projection is guessed for.
+pub fn read<P: AsRef<Path>>(paths: &[P], options: &ReadOptions) -> Result<(Environment, Cleaned)> {
+    let Some(first) = paths.first().map(AsRef::as_ref) else {
+        return Err(Error::parameter("no picture of the environment is given"));
+    };
+    if paths.len() > 1 && options.exposures.len() != paths.len() {
+        let (pictures, exposures) = (paths.len(), options.exposures.len());
+        return Err(Error::parameter(format!("{pictures} pictures need as many exposures, {exposures} are given")));
+    }
+    if options.exposures.iter().any(|&exposure| !(exposure > 0.0 && exposure.is_finite())) {
+        return Err(Error::parameter("exposures must be positive"));
+    }
+    let space = ColorSpace::named(options.color_space.as_deref().unwrap_or("srgb"))?;
+    let mut bracket: Vec<RgbImage> = Vec::new();
+    for path in paths.iter().map(AsRef::as_ref) {
+        let picture = read_picture(path, &space, None).map_err(Error::from)?.colour;
+        if let Some(before) = bracket.first()
+            && (before.width, before.height) != (picture.width, picture.height)
+        {
+            return Err(Error::input(path, "of another size than the first picture of the bracket"));
+        }
+        bracket.push(picture);
+    }
+    let mut image = match bracket.len() {
+        1 => bracket.swap_remove(0),
+        _ => merge(&bracket, &options.exposures),
+    };
+    if let (1, Some(exposure)) = (paths.len(), options.exposures.first()) {
+        image.data.iter_mut().flatten().for_each(|x| *x = (*x as f64 / exposure) as f32);
+    }
+    let projection = match options.projection {
+        Some(projection) => projection,
+        None => guess(&image).ok_or_else(|| {
+            let (width, height) = (image.width, image.height);
+            Error::input(
+                first,
+                format!("{width} x {height} pixels: say how the picture shows the sphere (--projection)"),
+            )
+        })?,
+    };
+    let cleaned = clean(&mut image);
+    let environment = unwrap(image, projection, options.width).map_err(|message| Error::input(first, message))?;
+    Ok((environment, cleaned))
+}
+
+/// A bracket as one picture: the mean of `value / exposure`, each weighed by a hat over the values 0 to 1 times its exposure.
+/// Pixels that are white in all come from the shortest exposure, those that are black in all from the longest.
+fn merge(bracket: &[RgbImage], exposures: &[f64]) -> RgbImage {
+    let by_exposure = |a: &usize, b: &usize| exposures[*a].total_cmp(&exposures[*b]);
+    let shortest = (0..exposures.len()).min_by(by_exposure).unwrap_or(0);
+    let longest = (0..exposures.len()).max_by(by_exposure).unwrap_or(0);
+    let mut merged = bracket[0].clone();
+    for (at, pixel) in merged.data.iter_mut().enumerate() {
+        for (c, value) in pixel.iter_mut().enumerate() {
+            let (mut sum, mut total) = (0.0, 0.0);
+            for (picture, exposure) in bracket.iter().zip(exposures) {
+                let x = picture.data[at][c] as f64;
+                // The hat stands over the encoded value, of which the linear one is about the square.
+                let encoded = x.max(0.0).sqrt();
+                let hat = (encoded.min(1.0 - encoded) - 0.02).clamp(0.0, 0.25) * 4.0;
+                if hat > 0.0 {
+                    sum += hat * exposure * (x / exposure);
+                    total += hat * exposure;
+                }
+            }
+            let bright = bracket[shortest].data[at][c] as f64;
+            *value = if total > 0.0 {
+                (sum / total) as f32
+            } else if bright > 0.25 {
+                (bright / exposures[shortest]) as f32
+            } else {
+                (bracket[longest].data[at][c] as f64 / exposures[longest]) as f32
+            };
+        }
+    }
+    merged
+}
+
+fn guess(image: &RgbImage) -> Option<Projection> {
+    let (w, h) = (image.width, image.height);
+    if w == 2 * h {
+        return Some(Projection::LatLong);
+    }
+    let cube = (w * 3 == h * 4) || (w * 4 == h * 3) || w == 6 * h || h == 6 * w;
+    cube.then_some(Projection::Cube)
+}
+
+fn unwrap(image: RgbImage, projection: Projection, width: Option<usize>) -> std::result::Result<Environment, String> {
+    let side = image.width.min(image.height);
+    if side == 0 {
+        return Err("has no pixels".into());
+    }
+    let make = |natural: usize, f: &dyn Fn([f64; 3]) -> [f32; 3]| {
+        let width = width.unwrap_or(natural.next_multiple_of(2)).clamp(4, 8192);
+        Environment::from_fn(width, f)
+    };
+    Ok(match projection {
+        Projection::LatLong => {
+            let environment = Environment::new(image).map_err(|e| e.to_string())?.0;
+            match width {
+                Some(width) => environment.resized(width, width / 2),
+                None => environment,
+            }
+        }
+        Projection::Cube => {
+            let faces = Faces::of(&image)?;
+            make(4 * faces.side, &|d| faces.radiance(&image, d))
+        }
+        Projection::MirrorBall => {
+            let (middle, radius) = circle(&image);
+            make(2 * side, &|d| {
+                // The normal lies half way between the view (0, 0, 1) and the direction.
+                let half = [d[0], d[1], d[2] + 1.0];
+                let length = (half[0] * half[0] + half[1] * half[1] + half[2] * half[2]).sqrt().max(1e-6);
+                // Seen from +Z, +X is on the right.
+                bilinear(&image, middle[0] + radius * half[0] / length, middle[1] - radius * half[1] / length)
+            })
+        }
+        Projection::Fisheye { model, field_degrees, looks } => {
+            if !(1.0..=360.0).contains(&field_degrees) {
+                return Err("a fisheye's field must be 1 to 360 degrees".into());
+            }
+            let (middle, radius) = circle(&image);
+            let half_field = field_degrees.to_radians() / 2.0;
+            let natural = (2.0 * radius * 2.0 * PI / (2.0 * half_field)).round() as usize;
+            make(natural, &|d| {
+                // Right, up and forward of the lens. Looking to +Z with +Y up, -X is on the right.
+                let (right, up, forward) = match looks {
+                    Looks::Ahead => (-d[0], d[1], d[2]),
+                    Looks::Up => (-d[0], -d[2], d[1]),
+                };
+                let across = right.hypot(up);
+                let angle = across.atan2(forward);
+                if angle > half_field {
+                    return [0.0; 3];
+                }
+                let distance = match model {
+                    Fisheye::Equidistant => angle / half_field,
+                    Fisheye::Equisolid => (angle / 2.0).sin() / (half_field / 2.0).sin(),
+                };
+                let scale = radius * distance / across.max(1e-12);
+                bilinear(&image, middle[0] + scale * right, middle[1] - scale * up)
+            })
+        }
+    })
+}
+
+/// Middle and radius of the largest circle in the middle of a picture.
+fn circle(image: &RgbImage) -> ([f64; 2], f64) {
+    ([image.width as f64 / 2.0, image.height as f64 / 2.0], image.width.min(image.height) as f64 / 2.0)
+}
+
+/// A value between pixels (centres at +0.5), limited to the picture.
+fn bilinear(image: &RgbImage, x: f64, y: f64) -> [f32; 3] {
+    bilinear_within(image, [0, 0, image.width, image.height], x, y)
+}
+
+/// The same within a part of the picture: left, top, width, height.
+fn bilinear_within(image: &RgbImage, [left, top, width, height]: [usize; 4], x: f64, y: f64) -> [f32; 3] {
+    let x = (x - 0.5).clamp(0.0, (width - 1) as f64);
+    let y = (y - 0.5).clamp(0.0, (height - 1) as f64);
+    let (x0, y0) = (x as usize, y as usize);
+    let (x1, y1) = ((x0 + 1).min(width - 1), (y0 + 1).min(height - 1));
+    let (a, b) = ((x - x0 as f64) as f32, (y - y0 as f64) as f32);
+    let at = |x: usize, y: usize| image.at(left + x, top + y);
+    let (p, q, r, s) = (at(x0, y0), at(x1, y0), at(x0, y1), at(x1, y1));
+    std::array::from_fn(|c| (1.0 - b) * ((1.0 - a) * p[c] + a * q[c]) + b * ((1.0 - a) * r[c] + a * s[c]))
+}
+
+/// Where the six squares of a cube lie in a picture.
+struct Faces {
+    side: usize,
+    /// Column and row, in squares, of +X, -X, +Y, -Y, +Z, -Z.
+    places: [[usize; 2]; 6],
+    /// Whether -Z is turned by half a turn.
+    turned: bool,
+}
+
+impl Faces {
+    fn of(image: &RgbImage) -> std::result::Result<Faces, String> {
+        let (w, h) = (image.width, image.height);
+        let cross = [[2, 1], [0, 1], [1, 0], [1, 2], [1, 1]];
+        let places = |last: [usize; 2]| std::array::from_fn(|k| cross.get(k).copied().unwrap_or(last));
+        if w * 3 == h * 4 && w >= 4 {
+            Ok(Faces { side: w / 4, places: places([3, 1]), turned: false })
+        } else if w * 4 == h * 3 && w >= 3 {
+            Ok(Faces { side: w / 3, places: places([1, 3]), turned: true })
+        } else if w == 6 * h {
+            Ok(Faces { side: h, places: std::array::from_fn(|k| [k, 0]), turned: false })
+        } else if h == 6 * w {
+            Ok(Faces { side: w, places: std::array::from_fn(|k| [0, k]), turned: false })
+        } else {
+            Err(format!("{w} x {h} pixels are no cross (4:3, 3:4) and no strip (6:1, 1:6) of six squares"))
+        }
+    }
+    fn radiance(&self, image: &RgbImage, [x, y, z]: [f64; 3]) -> [f32; 3] {
+        let [ax, ay, az] = [x.abs(), y.abs(), z.abs()];
+        // OpenGL's table of faces: major axis, then s to the right and t down.
+        let (face, s, t, major) = if ax >= ay && ax >= az {
+            if x > 0.0 { (0, -z, -y, ax) } else { (1, z, -y, ax) }
+        } else if ay >= az {
+            if y > 0.0 { (2, x, z, ay) } else { (3, x, -z, ay) }
+        } else if z > 0.0 {
+            (4, x, -y, az)
+        } else {
+            (5, -x, -y, az)
+        };
+        let (s, t) = if face == 5 && self.turned { (-s, -t) } else { (s, t) };
+        let to_pixels = |s: f64| (s / major + 1.0) * 0.5 * self.side as f64;
+        let [column, row] = self.places[face];
+        let part = [column * self.side, row * self.side, self.side, self.side];
+        bilinear_within(image, part, to_pixels(s), to_pixels(t))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn linear(d: [f64; 3]) -> [f32; 3] {
+        d.map(|x| (x + 1.0) as f32)
+    }
+
+    fn check(environment: &Environment, tolerance: f32, only: impl Fn([f64; 3]) -> bool) {
+        let mut compared = 0;
+        for d in super::super::octahedral::directions(12).into_iter().filter(|&d| only(d)) {
+            let found = environment.radiance(d);
+            let wanted = linear(d);
+            assert!((0..3).all(|c| (found[c] - wanted[c]).abs() < tolerance), "{d:?}: {found:?}, not {wanted:?}");
+            compared += 1;
+        }
+        assert!(compared > 20);
+    }
+
+    /// A picture drawn by the inverse of a projection: direction of each place, none outside.
+    fn draw(width: usize, height: usize, direction: impl Fn(f64, f64) -> Option<[f64; 3]>) -> RgbImage {
+        let mut image = RgbImage::filled(width, height, [0.0; 3]);
+        for k in 0..image.data.len() {
+            if let Some(d) = direction((k % width) as f64 + 0.5, (k / width) as f64 + 0.5) {
+                image.data[k] = linear(d);
+            }
+        }
+        image
+    }
+
+    #[test]
+    fn a_mirror_ball_shows_the_whole_sphere() {
+        let ball = draw(200, 200, |x, y| {
+            let (nx, ny) = ((x - 100.0) / 100.0, (100.0 - y) / 100.0);
+            let nz = (1.0 - nx * nx - ny * ny).max(0.0).sqrt();
+            // The view (0, 0, 1) mirrored at the normal.
+            Some([2.0 * nz * nx, 2.0 * nz * ny, 2.0 * nz * nz - 1.0])
+        });
+        let environment = unwrap(ball, Projection::MirrorBall, None).unwrap();
+        check(&environment, 0.05, |d| d[2] > -0.9);
+    }
+
+    #[test]
+    fn fisheyes_of_both_laws_and_any_field() {
+        for (field, model) in
+            [(180.0, Fisheye::Equidistant), (360.0, Fisheye::Equidistant), (220.0, Fisheye::Equisolid)]
+        {
+            for looks in [Looks::Ahead, Looks::Up] {
+                let half = f64::to_radians(field) / 2.0;
+                let picture = draw(220, 200, |x, y| {
+                    let (px, py) = ((x - 110.0) / 100.0, (100.0 - y) / 100.0);
+                    let r = px.hypot(py).clamp(1e-9, 1.0);
+                    let angle = match model {
+                        Fisheye::Equidistant => r * half,
+                        Fisheye::Equisolid => 2.0 * (r * (half / 2.0).sin()).asin(),
+                    };
+                    let (right, up) = (angle.sin() * px / r, angle.sin() * py / r);
+                    Some(match looks {
+                        Looks::Ahead => [-right, up, angle.cos()],
+                        Looks::Up => [-right, angle.cos(), -up],
+                    })
+                });
+                let projection = Projection::Fisheye { model, field_degrees: field, looks };
+                let environment = unwrap(picture, projection, None).unwrap();
+                let least = (half - 0.1).cos();
+                check(&environment, 0.03, |d| if looks == Looks::Up { d[1] > least } else { d[2] > least });
+            }
+        }
+    }
+
+    #[test]
+    fn cubes_of_four_layouts() {
+        let face = |k: usize, s: f64, t: f64| {
+            let d = match k {
+                0 => [1.0, -t, -s],
+                1 => [-1.0, -t, s],
+                2 => [s, 1.0, t],
+                3 => [s, -1.0, -t],
+                4 => [s, -t, 1.0],
+                _ => [-s, -t, -1.0],
+            };
+            let length = d.iter().map(|x: &f64| x * x).sum::<f64>().sqrt();
+            d.map(|x| x / length)
+        };
+        for (columns, rows) in [(4, 3), (3, 4), (6, 1), (1, 6)] {
+            let side = 48;
+            let faces = Faces::of(&RgbImage::filled(columns * side, rows * side, [0.0; 3])).unwrap();
+            let picture = draw(columns * side, rows * side, |x, y| {
+                let (column, row) = (x as usize / side, y as usize / side);
+                let k = faces.places.iter().position(|&place| place == [column, row])?;
+                let to = |p: f64| p % side as f64 / side as f64 * 2.0 - 1.0;
+                let sign = if k == 5 && faces.turned { -1.0 } else { 1.0 };
+                Some(face(k, sign * to(x), sign * to(y)))
+            });
+            assert_eq!(guess(&picture), Some(Projection::Cube));
+            check(&unwrap(picture, Projection::Cube, None).unwrap(), 0.05, |_| true);
+        }
+        assert!(unwrap(RgbImage::filled(5, 4, [0.0; 3]), Projection::Cube, None).is_err());
+    }
+
+    #[test]
+    fn a_bracket_gives_the_range_that_one_picture_has_not() {
+        let radiance = |k: usize| 1e-3 * 1.5f32.powi(k as i32);
+        let exposures = [16.0, 1.0, 1.0 / 16.0, 1.0 / 256.0];
+        let bracket: Vec<RgbImage> = exposures
+            .iter()
+            .map(|&exposure| {
+                let mut image = RgbImage::filled(30, 1, [0.0; 3]);
+                for k in 0..30 {
+                    let exposed = (radiance(k) * exposure as f32).min(1.0);
+                    // Eight bits of the encoded value.
+                    let code = (exposed.sqrt() * 255.0).round() / 255.0;
+                    image.data[k] = [code * code; 3];
+                }
+                image
+            })
+            .collect();
+        let merged = merge(&bracket, &exposures);
+        for k in 0..30 {
+            let ratio = merged.data[k][1] / radiance(k);
+            assert!((ratio - 1.0).abs() < 0.04, "{k}: {ratio}");
+        }
+    }
+}
