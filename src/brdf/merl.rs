@@ -57,7 +57,7 @@ impl MerlTable {
         if cells.len() != CELLS {
             return None;
         }
-        cells.iter_mut().for_each(|cell| *cell = storable(cell.map(f64::from)));
+        cells.iter_mut().for_each(|cell| *cell = valid_or_nan(*cell));
         Some(MerlTable { cells })
     }
 
@@ -95,8 +95,13 @@ impl MerlTable {
 
 /// A value as a cell keeps it.
 fn storable(value: [f64; 3]) -> [f32; 3] {
-    let value = value.map(|x| x as f32);
-    if value.iter().all(|&x| x >= 0.0 && x.is_finite()) { value } else { [f32::NAN; 3] }
+    valid_or_nan(value.map(|x| x as f32))
+}
+
+fn valid_or_nan([r, g, b]: [f32; 3]) -> [f32; 3] {
+    // NaN fails every comparison.
+    let valid = |x: f32| (0.0..=f32::MAX).contains(&x);
+    if valid(r) & valid(g) & valid(b) { [r, g, b] } else { [f32::NAN; 3] }
 }
 
 impl Brdf for MerlTable {

@@ -1,6 +1,7 @@
 //! Materials whose reflectance was measured: reading tables, fitting lobes, planning what to measure.
 
 mod angles;
+pub mod dsbrdf;
 #[cfg(feature = "encode")]
 pub mod errors;
 #[cfg(feature = "encode")]
@@ -10,12 +11,15 @@ pub mod models;
 mod parallel;
 #[cfg(feature = "encode")]
 pub mod rgl;
+mod sample;
 #[cfg(feature = "encode")]
 pub mod sphere;
 #[cfg(all(test, feature = "encode"))]
 mod test_data;
+pub mod tuned;
 
 pub use angles::HalfDifference;
+pub use sample::Sample;
 
 /// A bidirectional reflectance distribution function.
 ///

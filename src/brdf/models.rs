@@ -7,7 +7,7 @@ mod lobe;
 mod published;
 
 #[cfg(feature = "encode")]
-pub use fit::{Form, fit};
+pub use fit::{Form, Objective, fit};
 pub use lobe::{Geometry, Lobe, ShiftedGamma};
 #[cfg(feature = "encode")]
 pub use published::{PublishedFit, read_published};

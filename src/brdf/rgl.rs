@@ -18,7 +18,7 @@ use tensor::TensorFile;
 use warp::Warp;
 
 /// An isotropic file of red, green and blue has some 700 KB.
-const MOST_FILE_BYTES: u64 = 64 << 20;
+const MOST_FILE_BYTES: u64 = 16 << 20;
 
 /// A measured isotropic material in the adaptive parameterisation.
 #[derive(Debug, Clone)]

@@ -32,6 +32,8 @@ const VIEWS: usize = 48;
 /// Sine of the last angle of view.
 const LAST_SINE: f64 = 0.9995;
 const POINT_SAMPLES: usize = 3;
+/// 16 KB a pixel: 50 MB.
+const MOST_KEPT_SIDE: usize = 64;
 
 /// What all pictures of spheres share: lights and where they are sampled.
 #[derive(Debug, Clone)]
@@ -40,7 +42,9 @@ pub struct SphereScenes {
     mask: Mask,
     /// Pixels of the sphere: index, sine of the angle of view.
     pixels: Vec<(usize, f64)>,
-    /// Radiance from each sample's direction, for each pixel of the sphere.
+    environment: Option<Environment>,
+    half: HalfVectors,
+    /// Radiance from each sample's direction, for each pixel of the sphere; empty for large pictures, which look it up each time.
     radiance: Vec<[f32; 3]>,
 }
 
@@ -58,28 +62,41 @@ pub struct SpherePair {
 impl SphereScenes {
     /// Pictures of `side * side` pixels; 64 is what error reports use.
     pub fn new(side: usize, environment: &Environment) -> Self {
+        let mut scenes = Self::points(side);
+        scenes.environment = Some(environment.clone());
+        if side <= MOST_KEPT_SIDE {
+            scenes.radiance = parallel::map(scenes.pixels.len(), |p| scenes.radiance_of(p)).concat();
+        }
+        scenes
+    }
+
+    /// Radiance from each sample's direction for a pixel of the sphere.
+    fn radiance_of(&self, pixel: usize) -> Vec<[f32; 3]> {
+        let (Some(environment), Some(&(k, sine))) = (&self.environment, self.pixels.get(pixel)) else {
+            return Vec::new();
+        };
+        let place = |k: usize| (2 * k + 1) as f64 / self.side as f64 - 1.0;
+        let frame = Frame::of([place(k % self.side), -place(k / self.side)]);
+        let outgoing = [sine, 0.0, (1.0 - sine * sine).sqrt()];
+        let sample = |s: usize| {
+            let (incoming, dot) = self.half.reflect(s, outgoing);
+            if incoming[2] <= 0.0 || dot <= 0.0 {
+                return [0.0; 3];
+            }
+            environment.average(frame.to_world(incoming), 4.0 * dot * self.half.areas[s])
+        };
+        (0..SAMPLES).map(sample).collect()
+    }
+
+    /// The same for point lights only: the environment is black.
+    pub fn points(side: usize) -> Self {
         let place = |k: usize| (2 * k + 1) as f64 / side as f64 - 1.0;
-        let inside = |k: usize| (place(k % side).hypot(place(k / side)) < LAST_SINE).then_some(k);
-        let indices: Vec<usize> = (0..side * side).filter_map(inside).collect();
-        let mut mask = Grid::filled(side, side, false);
-        indices.iter().for_each(|&k| mask.data[k] = true);
+        let away = |k: usize| place(k % side).hypot(place(k / side));
         let pixels: Vec<(usize, f64)> =
-            indices.iter().map(|&k| (k, place(k % side).hypot(place(k / side)).min(LAST_SINE))).collect();
-        let half = HalfVectors::new();
-        let radiance = parallel::map(pixels.len(), |p| {
-            let (k, sine) = pixels[p];
-            let frame = Frame::of([place(k % side), -place(k / side)]);
-            let outgoing = [sine, 0.0, (1.0 - sine * sine).sqrt()];
-            let sample = |s: usize| {
-                let (incoming, dot) = half.reflect(s, outgoing);
-                if incoming[2] <= 0.0 || dot <= 0.0 {
-                    return [0.0; 3];
-                }
-                environment.average(frame.to_world(incoming), 4.0 * dot * half.areas[s])
-            };
-            (0..SAMPLES).map(sample).collect::<Vec<_>>()
-        });
-        SphereScenes { side, mask, pixels, radiance: radiance.concat() }
+            (0..side * side).filter(|&k| away(k) < LAST_SINE).map(|k| (k, away(k))).collect();
+        let mut mask = Grid::filled(side, side, false);
+        pixels.iter().for_each(|&(k, _)| mask.data[k] = true);
+        SphereScenes { side, mask, pixels, environment: None, half: HalfVectors::new(), radiance: Vec::new() }
     }
 
     /// Pixels that show the sphere.
@@ -111,7 +128,7 @@ impl SphereScenes {
 
     /// A sphere in the environment.
     pub fn environment(&self, material: &impl Brdf) -> RgbImage {
-        let half = HalfVectors::new();
+        let half = &self.half;
         let lobes = parallel::map(VIEWS, |view| {
             let sine = view as f64 / (VIEWS - 1) as f64 * LAST_SINE;
             let outgoing = [sine, 0.0, (1.0 - sine * sine).sqrt()];
@@ -130,7 +147,14 @@ impl SphereScenes {
             let view = (at as usize).min(VIEWS - 2);
             let part = (at - view as f64) as f32;
             let mut sum = [0.0f32; 3];
-            let radiance = &self.radiance[p * SAMPLES..(p + 1) * SAMPLES];
+            let looked_up;
+            let radiance = match self.radiance.get(p * SAMPLES..(p + 1) * SAMPLES) {
+                Some(kept) => kept,
+                None => {
+                    looked_up = self.radiance_of(p);
+                    &looked_up
+                }
+            };
             for ((light, low), high) in radiance.iter().zip(&lobes[view]).zip(&lobes[view + 1]) {
                 (0..3).for_each(|c| sum[c] += light[c] * (low[c] + (high[c] - low[c]) * part));
             }
@@ -207,6 +231,7 @@ impl Frame {
 }
 
 /// Half vectors of the quadrature and the solid angles they stand for.
+#[derive(Debug, Clone)]
 struct HalfVectors {
     directions: Vec<[f64; 3]>,
     areas: Vec<f64>,

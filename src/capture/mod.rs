@@ -24,7 +24,7 @@ mod white;
 
 pub use description::{Description, FrameDescription, WhiteReference, describe};
 pub use lens::Lens;
-pub use photograph::ColorSpace;
+pub use photograph::{ColorSpace, read_radiance};
 
 use crate::asset::{Mesh, View};
 use crate::error::{Error, Result};

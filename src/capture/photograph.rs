@@ -90,6 +90,11 @@ pub(crate) fn read_picture(path: &Path, space: &ColorSpace, size: Option<(u32, u
     Ok(Picture { colour, alpha })
 }
 
+/// Reads a picture that belongs to no capture, such as an environment map, as linear radiance; integer pictures are sRGB.
+pub fn read_radiance(path: &Path) -> Result<RgbImage> {
+    Ok(read_picture(path, &ColorSpace::named("srgb")?, None)?.colour)
+}
+
 /// Reads a mask: pixels of one half and brighter show the object.
 pub(super) fn read_mask(path: &Path, size: (u32, u32)) -> Result<Mask, Fault> {
     let raw = read_raw(path, Some(size))?;

@@ -1,14 +1,15 @@
 //! Errors of fitted materials: `bench-brdf MERL_TABLES [RGL_MATERIALS [PUBLISHED_FITS]]`, three folders.
 //!
 //! Prints, for every material, log RMSE and the PSNR of rendered spheres for each form, then medians and worst, and the seconds that
-//! reading and fitting take. Published fits are compared on the tables whose names they carry.
+//! reading and fitting take. Classical models are fitted twice: for both log
+//! RMSE and pictures, and for log RMSE alone (`-log`). Published fits are compared on the tables whose names they carry.
 
 use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use tsuya::brdf::errors::ErrorReport;
 use tsuya::brdf::merl::MerlTable;
-use tsuya::brdf::models::{ClassicalModel, Form, fit, read_published};
+use tsuya::brdf::models::{ClassicalModel, Form, Objective, fit, read_published};
 use tsuya::brdf::rgl::RglMaterial;
 use tsuya::brdf::sphere::{Environment, SphereScenes, studio};
 
@@ -23,7 +24,7 @@ struct Row {
     report: ErrorReport,
 }
 
-pub fn main() -> Result<()> {
+fn main() -> Result<()> {
     let folders: Vec<PathBuf> = std::env::args().skip(1).map(PathBuf::from).collect();
     let Some(tables) = folders.first() else {
         return Err("usage: bench-brdf MERL_TABLES [RGL_MATERIALS [PUBLISHED_FITS]]".into());
@@ -77,12 +78,15 @@ pub fn main() -> Result<()> {
 }
 
 fn fit_all(name: &str, table: &MerlTable, scenes: &SphereScenes, rows: &mut Vec<Row>) -> Result<()> {
-    for form in Form::ALL {
-        let begun = Instant::now();
-        let model = fit(table, form)?;
-        let seconds = begun.elapsed().as_secs_f64();
-        let report = ErrorReport::of(table, &model, scenes);
-        rows.push(Row { material: name.into(), form: form.name().into(), bytes: size(&model), seconds, report });
+    for (objective, suffix) in [(Objective::Both, ""), (Objective::Logarithm, "-log")] {
+        for form in Form::ALL {
+            let begun = Instant::now();
+            let model = fit(table, form, objective)?;
+            let seconds = begun.elapsed().as_secs_f64();
+            let report = ErrorReport::of(table, &model, scenes);
+            let form = format!("{}{suffix}", form.name());
+            rows.push(Row { material: name.into(), form, bytes: size(&model), seconds, report });
+        }
     }
     Ok(())
 }

@@ -1,6 +1,7 @@
 //! The `tsuya` program: one file a subcommand.
 
 mod align;
+mod brdf;
 mod compare;
 mod comparison;
 mod decode;
@@ -51,6 +52,7 @@ enum Command {
     Compare(compare::Compare),
     Render(render::Render),
     Align(align::Align),
+    Brdf(brdf::Brdf),
     Completions(shell::Completions),
     Man(shell::Man),
 }
@@ -66,6 +68,7 @@ impl Command {
             Command::Compare(compare) => compare.run(),
             Command::Render(render) => render.run(),
             Command::Align(align) => align.run(),
+            Command::Brdf(brdf) => brdf.run(),
             Command::Completions(completions) => completions.run(),
             Command::Man(man) => man.run(),
         }

@@ -100,10 +100,10 @@ struct Odd {
 
 impl Odd {
     fn count(&mut self, stored: f64) {
+        let magnitude = stored.abs();
         self.not_numbers += u64::from(!stored.is_finite());
         // Bytes in the wrong order make numbers of any magnitude.
-        let magnitude = stored.abs();
-        self.beyond += u64::from(magnitude > 1e12 || (magnitude < 1e-30 && magnitude > 0.0));
+        self.beyond += u64::from((magnitude > 1e12) | ((magnitude < 1e-30) & (magnitude > 0.0)));
     }
     fn check(&self, path: &Path) -> Result<()> {
         let most = CELLS as u64 / 4;

@@ -1,7 +1,8 @@
 //! Fitting classical models to tables.
 //!
-//! What is minimised is what the error report calls log RMSE: squares of `ln(1 + f cos) - ln(1 + f' cos)` over valid cells, colours
-//! together. Levenberg-Marquardt on logarithms of colours and shape, from several widths; the best is kept.
+//! Levenberg-Marquardt on logarithms of colours and shape, from several widths; the best is kept. What is minimised is a choice: most
+//! cells of a table lie near the highlight, many at grazing angles, so that the best log RMSE and the best picture are far apart where
+//! a model can't follow the material.
 
 use super::{ClassicalModel, Geometry, Lobe};
 use crate::brdf::merl::{CellGrid, MerlTable, PHI_D_BINS, THETA_D_BINS, THETA_H_BINS};
@@ -77,35 +78,115 @@ impl Form {
     }
 }
 
+/// What a fit makes small.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Objective {
+    /// What the error report calls log RMSE: the mean square of `ln(1 + f cos) - ln(1 + f' cos)` over valid cells, colours together.
+    Logarithm,
+    /// The mean square of differences as a picture shows them: of `(x / (x + white))^(1/2.2)`, `x = f cos`, each cell with the area of
+    /// half vectors and difference vectors that it stands for.
+    Picture,
+    /// The first plus 30 times the second, which makes them about equal.
+    #[default]
+    Both,
+}
+
+impl Objective {
+    /// Weights of the two mean squares.
+    fn weights(self) -> [f64; 2] {
+        match self {
+            Objective::Logarithm => [1.0, 0.0],
+            Objective::Picture => [0.0, 1.0],
+            Objective::Both => [1.0, 30.0],
+        }
+    }
+}
+
 /// A cell as the fit sees it.
 struct Sample {
     geometry: Geometry,
-    /// `ln(1 + f cos)`, red, green, blue.
-    logarithms: [f64; 3],
+    /// The BRDF, red, green, blue.
+    value: [f64; 3],
+    /// The measured signals, see [`Signal`].
+    signals: [[f64; 3]; 2],
+    /// Their weights.
+    weights: [f64; 2],
+}
+
+/// What is compared, a function of `f cos`.
+#[derive(Clone, Copy)]
+enum Signal {
+    Logarithm,
+    Picture { white: f64 },
+}
+
+impl Signal {
+    /// The signal and its derivative.
+    fn of(self, x: f64) -> (f64, f64) {
+        match self {
+            Signal::Logarithm => (x.ln_1p(), 1.0 / (1.0 + x)),
+            Signal::Picture { white } => {
+                const GAMMA: f64 = 1.0 / 2.2;
+                let x = x.max(1e-4 * white);
+                let share = x / (x + white);
+                let signal = share.powf(GAMMA);
+                (signal, GAMMA * signal / share * white / ((x + white) * (x + white)))
+            }
+        }
+    }
 }
 
 /// Fits a model to a table.
 ///
 /// # Errors
 /// [`Error::Parameter`] where the table has too few valid cells.
-pub fn fit(table: &MerlTable, form: Form) -> Result<ClassicalModel> {
-    let samples = gather(table, [2, 3, 20]);
+pub fn fit(table: &MerlTable, form: Form, objective: Objective) -> Result<ClassicalModel> {
+    let mut samples = gather(table, [3, 3, 30]);
     if samples.len() < 100 {
         return Err(Error::parameter("the table has too few valid cells for a fit"));
     }
+    let signals = prepare(&mut samples, objective);
     let coarse: Vec<&Sample> = samples.iter().step_by(7).collect();
     let all: Vec<&Sample> = samples.iter().collect();
     let widths: &[f64] = if form == Form::Lambert { &[1.0] } else { &[0.02, 0.06, 0.2, 0.5] };
     let mut best: Option<Minimum<PARAMETERS>> = None;
     for &width in widths {
-        let found = improve(form, &start(form, &coarse, width), &coarse, 25);
+        let found = improve(form, &start(form, &coarse, width), &coarse, signals, 25);
         if best.is_none_or(|best| found.cost < best.cost) {
             best = Some(found);
         }
     }
-    let best = best.map(|best| improve(form, &best.parameters, &all, 40));
+    let best = best.map(|best| improve(form, &best.parameters, &all, signals, 30));
     let best = best.ok_or_else(|| Error::parameter("nothing to fit"))?;
     Ok(model(form, &best.parameters))
+}
+
+/// Sets weights and measured signals.
+fn prepare(samples: &mut [Sample], objective: Objective) -> [Signal; 2] {
+    let area = |g: &Geometry| {
+        let (sin_h, sin_d) = (g.half[0], (1.0 - g.cos_difference * g.cos_difference).max(0.0).sqrt());
+        // Bins of theta_h are as wide as the root of theta_h is large.
+        sin_h * sin_h.atan2(g.cos_half).sqrt() * sin_d * g.cos_difference
+    };
+    let mut bright: Vec<(f64, f64)> = (samples.iter())
+        .map(|s| (s.value.iter().copied().fold(0.0, f64::max) * s.geometry.cos_incoming, area(&s.geometry)))
+        .collect();
+    bright.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let total = bright.iter().map(|(_, area)| area).sum::<f64>();
+    let mut left = 0.95 * total;
+    let white = bright.iter().find(|(_, area)| {
+        left -= area;
+        left <= 0.0
+    });
+    let signals = [Signal::Logarithm, Signal::Picture { white: white.map_or(1.0, |&(x, _)| x.max(1e-6)) }];
+    let [log, picture] = objective.weights();
+    let count = samples.len() as f64;
+    for sample in samples {
+        let signal = |signal: Signal| sample.value.map(|f| signal.of(f * sample.geometry.cos_incoming).0);
+        sample.signals = signals.map(signal);
+        sample.weights = [log / count, picture * area(&sample.geometry) / total.max(1e-30)];
+    }
+    signals
 }
 
 /// Logarithms of diffuse and specular colours, then the shape.
@@ -128,7 +209,7 @@ fn gather(table: &MerlTable, steps: [usize; 3]) -> Vec<Sample> {
                 let index = (h * THETA_D_BINS + d) * PHI_D_BINS + p;
                 if let Some(cell) = table.cell(index).and_then(|value| grid.cell(index, value)) {
                     let geometry = Geometry::of_angles(cell.angles);
-                    samples.push(Sample { geometry, logarithms: cell.value.map(|f| (f * cell.cos_incoming).ln_1p()) });
+                    samples.push(Sample { geometry, value: cell.value, signals: [[0.0; 3]; 2], weights: [0.0; 2] });
                 }
             }
         }
@@ -141,7 +222,7 @@ fn start(form: Form, samples: &[&Sample], width: f64) -> [f64; PARAMETERS] {
     let lobe = form.lobe(&[width.ln(), form.second().0]);
     let mut p = [0.0; PARAMETERS];
     for c in 0..3 {
-        let value = |s: &Sample| s.logarithms[c].exp_m1() / s.geometry.cos_incoming;
+        let value = |s: &Sample| s.value[c];
         let mut away: Vec<f64> = samples
             .iter()
             .filter(|s| s.geometry.cos_half < 0.9 && s.geometry.cos_incoming > 0.2)
@@ -165,7 +246,13 @@ fn start(form: Form, samples: &[&Sample], width: f64) -> [f64; PARAMETERS] {
     p
 }
 
-fn improve(form: Form, from: &[f64; PARAMETERS], samples: &[&Sample], evaluations: u32) -> Minimum<PARAMETERS> {
+fn improve(
+    form: Form,
+    from: &[f64; PARAMETERS],
+    samples: &[&Sample],
+    signals: [Signal; 2],
+    evaluations: u32,
+) -> Minimum<PARAMETERS> {
     const STEP: f64 = 1e-4;
     let second = form.second().1;
     let mut bounds = [(-14.0, 3.0); PARAMETERS];
@@ -188,14 +275,16 @@ fn improve(form: Form, from: &[f64; PARAMETERS], samples: &[&Sample], evaluation
             for c in 0..3 {
                 let diffuse = found.diffuse[c] / PI;
                 let specular = found.specular[c] * lobe;
-                let scaled = g.cos_incoming / (1.0 + (diffuse + specular) * g.cos_incoming);
-                let residual = ((diffuse + specular) * g.cos_incoming).ln_1p() - sample.logarithms[c];
-                let mut derivatives = [0.0; PARAMETERS];
-                derivatives[c] = scaled * diffuse;
-                derivatives[3 + c] = scaled * specular;
-                derivatives[6] = scaled * found.specular[c] * by_width;
-                derivatives[7] = scaled * found.specular[c] * by_second;
-                equations.add(residual, &derivatives, 1.0);
+                for k in (0..2).filter(|&k| sample.weights[k] > 0.0) {
+                    let (signal, slope) = signals[k].of((diffuse + specular) * g.cos_incoming);
+                    let scaled = g.cos_incoming * slope;
+                    let mut derivatives = [0.0; PARAMETERS];
+                    derivatives[c] = scaled * diffuse;
+                    derivatives[3 + c] = scaled * specular;
+                    derivatives[6] = scaled * found.specular[c] * by_width;
+                    derivatives[7] = scaled * found.specular[c] * by_second;
+                    equations.add(signal - sample.signals[k][c], &derivatives, sample.weights[k]);
+                }
             }
         }
     })

@@ -213,7 +213,7 @@ impl Lobe {
             Lobe::Lafortune { xy, z, exponent } => vec![(*xy, -1e3, 1e3), (*z, -1e3, 1e3), (*exponent, 0.0, 1e9)],
             Lobe::ShiftedGamma(shape) => {
                 let widths = shape.alpha.map(|alpha| (alpha, 1e-9, 1e3));
-                let others = shape.lists().into_iter().flatten().map(|&x| (x, -1e80, 1e80));
+                let others = shape.lists().into_iter().flatten().map(|&x| (x, -1e300, 1e300));
                 widths.into_iter().chain(others).collect()
             }
         };

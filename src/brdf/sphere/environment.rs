@@ -3,8 +3,8 @@
 use crate::image::{Grid, RgbImage};
 use std::f64::consts::PI;
 
-/// A lat-long environment: rows from the zenith (`+y`) to the nadir, columns once around, the middle column towards `-z` (behind the
-/// sphere), columns to its right towards `+x`.
+/// A lat-long environment, as Mitsuba has it: rows from the zenith (`+y`) to the nadir; columns from `-z` (behind the sphere) over `+x`
+/// and `+z` (the middle, behind the camera) once around.
 #[derive(Debug, Clone)]
 pub struct Environment {
     /// The picture, then each averaged over 2 x 2 texels of the one before.
@@ -33,11 +33,21 @@ impl Environment {
 
     /// Radiance about a direction, averaged over about the solid angle.
     pub fn average(&self, direction: [f64; 3], solid_angle: f64) -> [f32; 3] {
-        let level = 0.5 * (solid_angle / self.texel).max(1.0).log2();
-        let level = (level.round() as usize).min(self.levels.len() - 1);
-        let picture = &self.levels[level];
-        let u = direction[0].atan2(-direction[2]) / (2.0 * PI) + 0.5;
+        let level = (0.5 * (solid_angle / self.texel).max(1.0).log2()).min((self.levels.len() - 1) as f64);
+        let (lower, part) = (level as usize, level.fract() as f32);
+        let u = direction[0].atan2(-direction[2]) / (2.0 * PI);
         let v = direction[1].clamp(-1.0, 1.0).acos() / PI;
+        let first = self.look_up(lower, u, v);
+        if part <= 0.0 {
+            return first;
+        }
+        let second = self.look_up((lower + 1).min(self.levels.len() - 1), u, v);
+        std::array::from_fn(|k| first[k] + (second[k] - first[k]) * part)
+    }
+
+    /// One level between its texels.
+    fn look_up(&self, level: usize, u: f64, v: f64) -> [f32; 3] {
+        let picture = &self.levels[level];
         let x = u * picture.width as f64 - 0.5 + picture.width as f64;
         let y = (v * picture.height as f64 - 0.5).clamp(0.0, (picture.height - 1) as f64);
         let (column, row) = (x as usize, y as usize);
@@ -72,7 +82,7 @@ pub fn studio() -> RgbImage {
     let (width, height) = (512, 256);
     let pixel = |k: usize| {
         let (azimuth, height_angle) = (
-            ((k % width) as f64 + 0.5) / width as f64 * 2.0 * PI - PI,
+            (((k % width) as f64 + 0.5) / width as f64 + 0.5).fract() * 2.0 * PI - PI,
             PI / 2.0 - ((k / width) as f64 + 0.5) / height as f64 * PI,
         );
         let direction = direction_of(azimuth, height_angle);
@@ -107,7 +117,7 @@ pub fn studio() -> RgbImage {
     Grid { width, height, data: (0..width * height).map(pixel).collect() }
 }
 
-/// Azimuth 0 is the picture's middle column, towards `-z`.
+/// Azimuth 0 is towards `-z`, a quarter towards `+x`.
 fn direction_of(azimuth: f64, height: f64) -> [f64; 3] {
     let (sine, cosine) = azimuth.sin_cos();
     [height.cos() * sine, height.sin(), -height.cos() * cosine]

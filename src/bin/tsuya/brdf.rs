@@ -1,0 +1,38 @@
+//! `tsuya brdf`: measured materials.
+
+mod convert;
+mod eval;
+mod fit;
+mod font;
+mod material;
+mod render;
+mod sheet;
+
+use anyhow::Result;
+use clap::{Args, Subcommand};
+
+/// Reads, fits, converts and shows measured materials: MERL tables (.binary), RGL materials (.bsdf), fitted ones.
+#[derive(Args)]
+pub struct Brdf {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    Fit(fit::Fit),
+    Convert(convert::Convert),
+    Eval(eval::Eval),
+    Render(render::Render),
+}
+
+impl Brdf {
+    pub fn run(self) -> Result<()> {
+        match self.command {
+            Command::Fit(fit) => fit.run(),
+            Command::Convert(convert) => convert.run(),
+            Command::Eval(eval) => eval.run(),
+            Command::Render(render) => render.run(),
+        }
+    }
+}

@@ -1,0 +1,185 @@
+//! Materials out of files of any kind.
+
+use anyhow::Result;
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+use tsuya::brdf::Brdf;
+use tsuya::brdf::merl::MerlTable;
+use tsuya::brdf::models::ClassicalModel;
+use tsuya::brdf::rgl::RglMaterial;
+use tsuya::{Error, Result as TsuyaResult};
+
+/// A material as a file has it.
+pub enum Material {
+    Merl(MerlTable),
+    Rgl(Box<RglMaterial>),
+    Classical(ClassicalModel),
+}
+
+/// A material with its name.
+pub struct Named {
+    pub name: String,
+    pub material: Material,
+}
+
+/// A file of fitted classical models.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ModelFile {
+    /// What the file is: [`MODEL_FORMAT`].
+    pub format: String,
+    pub materials: Vec<ModelEntry>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ModelEntry {
+    pub name: String,
+    pub model: ClassicalModel,
+}
+
+pub const MODEL_FORMAT: &str = "tsuya-brdf-models-1";
+/// A model has some 300 bytes.
+const MOST_MODEL_BYTES: u64 = 16 << 20;
+
+impl Material {
+    /// The material as a table: itself, or sampled at every cell.
+    pub fn into_table(self) -> MerlTable {
+        match self {
+            Material::Merl(table) => table,
+            Material::Rgl(material) => MerlTable::of(&material.reciprocal()),
+            other => MerlTable::of(&other),
+        }
+    }
+
+    /// The material between its samples, where it has samples.
+    pub fn smooth(&self) -> Smooth<'_> {
+        Smooth(self)
+    }
+}
+
+impl Brdf for Material {
+    fn evaluate(&self, incoming: [f64; 3], outgoing: [f64; 3]) -> [f64; 3] {
+        match self {
+            Material::Merl(table) => table.evaluate(incoming, outgoing),
+            Material::Rgl(material) => material.evaluate(incoming, outgoing),
+            Material::Classical(model) => model.evaluate(incoming, outgoing),
+        }
+    }
+}
+
+/// See [`Material::smooth`].
+pub struct Smooth<'a>(&'a Material);
+
+impl Brdf for Smooth<'_> {
+    fn evaluate(&self, incoming: [f64; 3], outgoing: [f64; 3]) -> [f64; 3] {
+        match self.0 {
+            Material::Merl(table) => table.smooth().evaluate(incoming, outgoing),
+            other => other.evaluate(incoming, outgoing),
+        }
+    }
+}
+
+/// The kinds of files, by the end of the name.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    Merl,
+    Rgl,
+    Models,
+}
+
+impl Kind {
+    pub fn of(path: &Path) -> TsuyaResult<Self> {
+        let extension = path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
+        match extension.as_str() {
+            "binary" => Ok(Kind::Merl),
+            "bsdf" => Ok(Kind::Rgl),
+            "json" => Ok(Kind::Models),
+            _ => {
+                let message = "a material's name ends with .binary (MERL), .bsdf (RGL) or .json (fitted models)";
+                Err(Error::parameter(format!("{}: {message}", path.display())))
+            }
+        }
+    }
+}
+
+/// Every material of a file.
+pub fn read_all(path: &Path) -> Result<Vec<Named>> {
+    let named = |material| vec![Named { name: name_of(path), material }];
+    Ok(match Kind::of(path)? {
+        Kind::Merl => named(Material::Merl(MerlTable::read(path)?)),
+        Kind::Rgl => named(Material::Rgl(Box::new(RglMaterial::read(path)?))),
+        Kind::Models => read_models(path)?,
+    })
+}
+
+/// One material of a file: the only one, or that of a name.
+pub fn read_one(path: &Path, wanted: Option<&str>) -> Result<Named> {
+    let mut all = read_all(path)?;
+    let names = || all.iter().map(|named| named.name.as_str()).collect::<Vec<_>>().join(", ");
+    let at = match wanted {
+        Some(wanted) => all.iter().position(|named| named.name == wanted),
+        None if all.len() == 1 => Some(0),
+        None => {
+            let message = format!("{} materials: {}; --material chooses one", all.len(), names());
+            return Err(Error::parameter(format!("{}: {message}", path.display())).into());
+        }
+    };
+    match at {
+        Some(at) => Ok(all.swap_remove(at)),
+        None => {
+            let message = format!("no material called '{}'; there are {}", wanted.unwrap_or_default(), names());
+            Err(Error::parameter(format!("{}: {message}", path.display())).into())
+        }
+    }
+}
+
+fn read_models(path: &Path) -> Result<Vec<Named>> {
+    let size = std::fs::metadata(path).map_err(|e| Error::io(path, e))?.len();
+    if size > MOST_MODEL_BYTES {
+        return Err(Error::Limits { what: "file of models", asked: size, allowed: MOST_MODEL_BYTES }.into());
+    }
+    let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
+    let wrong = |what: String| Error::input(path, format!("not a file of fitted models: {what}"));
+    let file: ModelFile = serde_json::from_slice(&bytes).map_err(|e| wrong(e.to_string()))?;
+    if file.format != MODEL_FORMAT {
+        return Err(wrong(format!("its format is '{}', '{MODEL_FORMAT}' expected", file.format)).into());
+    }
+    let mut found = Vec::new();
+    for entry in file.materials {
+        entry.model.check().map_err(|e| wrong(format!("material {}: {e}", entry.name)))?;
+        found.push(Named { name: entry.name, material: Material::Classical(entry.model) });
+    }
+    Ok(found)
+}
+
+/// Files, and the materials in folders: `.binary` and `.bsdf`, sorted.
+pub fn expand(inputs: &[PathBuf]) -> Result<Vec<PathBuf>> {
+    let mut files = Vec::new();
+    for input in inputs {
+        if !input.is_dir() {
+            Kind::of(input)?;
+            files.push(input.clone());
+            continue;
+        }
+        let failed = |e| Error::io(input, e);
+        let mut inside = Vec::new();
+        for entry in std::fs::read_dir(input).map_err(failed)? {
+            let path = entry.map_err(failed)?.path();
+            if matches!(Kind::of(&path), Ok(Kind::Merl | Kind::Rgl)) {
+                inside.push(path);
+            }
+        }
+        if inside.is_empty() {
+            return Err(Error::input(input, "the folder has no .binary and no .bsdf file").into());
+        }
+        inside.sort();
+        files.extend(inside);
+    }
+    Ok(files)
+}
+
+/// A material's name: that of its file.
+pub fn name_of(path: &Path) -> String {
+    path.file_stem().unwrap_or_default().to_string_lossy().into_owned()
+}

@@ -1,0 +1,44 @@
+use super::*;
+use crate::brdf::Sample;
+
+/// Two lobes whose parameters change with `theta_d`.
+struct TwoLobes;
+
+impl Brdf for TwoLobes {
+    fn evaluate(&self, incoming: [f64; 3], outgoing: [f64; 3]) -> [f64; 3] {
+        let angles = crate::brdf::HalfDifference::of(incoming, outgoing);
+        let broad = Lobe { kappa: 0.1, gamma: 0.5, amplitude: 1.0 }.at(angles.theta_h.cos());
+        let narrow = Lobe { kappa: 2.0, gamma: 60.0 + 20.0 * angles.theta_d, amplitude: 1.0 }.at(angles.theta_h.cos());
+        [broad + narrow, broad + 0.5 * narrow, broad]
+    }
+}
+
+#[test]
+fn known_lobes_are_found_and_come_back_from_bytes() {
+    let samples = Sample::of(&TwoLobes, [45, 30, 12]);
+    let options = FitOptions { lobes: LobeCount::Given(2), rounds: 60, ..Default::default() };
+    let material = fit(&samples, &options).unwrap();
+    let error = samples.iter().filter(|s| s.theta_h > 0.1).map(|s| {
+        let value = material.at(s.theta_h, s.theta_d);
+        (0..3).map(|c| (value[c] / s.value[c].max(1e-3)).ln().abs()).fold(0.0, f64::max)
+    });
+    let mut error: Vec<f64> = error.collect();
+    error.sort_by(f64::total_cmp);
+    let ninety = error[error.len() * 9 / 10];
+    assert!(ninety < 0.08, "nine tenths within {ninety}");
+    let bytes = material.encode();
+    assert!(bytes.len() < 400, "{} bytes", bytes.len());
+    assert_eq!(LobeMaterial::decode(&bytes, "mATl").unwrap(), material);
+    for cut in 0..bytes.len() {
+        assert!(LobeMaterial::decode(&bytes[..cut], "mATl").is_err(), "cut at {cut}");
+    }
+    assert!(LobeMaterial::decode(&[bytes.as_slice(), &[7]].concat(), "mATl").is_err());
+}
+
+#[test]
+fn the_number_of_lobes_follows_the_error() {
+    let samples = Sample::of(&TwoLobes, [45, 12, 6]);
+    let options = FitOptions { slices: 6, lobes: LobeCount::ByError, ..Default::default() };
+    assert!(fit(&samples, &options).unwrap().lobe_count() >= 2);
+    assert!(fit(&[], &options).is_err());
+}
