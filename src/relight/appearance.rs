@@ -1,6 +1,7 @@
 //! What the surface is made of at each point.
 
 use super::material::{Material, Specular};
+use super::surround::level_of;
 use glam::Vec3;
 
 /// Reflectance at one point.
@@ -17,14 +18,21 @@ pub struct Appearance<'a> {
 pub struct Prepared {
     /// The part.
     pub specular: Specular,
-    /// Half vectors and their probability density.
-    pub(super) taps: Vec<(Vec3, f32)>,
+    /// Half vectors, their probability density, and the level of light for a tap seen along its half vector.
+    pub(super) taps: Vec<(Vec3, f32, f32)>,
 }
 
 impl Prepared {
     /// `taps` half vectors are looked at.
     pub fn new(specular: Specular, taps: usize) -> Self {
-        let taps = specular.taps(taps).into_iter().map(|h| (h.as_vec3(), specular.density(h.to_array()) as f32));
+        let halves = specular.taps(taps);
+        let count = halves.len() as f32;
+        let taps = halves.into_iter().map(|half| {
+            let density = specular.density(half.to_array()) as f32;
+            // The solid angle of a tap as that of a lobe, see `better`.
+            let sharpness = 2.0 * std::f32::consts::PI * count * density / 4.0;
+            (half.as_vec3(), density, level_of(sharpness))
+        });
         let taps = taps.collect();
         Prepared { specular, taps }
     }

@@ -5,7 +5,7 @@ use super::appearance::{Appearance, Prepared};
 use super::occlusion::ramp;
 use super::octahedral::{texel_direction, to_square};
 use super::scene::{Object, Point, Scene};
-use super::surround::{Surround, level_of};
+use super::surround::Surround;
 use crate::lighting::octahedral::solid_angles;
 use glam::{Mat3, Vec3};
 use std::f32::consts::PI;
@@ -36,8 +36,8 @@ pub(super) fn irradiance(object: &Object, surround: &Surround, shadows: bool) ->
     })
 }
 
-/// Radiance towards the camera.
-pub(super) fn radiance(scene: &Scene, point: &Point, appearance: &Appearance) -> Vec3 {
+/// Radiance towards the camera, diffuse and specular.
+pub(super) fn radiance(scene: &Scene, point: &Point, appearance: &Appearance) -> [Vec3; 2] {
     let [a, b, c] = point.corners.map(|v| scene.irradiance[v as usize]);
     let mut irradiance = a * point.weights.x + b * point.weights.y + c * point.weights.z;
     let specular = appearance.specular.filter(|_| appearance.specular_scale.max_element() > 0.0);
@@ -65,7 +65,7 @@ pub(super) fn radiance(scene: &Scene, point: &Point, appearance: &Appearance) ->
     if let Some(prepared) = specular {
         shine += reflected(scene, point, prepared, &frame, outgoing);
     }
-    appearance.albedo * irradiance / PI + appearance.specular_scale * shine
+    [appearance.albedo * irradiance / PI, appearance.specular_scale * shine]
 }
 
 fn evaluate(prepared: &Prepared, incoming: Vec3, outgoing: Vec3) -> Vec3 {
@@ -79,7 +79,8 @@ fn reflected(scene: &Scene, point: &Point, prepared: &Prepared, frame: &Mat3, ou
     let occlusion = scene.object.occlusion.filter(|_| scene.options.shadows);
     let count = prepared.taps.len() as f32;
     let mut sum = Vec3::ZERO;
-    for &(half, density) in &prepared.taps {
+    let coarse = 4f32.ln().recip();
+    for &(half, density, level) in &prepared.taps {
         let cosine = half.dot(outgoing);
         let incoming = 2.0 * cosine * half - outgoing;
         if cosine <= 1e-4 || incoming.z <= 0.0 || half.z <= 0.0 {
@@ -97,7 +98,8 @@ fn reflected(scene: &Scene, point: &Point, prepared: &Prepared, frame: &Mat3, ou
         if seen <= 0.0 {
             continue;
         }
-        let light = scene.surround.filtered(square, level_of(sharpness));
+        // The tap's level is that of the half vector's density; the turn to the reflected one makes it coarser.
+        let light = scene.surround.filtered(square, level + cosine.ln() * coarse);
         sum += light * evaluate(prepared, incoming, outgoing) * (incoming.z * seen / density);
     }
     sum

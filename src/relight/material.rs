@@ -43,7 +43,7 @@ impl HalfLobe {
             return vec![warped(DVec3::Z, (sx * sy).sqrt(), self.amplitude)];
         }
         // A Gaussian of the wide variance is one of the narrow variance averaged over a Gaussian of the difference.
-        let count = ((narrow / wide).sqrt() * 1.5).ceil().clamp(3.0, 15.0) as i32 | 1;
+        let count = ((narrow / wide).sqrt() * 2.5).ceil().clamp(3.0, 25.0) as i32 | 1;
         let spread = (1.0 / (2.0 * wide) - 1.0 / (2.0 * narrow)).sqrt();
         let step = 5.0 / count as f64;
         let places = (-(count / 2)..=count / 2).map(|k| k as f64 * step);
@@ -71,7 +71,11 @@ impl HalfLobe {
         let across = DVec2::new(-along.y, along.x);
         // With i = 2 (o.h) h - o a step dh moves i by 2 dh along the plane and by 2 cos dh across it.
         let form = |a: DVec2, b: DVec2| 0.5 * (self.sharpness[0] * a.x * b.x + self.sharpness[1] * a.y * b.y);
-        let (aa, ab, bb) = (form(along, along) / 4.0, form(along, across) / (4.0 * cosine), form(across, across) / (4.0 * cosine * cosine));
+        let (aa, ab, bb) = (
+            form(along, along) / 4.0,
+            form(along, across) / (4.0 * cosine),
+            form(across, across) / (4.0 * cosine * cosine),
+        );
         // Principal directions of the quadratic form.
         let angle = 0.5 * (2.0 * ab).atan2(aa - bb);
         let (s, c) = angle.sin_cos();

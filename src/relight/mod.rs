@@ -1,4 +1,4 @@
-//! Pictures of an asset: from any camera, under the capture's light or any point lights. See `spec/rendering.md`.
+//! Pictures of an asset: from any camera, under the capture's light, any point lights, or an environment. See `spec/rendering.md`.
 //!
 //! A picture is the reflectance model, evaluated, plus the residual (photograph minus model), interpolated between the nearest
 //! captured views (Miyazaki 2007, equations 12 to 16).
@@ -6,6 +6,7 @@
 mod appearance;
 mod better;
 mod cameras;
+mod detail;
 #[cfg(feature = "encode")]
 mod ground;
 #[cfg(feature = "encode")]
@@ -26,6 +27,7 @@ mod textures;
 
 pub use appearance::{Appearance, Look, Prepared, Uniform};
 pub use cameras::{bounds, look_at, orbit};
+pub use detail::add_detail;
 #[cfg(feature = "encode")]
 pub use ground::{Ground, composite, ground_shadow};
 pub use material::{HalfLobe, Material, Specular, WarpedLobe, fit_lobes};

@@ -6,13 +6,11 @@ use crate::lighting::SphericalGaussian;
 use glam::Vec3;
 use std::f32::consts::PI;
 
-/// Radiance towards the camera.
-pub(super) fn radiance(scene: &Scene, point: &Point, appearance: &Appearance) -> Vec3 {
-    let Some(light) = scene.light else { return Vec3::ZERO };
+/// Radiance towards the camera, diffuse and specular.
+pub(super) fn radiance(scene: &Scene, point: &Point, appearance: &Appearance) -> [Vec3; 2] {
+    let Some(light) = scene.light else { return [Vec3::ZERO; 2] };
     let occlusion = scene.object.occlusion.filter(|_| scene.options.shadows);
-    let distance = |axis: [f64; 3]| {
-        occlusion.map(|o| o.towards(point.corners, point.weights, single(axis)) as f64)
-    };
+    let distance = |axis: [f64; 3]| occlusion.map(|o| o.towards(point.corners, point.weights, single(axis)) as f64);
     let cosine = SphericalGaussian::cosine_published(point.normal.as_dvec3().to_array());
     let mut irradiance = Vec3::ZERO;
     for lobe in &light.diffuse {
@@ -48,7 +46,7 @@ pub(super) fn radiance(scene: &Scene, point: &Point, appearance: &Appearance) ->
             shine += smooth * single(shadowed.integral()) * Vec3::from_array(mean);
         }
     }
-    appearance.albedo * irradiance / PI + appearance.specular_scale * shine
+    [appearance.albedo * irradiance / PI, appearance.specular_scale * shine]
 }
 
 fn single(v: [f64; 3]) -> Vec3 {

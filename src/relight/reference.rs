@@ -58,13 +58,13 @@ fn radiance(
     options: &ReferenceOptions,
     number: u64,
     free: &dyn Fn(Vec3) -> bool,
-) -> Vec3 {
+) -> [Vec3; 2] {
     let frame = point.frame();
     let outgoing = frame.transpose() * point.outgoing;
     let specular = appearance.specular.filter(|_| appearance.specular_scale.max_element() > 0.0);
     let from_lobes = if specular.is_some() { options.rays / 2 } else { 0 };
     let reflectance = |incoming: Vec3| {
-        let mut f = appearance.albedo / PI;
+        let mut f = Vec3::ZERO;
         if let Some(prepared) = specular {
             let value = prepared.specular.brdf.evaluate(incoming.as_dvec3().to_array(), outgoing.as_dvec3().to_array());
             f += appearance.specular_scale * Vec3::from_array(value.map(|x| x as f32));
@@ -79,12 +79,14 @@ fn radiance(
         None => 0.0,
     };
     let start = scattered(number);
-    let mut sum = Vec3::ZERO;
+    let mut sum = [Vec3::ZERO; 2];
     let mut add = |world: Vec3, incoming: Vec3, density_of_light: f32, density_of_lobes: f32| {
         let density = options.rays as f32 * density_of_light + from_lobes as f32 * density_of_lobes;
         if density > 0.0 && (!options.shadows || free(world)) {
             let radiance = Vec3::from_array(light.environment.radiance(world.as_dvec3().to_array()));
-            sum += radiance * reflectance(incoming) * (incoming.z / density);
+            let arriving = radiance * (incoming.z / density);
+            sum[0] += appearance.albedo / PI * arriving;
+            sum[1] += reflectance(incoming) * arriving;
         }
     };
     for k in 0..options.rays {

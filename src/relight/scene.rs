@@ -1,10 +1,10 @@
 //! An object under light from all around: what every evaluator shares.
 
 use super::appearance::{Appearance, Look};
+use super::cameras::bounds;
 use super::occlusion::Occlusion;
 use super::shadow::ShadowMap;
 use super::surround::Surround;
-use super::cameras::bounds;
 use crate::asset::{Camera, Mesh};
 use crate::error::{Error, Result};
 use crate::image::{Grid, RgbImage};
@@ -102,8 +102,10 @@ impl Point {
 /// A picture under an environment.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Relit {
-    /// Linear radiance, Rec. 709; 0 where nothing is hit.
+    /// Linear radiance, Rec. 709; 0 where nothing is hit. Of pixels that the object covers in part it is that part's share.
     pub image: RgbImage,
+    /// The diffuse part of it.
+    pub diffuse: RgbImage,
     /// Share of each pixel that shows the object.
     pub coverage: Grid<f32>,
 }
@@ -154,7 +156,7 @@ pub(super) fn draw(
     object: &Object,
     camera: &Camera,
     samples: u32,
-    shade: impl Fn(&Point, u64) -> Vec3 + Sync + Send,
+    shade: impl Fn(&Point, u64) -> [Vec3; 2] + Sync + Send,
 ) -> Result<Relit> {
     let fine = finer(camera, samples);
     check_work(object.mesh, &fine)?;
@@ -162,9 +164,9 @@ pub(super) fn draw(
     let (width, height, n) = (camera.width as usize, camera.height as usize, samples as usize);
     let centre = Vec3::from_array(camera.centre().map(|x| x as f32));
     let rows = crate::paper::parallel::map(height, |y| {
-        let mut row = vec![([0f32; 3], 0f32); width];
+        let mut row = vec![([0f32; 3], [0f32; 3], 0f32); width];
         for (x, pixel) in row.iter_mut().enumerate() {
-            let (mut sum, mut hits) = (Vec3::ZERO, 0);
+            let (mut sum, mut hits) = ([Vec3::ZERO; 2], 0);
             for k in 0..n * n {
                 let index = (y * n + k / n) * width * n + x * n + k % n;
                 if !raster.is_covered(index) {
@@ -173,18 +175,21 @@ pub(super) fn draw(
                 hits += 1;
                 let point = surface_point(object, &raster, index, centre);
                 if point.normal.dot(point.outgoing) > 0.0 {
-                    sum += shade(&point, index as u64);
+                    let parts = shade(&point, index as u64);
+                    sum = [sum[0] + parts[0], sum[1] + parts[1]];
                 }
             }
             let share = 1.0 / (n * n) as f32;
-            *pixel = ((sum * share).to_array(), hits as f32 * share);
+            let [diffuse, specular] = sum.map(|part| part * share);
+            *pixel = ((diffuse + specular).to_array(), diffuse.to_array(), hits as f32 * share);
         }
         row
     });
     let pixels = rows.concat();
     Ok(Relit {
         image: Grid { width, height, data: pixels.iter().map(|p| p.0).collect() },
-        coverage: Grid { width, height, data: pixels.iter().map(|p| p.1).collect() },
+        diffuse: Grid { width, height, data: pixels.iter().map(|p| p.1).collect() },
+        coverage: Grid { width, height, data: pixels.iter().map(|p| p.2).collect() },
     })
 }
 

@@ -101,7 +101,7 @@ impl Surround {
 #[inline]
 pub(super) fn level_of(sharpness: f32) -> f32 {
     // All but the ends are a factor of 4 apart.
-    (((SHARPNESS[0] as f32).ln() - sharpness.max(1e-3).ln()) / 4f32.ln()).clamp(0.0, 6.0)
+    ((SHARPNESS[0] as f32).ln() - sharpness.max(1e-3).ln()) / 4f32.ln()
 }
 
 /// The environment without its compact bright parts, and those as distant lights: median cut of what lies above the threshold.
@@ -205,8 +205,8 @@ fn halves(mut part: Vec<Bright>) -> (Vec<Bright>, Vec<Bright>) {
 
 #[cfg(all(test, feature = "encode"))]
 mod tests {
-    use super::*;
     use super::super::octahedral::to_square;
+    use super::*;
     use crate::lighting::SphericalGaussian;
 
     #[test]

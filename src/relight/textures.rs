@@ -60,7 +60,8 @@ impl<'a> AssetLook<'a> {
         let texels = charts.width as usize * charts.height as usize;
         let alike = |count: usize| count == texels || count == 0;
         let named = charts.chart_of_triangle.iter().all(|&c| (c as usize) < charts.charts.len());
-        let sizes = maps.diffuse.data.len() == texels && alike(maps.specular.data.len()) && alike(maps.sigma.data.len());
+        let sizes =
+            maps.diffuse.data.len() == texels && alike(maps.specular.data.len()) && alike(maps.sigma.data.len());
         if texels == 0 || !sizes || !named || charts.chart_of_triangle.len() != asset.mesh.triangles.len() {
             return Err(Error::parameter("mesh, charts and reflectance maps do not belong together"));
         }
@@ -169,9 +170,8 @@ impl Look for TexturedLook {
     fn at(&self, triangle: usize, weights: Vec3, position: Vec3) -> Appearance<'_> {
         let base = self.base.at(triangle, weights, position);
         let corners = self.textures.coordinates[triangle];
-        let at = std::array::from_fn(|k| {
-            weights.x * corners[0][k] + weights.y * corners[1][k] + weights.z * corners[2][k]
-        });
+        let at =
+            std::array::from_fn(|k| weights.x * corners[0][k] + weights.y * corners[1][k] + weights.z * corners[2][k]);
         let read = |texture: &Option<Texture>, constant: Vec3| texture.as_ref().map_or(constant, |t| t.read(at));
         let rough = || self.textures.roughness.as_ref().map(|t| t.read(at).x as f64);
         let specular = match &self.range {

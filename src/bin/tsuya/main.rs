@@ -4,6 +4,7 @@ mod align;
 mod brdf;
 mod compare;
 mod comparison;
+mod composite;
 mod decode;
 mod demo;
 mod encode;
@@ -15,6 +16,7 @@ mod progress;
 mod render;
 mod shell;
 mod source;
+mod surroundings;
 mod values;
 mod verify;
 
@@ -51,6 +53,7 @@ enum Command {
     Verify(verify::Verify),
     Compare(compare::Compare),
     Render(render::Render),
+    Composite(composite::Composite),
     Align(align::Align),
     Brdf(brdf::Brdf),
     Completions(shell::Completions),
@@ -67,6 +70,7 @@ impl Command {
             Command::Verify(verify) => verify.run(),
             Command::Compare(compare) => compare.run(),
             Command::Render(render) => render.run(),
+            Command::Composite(composite) => composite.run(),
             Command::Align(align) => align.run(),
             Command::Brdf(brdf) => brdf.run(),
             Command::Completions(completions) => completions.run(),

@@ -63,7 +63,7 @@ class Reflection(mi.BSDF):
         self.albedo = mi.Color3f(triple(m.get("diffuse"), 0.0 if specular else 0.5))
         self.scale = mi.Color3f(triple(m.get("specular"), 1.0))
         self.f0 = m.get("reflectance", 1.0)
-        pair = lambda v: [v, v] if np.isscalar(v) else v
+        pair = lambda v: [float(v)] * 2 if np.isscalar(v) else [float(x) for x in v]
         self.roughness = pair(m.get("roughness", 0.0))
         self.exponent = pair(m.get("exponent", 0.0))
         self.coefficients = m.get("coefficients", [-1, 1])
@@ -74,15 +74,15 @@ class Reflection(mi.BSDF):
         self.m_components = [flags]
         self.m_flags = flags
         if self.model == "blinn-phong":
-            self.slope = np.sqrt(2 / (self.exponent[0] + 2))
+            self.slope = (2 / (self.exponent[0] + 2)) ** 0.5
         elif self.model == "ashikhmin-shirley":
-            self.slope = np.sqrt(2 / (min(self.exponent) + 2))
+            self.slope = (2 / (min(self.exponent) + 2)) ** 0.5
         elif self.model == "lafortune":
-            self.slope = np.sqrt(8 / (self.exponent[0] + 2))
+            self.slope = (8 / (self.exponent[0] + 2)) ** 0.5
         else:
             self.slope = max(self.roughness)
         if self.model == "torrance-sparrow":
-            self.slope *= np.sqrt(2)
+            self.slope *= 2**0.5
 
     def value(self, i, o):
         ci, co = i.z, o.z
@@ -111,7 +111,7 @@ class Reflection(mi.BSDF):
         elif self.model == "ashikhmin-shirley":
             sine = h.x * h.x + h.y * h.y
             exponent = dr.select(sine > 1e-18, (n[0] * h.x * h.x + n[1] * h.y * h.y) / sine, n[0])
-            scale = np.sqrt((n[0] + 1) * (n[1] + 1)) / (8 * pi)
+            scale = ((n[0] + 1) * (n[1] + 1)) ** 0.5 / (8 * pi)
             f = mi.Color3f(schlick * scale * dr.power(z, exponent) / (oh * dr.maximum(ci, co)))
         elif self.model == "lafortune":
             xy, along = self.coefficients
