@@ -24,7 +24,7 @@ mod white;
 
 pub use description::{Description, FrameDescription, WhiteReference, describe};
 pub use lens::Lens;
-pub use photograph::{ColorSpace, read_radiance};
+pub use photograph::{ColorSpace, read_radiance, read_values};
 
 use crate::asset::{Mesh, View};
 use crate::error::{Error, Result};

@@ -95,6 +95,12 @@ pub fn read_radiance(path: &Path) -> Result<RgbImage> {
     Ok(read_picture(path, &ColorSpace::named("srgb")?, None)?.colour)
 }
 
+/// As [`read_radiance`], integer pictures being of another colour space (see [`ColorSpace::named`]); `linear` for numbers that are no
+/// colours.
+pub fn read_values(path: &Path, color_space: &str) -> Result<RgbImage> {
+    Ok(read_picture(path, &ColorSpace::named(color_space)?, None)?.colour)
+}
+
 /// Reads a mask: pixels of one half and brighter show the object.
 pub(super) fn read_mask(path: &Path, size: (u32, u32)) -> Result<Mask, Fault> {
     let raw = read_raw(path, Some(size))?;

@@ -213,6 +213,34 @@ fn read_obj(path: &Path, bytes: &[u8]) -> Result<Mesh> {
     Ok(mesh)
 }
 
+/// Texture coordinates of each triangle's corners of an OBJ file, parallel to the triangles that [`read`] gives. Empty for other
+/// formats and for files without them.
+pub fn texture_coordinates(path: impl AsRef<Path>) -> Result<Vec<[[f32; 2]; 3]>> {
+    let path = path.as_ref();
+    let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
+    let options =
+        tobj::LoadOptions { triangulate: true, ignore_points: true, ignore_lines: true, ..Default::default() };
+    let no_materials = |_: &Path| Ok((Vec::new(), Default::default()));
+    let Ok((models, _)) = tobj::load_obj_buf(&mut Cursor::new(bytes), &options, no_materials) else {
+        return Ok(Vec::new());
+    };
+    let mut coordinates = Vec::new();
+    for mesh in models.into_iter().map(|model| model.mesh) {
+        // A corner's own index, or where all its indices are one, that of its vertex.
+        let own = mesh.texcoord_indices.len() == mesh.indices.len();
+        let indices = if own { &mesh.texcoord_indices } else { &mesh.indices };
+        for corners in indices.chunks_exact(3) {
+            let at = |k: usize| {
+                let first = corners[k] as usize * 2;
+                mesh.texcoords.get(first..first + 2).map(|uv| [uv[0], uv[1]])
+            };
+            let (Some(a), Some(b), Some(c)) = (at(0), at(1), at(2)) else { return Ok(Vec::new()) };
+            coordinates.push([a, b, c]);
+        }
+    }
+    Ok(coordinates)
+}
+
 /// The line of the first vertex that is not finite or face corner out of range; only asked after something went wrong.
 fn locate_obj_fault(bytes: &[u8]) -> Option<String> {
     let text = String::from_utf8_lossy(bytes);

@@ -1,15 +1,44 @@
-//! Pictures of an asset: from any camera, under the capture's light or any point lights. See `spec/rendering.md`.
+//! Pictures of an asset: from any camera, under the capture's light, any point lights, or an environment. See `spec/rendering.md`.
 //!
 //! A picture is the reflectance model, evaluated, plus the residual (photograph minus model), interpolated between the nearest
 //! captured views (Miyazaki 2007, equations 12 to 16).
 
+mod appearance;
+mod better;
 mod cameras;
+mod detail;
+#[cfg(feature = "encode")]
+mod ground;
+#[cfg(feature = "encode")]
+pub mod job;
+mod material;
+mod models;
+mod occlusion;
+mod octahedral;
+mod published;
+#[cfg(feature = "encode")]
+mod reference;
 mod renderer;
 mod residual;
+mod scene;
 mod shadow;
+mod surround;
+mod textures;
 
+pub use appearance::{Appearance, Look, Prepared, Uniform};
 pub use cameras::{bounds, look_at, orbit};
+pub use detail::add_detail;
+#[cfg(feature = "encode")]
+pub use ground::{Ground, composite, ground_shadow};
+pub use material::{HalfLobe, Material, Specular, WarpedLobe, fit_lobes};
+pub use models::TorranceSparrow;
+pub use occlusion::Occlusion;
+#[cfg(feature = "encode")]
+pub use reference::{ReferenceOptions, reference};
+pub use surround::{DistantLight, Surround, SurroundOptions};
+pub use textures::{AssetLook, Texture, TexturedLook, Textures};
 pub use renderer::Renderer;
+pub use scene::{EnvironmentOptions, Evaluator, Object, Relit, Scene};
 
 use crate::asset::{Asset, Camera, PointLight};
 use crate::error::Result;

@@ -58,6 +58,18 @@ impl Occluders {
             if t > bias { t } else { f32::INFINITY }
         })
     }
+    /// Whether a ray from a surface point leaves the object. The point's own surroundings do not block it.
+    pub fn free(&self, point: [f32; 3], direction: [f32; 3]) -> bool {
+        if self.triangles.is_empty() {
+            return true;
+        }
+        let bias = self.bias as f32;
+        let ray = Ray::new_inf(point.into(), direction.into());
+        self.hierarchy.ray_traverse_miss(ray, |ray, id| {
+            let t = self.triangles[self.hierarchy.primitive_indices[id] as usize].intersect(ray);
+            if t > bias { t } else { f32::INFINITY }
+        })
+    }
     /// What the ray through an image position meets first.
     pub fn first_hit(&self, camera: &Camera, pixel: [f64; 2]) -> Option<SurfaceHit> {
         if self.triangles.is_empty() {

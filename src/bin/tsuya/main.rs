@@ -5,6 +5,7 @@ mod bake;
 mod brdf;
 mod compare;
 mod comparison;
+mod composite;
 mod decode;
 mod demo;
 mod encode;
@@ -17,6 +18,7 @@ mod progress;
 mod render;
 mod shell;
 mod source;
+mod surroundings;
 mod values;
 mod verify;
 
@@ -53,6 +55,7 @@ enum Command {
     Verify(verify::Verify),
     Compare(compare::Compare),
     Render(render::Render),
+    Composite(composite::Composite),
     Align(align::Align),
     Brdf(brdf::Brdf),
     Bake(bake::Bake),
@@ -71,6 +74,7 @@ impl Command {
             Command::Verify(verify) => verify.run(),
             Command::Compare(compare) => compare.run(),
             Command::Render(render) => render.run(),
+            Command::Composite(composite) => composite.run(),
             Command::Align(align) => align.run(),
             Command::Brdf(brdf) => brdf.run(),
             Command::Bake(bake) => bake.run(),

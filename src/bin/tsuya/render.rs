@@ -1,5 +1,6 @@
-//! `tsuya render`: pictures from any camera, under any point lights.
+//! `tsuya render`: pictures from any camera, under any point lights or an environment.
 
+use crate::surroundings::{self, Quality, Subject};
 use crate::values::{Numbers, find_view, numbers, size, triple};
 use crate::{output, pictures, progress, source};
 use anyhow::Result;
@@ -8,15 +9,23 @@ use std::path::{Path, PathBuf};
 use tsuya::Error;
 use tsuya::asset::{Asset, Camera, PointLight};
 use tsuya::decoder::Selection;
+use tsuya::image::RgbImage;
 use tsuya::measure::to_display;
+use tsuya::relight::job::{JobEnvironment, JobEvaluator};
 use tsuya::relight::{self, Layers, Lighting, RenderOptions, Renderer};
 
 /// Renders pictures of the object.
 #[derive(Args)]
 pub struct Render {
     /// The file; - is standard input.
-    file: PathBuf,
-    /// The picture: .png (sRGB, the white board is 255) or .exr (linear radiance). With --orbit a number is put into the name.
+    #[arg(required_unless_present = "job", conflicts_with = "job")]
+    file: Option<PathBuf>,
+    /// Takes everything from this file, JSON: mesh and material, or asset; environment, camera, size. The picture is linear, Rec. 709.
+    #[arg(long, value_name = "JOB.json")]
+    job: Option<PathBuf>,
+    #[command(flatten)]
+    surround: Surround,
+    /// The picture: .png (sRGB; the white board is 255, under an environment radiance 1 is) or .exr (linear radiance). With --orbit a number is put into the name.
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
     #[command(flatten)]
@@ -55,6 +64,36 @@ pub struct Render {
 }
 
 #[derive(Args)]
+struct Surround {
+    /// Light from all around: EXR, HDR, PNG or JPEG, 2:1 latitude and longitude or a cube.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["light", "capture_light", "job"])]
+    env: Option<PathBuf>,
+    /// Factor of the environment's radiance.
+    #[arg(long, value_name = "FACTOR", default_value_t = 1.0, requires = "env")]
+    env_scale: f64,
+    /// Turns the environment about +Y, degrees.
+    #[arg(long, value_name = "DEG", default_value_t = 0.0, allow_hyphen_values = true, requires = "env")]
+    env_rotation: f64,
+    /// How the environment's light is summed [default: better, or what the job says].
+    #[arg(long, value_name = "NAME", value_enum)]
+    evaluator: Option<EvaluatorName>,
+    /// Sums direct light by brute force: slow, exact.
+    #[arg(long, conflicts_with = "evaluator")]
+    reference: bool,
+    /// Samples of a pixel along each side, 1 to 8, under an environment [default: 2].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=8))]
+    samples: Option<u32>,
+}
+
+#[derive(Clone, Copy, PartialEq, ValueEnum)]
+enum EvaluatorName {
+    /// Spherical Gaussians throughout, as published.
+    Published,
+    /// All directions at each vertex, exact shadows of compact sources, several places of each lobe.
+    Better,
+}
+
+#[derive(Args)]
 #[group(multiple = false)]
 struct Place {
     /// From the camera of this captured view, by number or name [default: the first].
@@ -86,12 +125,19 @@ impl Render {
         if !(1.0..=170.0).contains(&self.fov) {
             return Err(Error::parameter("--fov goes from 1 to 170 degrees").into());
         }
+        if let Some(job) = &self.job {
+            return self.run_job(job, is_exr);
+        }
         let layers = self.layers();
+        let file = self.file.as_deref().unwrap_or(Path::new("-"));
         let asset = {
             let _busy = progress::busy("decoding");
             let selection = if layers.residual { Selection::All } else { Selection::None };
-            source::decode(&self.file, selection)?.0
+            source::decode(file, selection)?.0
         };
+        if let Some(environment) = &self.surround.env {
+            return self.run_environment(asset, environment, is_exr);
+        }
         let options = RenderOptions {
             lighting: self.lighting(&asset)?,
             layers,
@@ -99,21 +145,76 @@ impl Render {
             shadows: !self.no_shadows,
         };
         let cameras = self.cameras(&asset)?;
-        let paths: Vec<PathBuf> = match self.place.orbit {
-            Some(_) => (0..cameras.len()).map(|k| numbered(&self.output, k)).collect(),
-            None => vec![self.output.clone()],
-        };
+        let paths = self.paths(cameras.len());
         paths.iter().try_for_each(|path| output::check_free(path, self.force))?;
         let _busy = progress::busy("rendering");
         let renderer = Renderer::new(&asset)?;
         let gain = self.exposure.exp2() as f32;
         for (camera, path) in cameras.iter().zip(&paths) {
-            let image = renderer.render(camera, &options)?.image.map(|pixel| pixel.map(|v| v * gain));
-            let bytes =
-                if is_exr { pictures::exr(&image, false)? } else { pictures::png(&to_display(&image, asset.white))? };
-            output::write(path, &bytes, self.force)?;
+            let image = renderer.render(camera, &options)?.image;
+            self.write(&image, gain, asset.white, path, is_exr)?;
         }
         Ok(())
+    }
+
+    fn run_job(&self, path: &Path, is_exr: bool) -> Result<()> {
+        output::check_free(&self.output, self.force)?;
+        let (job, folder) = surroundings::read_job(path)?;
+        let quality = Quality {
+            evaluator: self.evaluator(job.evaluator),
+            shadows: job.shadows && !self.no_shadows,
+            samples: self.surround.samples.or(job.samples).unwrap_or(2),
+            detail: self.layers().residual,
+        };
+        let _busy = progress::busy("rendering");
+        let subject = surroundings::subject(&job, &folder, quality.detail)?;
+        let environment = surroundings::environment(&job.environment, &folder)?;
+        let gain = self.exposure.exp2() as f32;
+        surroundings::pictures(&subject, &environment, &[job.camera()?], quality, |_, relit| {
+            self.write(&relit.image, gain, [1.0; 3], &self.output, is_exr)
+        })
+    }
+
+    fn run_environment(&self, asset: Asset, file: &Path, is_exr: bool) -> Result<()> {
+        let cameras = self.cameras(&asset)?;
+        let paths = self.paths(cameras.len());
+        paths.iter().try_for_each(|path| output::check_free(path, self.force))?;
+        let quality = Quality {
+            evaluator: self.evaluator(JobEvaluator::Better),
+            shadows: !self.no_shadows,
+            samples: self.surround.samples.unwrap_or(2),
+            detail: self.layers().residual,
+        };
+        let Surround { env_scale: scale, env_rotation: rotation_y_deg, .. } = self.surround;
+        let environment = JobEnvironment { file: file.to_owned(), scale, rotation_y_deg };
+        let _busy = progress::busy("rendering");
+        let environment = surroundings::environment(&environment, Path::new(""))?;
+        let gain = self.exposure.exp2() as f32;
+        surroundings::pictures(&Subject::Asset(Box::new(asset)), &environment, &cameras, quality, |k, relit| {
+            self.write(&relit.image, gain, [1.0; 3], &paths[k], is_exr)
+        })
+    }
+
+    fn evaluator(&self, otherwise: JobEvaluator) -> JobEvaluator {
+        match self.surround.evaluator {
+            _ if self.surround.reference => JobEvaluator::Reference,
+            Some(EvaluatorName::Published) => JobEvaluator::Published,
+            Some(EvaluatorName::Better) => JobEvaluator::Better,
+            None => otherwise,
+        }
+    }
+
+    fn write(&self, image: &RgbImage, gain: f32, white: [f64; 3], path: &Path, is_exr: bool) -> Result<()> {
+        let image = image.map(|pixel| pixel.map(|v| v * gain));
+        let bytes = if is_exr { pictures::exr(&image, false)? } else { pictures::png(&to_display(&image, white))? };
+        output::write(path, &bytes, self.force)
+    }
+
+    fn paths(&self, count: usize) -> Vec<PathBuf> {
+        match self.place.orbit {
+            Some(_) => (0..count).map(|k| numbered(&self.output, k)).collect(),
+            None => vec![self.output.clone()],
+        }
     }
 
     fn layers(&self) -> Layers {
@@ -192,7 +293,7 @@ fn resized(camera: Camera, [width, height]: [u32; 2]) -> Camera {
     }
 }
 
-fn is_exr(path: &Path) -> Result<bool> {
+pub fn is_exr(path: &Path) -> Result<bool> {
     match path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase).as_deref() {
         Some("exr") => Ok(true),
         Some("png") => Ok(false),

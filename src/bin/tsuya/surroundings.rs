@@ -1,0 +1,190 @@
+//! Pictures under an environment: what `render --env`, `render --job` and `composite` share.
+
+use crate::source;
+use anyhow::Result;
+use std::path::{Path, PathBuf};
+use tsuya::asset::{Asset, Camera, Mesh};
+use tsuya::decoder::Selection;
+use tsuya::image::RgbImage;
+use tsuya::lighting::{self, Environment, fit, levels};
+use tsuya::relight::job::{Job, JobEnvironment, JobEvaluator, JobMaterial, Parameter};
+use tsuya::relight::{
+    AssetLook, EnvironmentOptions, Evaluator, Look, Object, Occlusion, ReferenceOptions, Relit, Renderer, Scene,
+    Surround, SurroundOptions, Texture, TexturedLook, Textures, Uniform, add_detail, reference,
+};
+use tsuya::visibility::bake::{BakeOptions, bake};
+use tsuya::{Error, mesh};
+
+/// Cells along a side of the sharpest level.
+const LEVEL_SIDE: usize = 256;
+
+/// What is shown: an asset, or a mesh of one material.
+pub enum Subject {
+    Asset(Box<Asset>),
+    Mesh { mesh: Mesh, material: JobMaterial, folder: PathBuf, file: PathBuf },
+}
+
+impl Subject {
+    pub fn mesh(&self) -> &Mesh {
+        match self {
+            Subject::Asset(asset) => &asset.mesh,
+            Subject::Mesh { mesh, .. } => mesh,
+        }
+    }
+
+    fn look(&self, taps: usize) -> Result<Box<dyn Look + '_>> {
+        Ok(match self {
+            Subject::Asset(asset) => Box::new(AssetLook::new(asset, taps)?),
+            Subject::Mesh { mesh, material, folder, file } => {
+                let textures = textures(material, folder, file)?;
+                if textures == Textures::default() {
+                    return Ok(Box::new(Uniform::new(material.uniform()?, taps)));
+                }
+                // A roughness that varies is left out of the material that is the same all over.
+                let varies = textures.roughness.is_some();
+                let roughness = material.roughness.clone().filter(|_| !varies);
+                let base = JobMaterial { roughness, ..material.clone() };
+                let base = if varies { JobMaterial { model: "lambert".into(), ..base } } else { base };
+                let part = |roughness: f64| {
+                    let none = || Error::parameter("material: this model has no roughness");
+                    material.specular_part(Some(roughness))?.ok_or_else(none)
+                };
+                Box::new(TexturedLook::new(base.uniform()?, textures, mesh.triangles.len(), taps, part)?)
+            }
+        })
+    }
+}
+
+/// How light is summed and how finely.
+#[derive(Clone, Copy)]
+pub struct Quality {
+    pub evaluator: JobEvaluator,
+    pub shadows: bool,
+    pub samples: u32,
+    pub detail: bool,
+}
+
+/// Reads the environment of a job.
+pub fn environment(job: &JobEnvironment, folder: &Path) -> Result<Environment> {
+    let (environment, cleaned) = lighting::read::read(&[folder.join(&job.file)], &Default::default())?;
+    if cleaned.negative + cleaned.not_finite > 0 {
+        tracing::info!("{} negative and {} missing pixels replaced", cleaned.negative, cleaned.not_finite);
+    }
+    if !(job.scale.is_finite() && job.scale >= 0.0 && job.rotation_y_deg.is_finite()) {
+        return Err(
+            Error::parameter("an environment's scale and rotation are finite, the scale is not negative").into()
+        );
+    }
+    let environment = environment.scaled(job.scale as f32);
+    Ok(if job.rotation_y_deg == 0.0 { environment } else { environment.rotated_y(job.rotation_y_deg) })
+}
+
+/// Pictures of a subject from several cameras.
+pub fn pictures(
+    subject: &Subject,
+    environment: &Environment,
+    cameras: &[Camera],
+    quality: Quality,
+    mut done: impl FnMut(usize, Relit) -> Result<()>,
+) -> Result<()> {
+    let options = EnvironmentOptions {
+        evaluator: match quality.evaluator {
+            JobEvaluator::Published => Evaluator::Published,
+            _ => Evaluator::Better,
+        },
+        shadows: quality.shadows,
+        samples: quality.samples,
+        ..EnvironmentOptions::default()
+    };
+    let look = subject.look(options.taps)?;
+    let mesh = subject.mesh();
+    let asset = match subject {
+        Subject::Asset(asset) if quality.detail => Some(&**asset),
+        _ => None,
+    };
+    let renderer = asset.map(Renderer::new).transpose()?;
+    let mut finish = |k: usize, mut relit: Relit| {
+        if let (Some(asset), Some(renderer)) = (asset, &renderer) {
+            add_detail(&mut relit, renderer, asset, &cameras[k])?;
+        }
+        done(k, relit)
+    };
+    if quality.evaluator == JobEvaluator::Reference {
+        let object = Object::new(mesh, None)?;
+        let options = ReferenceOptions { samples: quality.samples, shadows: quality.shadows, ..Default::default() };
+        for (k, camera) in cameras.iter().enumerate() {
+            finish(k, reference(&object, environment, camera, &*look, &options)?)?;
+        }
+        return Ok(());
+    }
+    let occlusion = if quality.shadows { Some(occlusion(subject)?) } else { None };
+    let object = Object::new(mesh, occlusion.as_ref())?;
+    let surround = Surround::new(environment, &SurroundOptions::default());
+    let light = (options.evaluator == Evaluator::Published).then(|| lighting::Light {
+        diffuse: fit::fit(environment, &fit::FitOptions::default(), None),
+        levels: levels::levels(environment, LEVEL_SIDE),
+    });
+    let scene = Scene::new(&object, &surround, light.as_ref(), options)?;
+    for (k, camera) in cameras.iter().enumerate() {
+        finish(k, scene.render(camera, &*look)?)?;
+    }
+    Ok(())
+}
+
+/// The visibility of a file, or computed now where it has none.
+fn occlusion(subject: &Subject) -> Result<Occlusion> {
+    if let Subject::Asset(asset) = subject
+        && let Some(visibility) = &asset.visibility
+    {
+        return Ok(Occlusion::of(visibility));
+    }
+    tracing::info!("the file has no visibility (tsuya bake): computing it");
+    Ok(Occlusion::of(&bake(subject.mesh(), &BakeOptions::default())?.visibility))
+}
+
+/// Reads a job; paths in it are relative to its folder, which comes with it.
+pub fn read_job(path: &Path) -> Result<(Job, PathBuf)> {
+    let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
+    let job = serde_json::from_slice(&bytes).map_err(|e| Error::input(path, e.to_string()))?;
+    Ok((job, path.parent().unwrap_or(Path::new("")).to_owned()))
+}
+
+/// What a job shows.
+pub fn subject(job: &Job, folder: &Path, detail: bool) -> Result<Subject> {
+    match (&job.asset, &job.mesh, &job.material) {
+        (Some(asset), None, None) => {
+            let selection = if detail { Selection::All } else { Selection::None };
+            Ok(Subject::Asset(Box::new(source::decode(&folder.join(asset), selection)?.0)))
+        }
+        (None, Some(file), Some(material)) => {
+            let file = folder.join(file);
+            let mesh = mesh::read::read(&file)?;
+            Ok(Subject::Mesh { mesh, material: material.clone(), folder: folder.to_owned(), file })
+        }
+        _ => Err(Error::parameter("a job has either asset, or mesh and material").into()),
+    }
+}
+
+/// A picture in linear values: numbers as they are, not decoded from sRGB, unless it is a colour.
+fn read_texture(path: &Path, colour: bool, scale: f64) -> Result<Texture> {
+    let space = if colour { "srgb" } else { "linear" };
+    let image: RgbImage = tsuya::capture::read_values(path, space)?;
+    Ok(Texture { image, scale: scale as f32 })
+}
+
+fn textures(material: &JobMaterial, folder: &Path, mesh: &Path) -> Result<Textures> {
+    let mut textures = Textures::default();
+    if let Some(Parameter::Texture { texture, scale }) = &material.diffuse {
+        textures.diffuse = Some(read_texture(&folder.join(texture), true, *scale)?);
+    }
+    if let Some(Parameter::Texture { texture, scale }) = &material.specular {
+        textures.specular = Some(read_texture(&folder.join(texture), true, *scale)?);
+    }
+    if let Some(Parameter::Texture { texture, scale }) = &material.roughness {
+        textures.roughness = Some(read_texture(&folder.join(texture), false, *scale)?);
+    }
+    if textures != Textures::default() {
+        textures.coordinates = mesh::read::texture_coordinates(mesh)?;
+    }
+    Ok(textures)
+}

@@ -1,0 +1,70 @@
+//! What the surface is made of at each point.
+
+use super::material::{Material, Specular};
+use super::surround::level_of;
+use glam::Vec3;
+
+/// Reflectance at one point.
+pub struct Appearance<'a> {
+    /// Diffuse albedo.
+    pub albedo: Vec3,
+    /// Factor of the specular part.
+    pub specular_scale: Vec3,
+    /// Specular part with its prepared taps.
+    pub specular: Option<&'a Prepared>,
+}
+
+/// A specular part with the half vectors that stand for it.
+pub struct Prepared {
+    /// The part.
+    pub specular: Specular,
+    /// Half vectors, their probability density, and the level of light for a tap seen along its half vector.
+    pub(super) taps: Vec<(Vec3, f32, f32)>,
+}
+
+impl Prepared {
+    /// `taps` half vectors are looked at.
+    pub fn new(specular: Specular, taps: usize) -> Self {
+        let halves = specular.taps(taps);
+        let count = halves.len() as f32;
+        let taps = halves.into_iter().map(|half| {
+            let density = specular.density(half.to_array()) as f32;
+            // The solid angle of a tap as that of a lobe, see `better`.
+            let sharpness = 2.0 * std::f32::consts::PI * count * density / 4.0;
+            (half.as_vec3(), density, level_of(sharpness))
+        });
+        let taps = taps.collect();
+        Prepared { specular, taps }
+    }
+}
+
+/// Where appearance comes from.
+pub trait Look: Sync {
+    /// Appearance of a point of a triangle, by the weights of its corners.
+    fn at(&self, triangle: usize, weights: Vec3, position: Vec3) -> Appearance<'_>;
+}
+
+/// One material all over.
+pub struct Uniform {
+    albedo: Vec3,
+    scale: Vec3,
+    prepared: Option<Prepared>,
+}
+
+impl Uniform {
+    /// `taps` as in [`Prepared::new`].
+    pub fn new(material: Material, taps: usize) -> Self {
+        let vector = |v: [f64; 3]| Vec3::from_array(v.map(|x| x as f32));
+        Uniform {
+            albedo: vector(material.albedo),
+            scale: vector(material.specular_scale),
+            prepared: material.specular.map(|s| Prepared::new(s, taps)),
+        }
+    }
+}
+
+impl Look for Uniform {
+    fn at(&self, _: usize, _: Vec3, _: Vec3) -> Appearance<'_> {
+        Appearance { albedo: self.albedo, specular_scale: self.scale, specular: self.prepared.as_ref() }
+    }
+}

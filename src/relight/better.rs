@@ -1,0 +1,106 @@
+//! The better evaluator: diffuse light summed over the whole sphere at each vertex, compact sources apart with exact shadows, specular
+//! light from several places of the lobe.
+
+use super::appearance::{Appearance, Prepared};
+use super::occlusion::ramp;
+use super::octahedral::{texel_direction, to_square};
+use super::scene::{Object, Point, Scene};
+use super::surround::Surround;
+use crate::lighting::octahedral::solid_angles;
+use glam::{Mat3, Vec3};
+use std::f32::consts::PI;
+
+/// Side of the grid that diffuse light is summed over where there is no visibility with a grid of its own.
+const SIDE: usize = 32;
+
+/// Irradiance of every vertex from everything but the distant lights.
+pub(super) fn irradiance(object: &Object, surround: &Surround, shadows: bool) -> Vec<Vec3> {
+    let occlusion = object.occlusion.filter(|_| shadows);
+    let side = occlusion.map_or(SIDE, |o| o.side());
+    let cells = surround.cells(side);
+    let directions: Vec<Vec3> = (0..side * side).map(|k| texel_direction(side, k % side, k / side)).collect();
+    // A cell as a lobe of its solid angle.
+    let sharpness: Vec<f32> = solid_angles(side).into_iter().map(|a| 2.0 * PI / a as f32).collect();
+    crate::paper::parallel::map(object.normals.len(), |vertex| {
+        let normal = object.normals[vertex];
+        let mut sum = Vec3::ZERO;
+        for k in 0..cells.len() {
+            let cosine = normal.dot(directions[k]);
+            if cosine <= 0.0 {
+                continue;
+            }
+            let seen = occlusion.map_or(1.0, |o| ramp(o.of_cell(vertex, k % side, k / side), sharpness[k]));
+            sum += cells[k] * (cosine * seen);
+        }
+        sum
+    })
+}
+
+/// Radiance towards the camera, diffuse and specular.
+pub(super) fn radiance(scene: &Scene, point: &Point, appearance: &Appearance) -> [Vec3; 2] {
+    let [a, b, c] = point.corners.map(|v| scene.irradiance[v as usize]);
+    let mut irradiance = a * point.weights.x + b * point.weights.y + c * point.weights.z;
+    let specular = appearance.specular.filter(|_| appearance.specular_scale.max_element() > 0.0);
+    let frame = point.frame();
+    let outgoing = frame.transpose() * point.outgoing;
+    let mut shine = Vec3::ZERO;
+    for (k, light) in scene.surround.distant.iter().enumerate() {
+        let direction = Vec3::from_array(light.direction);
+        let cosine = point.normal.dot(direction);
+        if cosine <= 0.0 || (scene.options.shadows && point.geometric.dot(direction) <= 0.0) {
+            continue;
+        }
+        let reach = match scene.shadows.get(k) {
+            Some(Some(map)) => {
+                map.reach(point.position.as_dvec3().to_array(), point.geometric.dot(direction) as f64) as f32
+            }
+            _ => 1.0,
+        };
+        let arriving = Vec3::from_array(light.irradiance) * (cosine * reach);
+        irradiance += arriving;
+        if let Some(prepared) = specular.filter(|_| reach > 0.0) {
+            shine += arriving * evaluate(prepared, frame.transpose() * direction, outgoing);
+        }
+    }
+    if let Some(prepared) = specular {
+        shine += reflected(scene, point, prepared, &frame, outgoing);
+    }
+    [appearance.albedo * irradiance / PI, appearance.specular_scale * shine]
+}
+
+fn evaluate(prepared: &Prepared, incoming: Vec3, outgoing: Vec3) -> Vec3 {
+    let f = prepared.specular.brdf.evaluate(incoming.as_dvec3().to_array(), outgoing.as_dvec3().to_array());
+    Vec3::from_array(f.map(|x| x as f32))
+}
+
+/// Specular reflection of everything but the distant lights: half vectors drawn from the lobes, each with the light around its own
+/// direction averaged over the solid angle that it stands for.
+fn reflected(scene: &Scene, point: &Point, prepared: &Prepared, frame: &Mat3, outgoing: Vec3) -> Vec3 {
+    let occlusion = scene.object.occlusion.filter(|_| scene.options.shadows);
+    let count = prepared.taps.len() as f32;
+    let mut sum = Vec3::ZERO;
+    let coarse = 4f32.ln().recip();
+    for &(half, density, level) in &prepared.taps {
+        let cosine = half.dot(outgoing);
+        let incoming = 2.0 * cosine * half - outgoing;
+        if cosine <= 1e-4 || incoming.z <= 0.0 || half.z <= 0.0 {
+            continue;
+        }
+        let world = *frame * incoming;
+        if scene.options.shadows && point.geometric.dot(world) <= 0.0 {
+            continue;
+        }
+        // Of i = 2 (o.h) h - o the density is that of h over 4 (o.h).
+        let density = density / (4.0 * cosine) * count;
+        let sharpness = 2.0 * PI * density;
+        let square = to_square(world);
+        let seen = occlusion.map_or(1.0, |o| ramp(o.distance(point.corners, point.weights, square), sharpness));
+        if seen <= 0.0 {
+            continue;
+        }
+        // The tap's level is that of the half vector's density; the turn to the reflected one makes it coarser.
+        let light = scene.surround.filtered(square, level + cosine.ln() * coarse);
+        sum += light * evaluate(prepared, incoming, outgoing) * (incoming.z * seen / density);
+    }
+    sum
+}

@@ -1,0 +1,54 @@
+//! The published evaluator (Sonoda 2011, equations 13 and 15): spherical Gaussians throughout.
+
+use super::appearance::Appearance;
+use super::scene::{Point, Scene};
+use crate::lighting::SphericalGaussian;
+use glam::Vec3;
+use std::f32::consts::PI;
+
+/// Radiance towards the camera, diffuse and specular.
+pub(super) fn radiance(scene: &Scene, point: &Point, appearance: &Appearance) -> [Vec3; 2] {
+    let Some(light) = scene.light else { return [Vec3::ZERO; 2] };
+    let occlusion = scene.object.occlusion.filter(|_| scene.options.shadows);
+    let distance = |axis: [f64; 3]| occlusion.map(|o| o.towards(point.corners, point.weights, single(axis)) as f64);
+    let cosine = SphericalGaussian::cosine_published(point.normal.as_dvec3().to_array());
+    let mut irradiance = Vec3::ZERO;
+    for lobe in &light.diffuse {
+        let product = cosine.product(lobe);
+        let sum = match distance(product.axis) {
+            Some(distance) => product.visible_published(distance),
+            None => product.integral(),
+        };
+        irradiance += single(sum);
+    }
+    let mut shine = Vec3::ZERO;
+    if let Some(prepared) = appearance.specular.filter(|_| appearance.specular_scale.max_element() > 0.0) {
+        let frame = point.frame();
+        let outgoing = (frame.transpose() * point.outgoing).as_dvec3().to_array();
+        for lobe in prepared.specular.lobes.iter().flat_map(|lobe| lobe.warp_published(outgoing)) {
+            let axis = lobe.axis;
+            if axis[2] <= 0.0 {
+                continue;
+            }
+            // What is smooth beside the distribution, at the axis: masking, Fresnel's term.
+            let half = std::array::from_fn(|k| axis[k] + outgoing[k]);
+            let length = half.iter().map(|x: &f64| x * x).sum::<f64>().sqrt().max(1e-12);
+            let half = half.map(|x| x / length);
+            let distribution: f64 = prepared.specular.lobes.iter().map(|l| l.evaluate(half)).sum();
+            let smooth = single(prepared.specular.brdf.evaluate(axis, outgoing)) / distribution.max(1e-30) as f32;
+            let world = SphericalGaussian { axis: (frame * single(axis)).as_dvec3().to_array(), ..lobe };
+            let product = cosine.product(&world);
+            let shadowed = match distance(product.axis) {
+                Some(distance) => product.shadowed_published(distance),
+                None => product,
+            };
+            let mean = light.prefiltered(product.axis, product.sharpness);
+            shine += smooth * single(shadowed.integral()) * Vec3::from_array(mean);
+        }
+    }
+    [appearance.albedo * irradiance / PI, appearance.specular_scale * shine]
+}
+
+fn single(v: [f64; 3]) -> Vec3 {
+    Vec3::from_array(v.map(|x| x as f32))
+}

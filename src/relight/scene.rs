@@ -1,0 +1,221 @@
+//! An object under light from all around: what every evaluator shares.
+
+use super::appearance::{Appearance, Look};
+use super::cameras::bounds;
+use super::occlusion::Occlusion;
+use super::shadow::ShadowMap;
+use super::surround::Surround;
+use crate::asset::{Camera, Mesh};
+use crate::error::{Error, Result};
+use crate::image::{Grid, RgbImage};
+use crate::lighting;
+use crate::surface::raster::{Raster, check_work, rasterise, vertex_normals};
+use glam::Vec3;
+
+/// How light is summed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Evaluator {
+    /// As Sonoda 2011 has it: ten spherical Gaussians for diffuse light, one lobe warped and looked up for specular light, the visible
+    /// half-space by Wang's fit.
+    Published,
+    /// Diffuse light summed over all directions at each vertex, compact sources with exact shadows, several places of each specular
+    /// lobe.
+    Better,
+}
+
+/// How to render under an environment.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct EnvironmentOptions {
+    /// The evaluator.
+    pub evaluator: Evaluator,
+    /// Whether the object shadows itself. Needs an [`Occlusion`].
+    pub shadows: bool,
+    /// Samples of a pixel along each side.
+    pub samples: u32,
+    /// Places of the specular lobe looked at, [`Evaluator::Better`] only.
+    pub taps: usize,
+}
+
+impl Default for EnvironmentOptions {
+    fn default() -> Self {
+        EnvironmentOptions { evaluator: Evaluator::Better, shadows: true, samples: 2, taps: 24 }
+    }
+}
+
+/// A mesh with what its shadows need.
+pub struct Object<'a> {
+    pub(super) mesh: &'a Mesh,
+    pub(super) normals: Vec<Vec3>,
+    pub(super) occlusion: Option<&'a Occlusion>,
+}
+
+impl<'a> Object<'a> {
+    /// A mesh; with `occlusion`, which has the mesh's vertices, shadows can be shown.
+    pub fn new(mesh: &'a Mesh, occlusion: Option<&'a Occlusion>) -> Result<Self> {
+        let vertices = mesh.positions.len();
+        if mesh.triangles.iter().flatten().any(|&v| v as usize >= vertices) {
+            return Err(Error::parameter("the mesh names vertices that it does not have"));
+        }
+        if occlusion.is_some_and(|o| o.vertices() != vertices) {
+            return Err(Error::parameter("the visibility belongs to another mesh: its number of vertices differs"));
+        }
+        let normals = vertex_normals(mesh).into_iter().map(|n| Vec3::from_array(n.map(|x| x as f32))).collect();
+        Ok(Object { mesh, normals, occlusion })
+    }
+}
+
+/// An object under a light: what stays when the camera moves.
+pub struct Scene<'a> {
+    pub(super) object: &'a Object<'a>,
+    pub(super) surround: &'a Surround,
+    /// Lobes and levels, for [`Evaluator::Published`].
+    pub(super) light: Option<&'a lighting::Light>,
+    pub(super) options: EnvironmentOptions,
+    /// Of each vertex, without the distant lights.
+    pub(super) irradiance: Vec<Vec3>,
+    pub(super) shadows: Vec<Option<ShadowMap>>,
+}
+
+/// A surface point in a picture.
+pub(super) struct Point {
+    pub position: Vec3,
+    /// Normal between the vertices' normals.
+    pub normal: Vec3,
+    /// Normal of the triangle, on the seen side.
+    pub geometric: Vec3,
+    /// Unit vector to the camera.
+    pub outgoing: Vec3,
+    pub corners: [u32; 3],
+    pub weights: Vec3,
+    pub triangle: usize,
+}
+
+impl Point {
+    /// Tangent frame of the shading normal.
+    pub fn frame(&self) -> glam::Mat3 {
+        let (x, y) = crate::lighting::spherical_gaussian::tangents(self.normal.as_dvec3().to_array());
+        let vector = |v: [f64; 3]| Vec3::from_array(v.map(|c| c as f32));
+        glam::Mat3::from_cols(vector(x), vector(y), self.normal)
+    }
+}
+
+/// A picture under an environment.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Relit {
+    /// Linear radiance, Rec. 709; 0 where nothing is hit. Of pixels that the object covers in part it is that part's share.
+    pub image: RgbImage,
+    /// The diffuse part of it.
+    pub diffuse: RgbImage,
+    /// Share of each pixel that shows the object.
+    pub coverage: Grid<f32>,
+}
+
+impl<'a> Scene<'a> {
+    /// Prepares the light on an object.
+    pub fn new(
+        object: &'a Object<'a>,
+        surround: &'a Surround,
+        light: Option<&'a lighting::Light>,
+        options: EnvironmentOptions,
+    ) -> Result<Self> {
+        if options.evaluator == Evaluator::Published && light.is_none() {
+            return Err(Error::parameter("the published evaluator needs light fitted as lobes and levels"));
+        }
+        if options.shadows && object.occlusion.is_none() {
+            return Err(Error::parameter("shadows need the mesh's visibility: tsuya bake"));
+        }
+        if !(1..=8).contains(&options.samples) || options.taps == 0 {
+            return Err(Error::parameter("a picture needs 1 to 8 samples a side and at least one tap"));
+        }
+        let better = options.evaluator == Evaluator::Better;
+        let irradiance = if better { super::better::irradiance(object, surround, options.shadows) } else { Vec::new() };
+        let (middle, radius) = bounds(object.mesh);
+        let shadows = surround.distant.iter().filter(|_| better && options.shadows).map(|light| {
+            let position = std::array::from_fn(|k| middle[k] + 40.0 * radius * light.direction[k] as f64);
+            ShadowMap::distant(object.mesh, position)
+        });
+        let shadows = shadows.collect();
+        Ok(Scene { object, surround, light, options, irradiance, shadows })
+    }
+
+    /// Renders one picture.
+    pub fn render(&self, camera: &Camera, look: &dyn Look) -> Result<Relit> {
+        let shade = |point: &Point, _: u64| {
+            let appearance = look.at(point.triangle, point.weights, point.position);
+            match self.options.evaluator {
+                Evaluator::Published => super::published::radiance(self, point, &appearance),
+                Evaluator::Better => super::better::radiance(self, point, &appearance),
+            }
+        };
+        draw(self.object, camera, self.options.samples, shade)
+    }
+}
+
+/// Draws the object, shading each sample; the number that `shade` gets differs from sample to sample.
+pub(super) fn draw(
+    object: &Object,
+    camera: &Camera,
+    samples: u32,
+    shade: impl Fn(&Point, u64) -> [Vec3; 2] + Sync + Send,
+) -> Result<Relit> {
+    let fine = finer(camera, samples);
+    check_work(object.mesh, &fine)?;
+    let raster = rasterise(object.mesh, &fine);
+    let (width, height, n) = (camera.width as usize, camera.height as usize, samples as usize);
+    let centre = Vec3::from_array(camera.centre().map(|x| x as f32));
+    let rows = crate::paper::parallel::map(height, |y| {
+        let mut row = vec![([0f32; 3], [0f32; 3], 0f32); width];
+        for (x, pixel) in row.iter_mut().enumerate() {
+            let (mut sum, mut hits) = ([Vec3::ZERO; 2], 0);
+            for k in 0..n * n {
+                let index = (y * n + k / n) * width * n + x * n + k % n;
+                if !raster.is_covered(index) {
+                    continue;
+                }
+                hits += 1;
+                let point = surface_point(object, &raster, index, centre);
+                if point.normal.dot(point.outgoing) > 0.0 {
+                    let parts = shade(&point, index as u64);
+                    sum = [sum[0] + parts[0], sum[1] + parts[1]];
+                }
+            }
+            let share = 1.0 / (n * n) as f32;
+            let [diffuse, specular] = sum.map(|part| part * share);
+            *pixel = ((diffuse + specular).to_array(), diffuse.to_array(), hits as f32 * share);
+        }
+        row
+    });
+    let pixels = rows.concat();
+    Ok(Relit {
+        image: Grid { width, height, data: pixels.iter().map(|p| p.0).collect() },
+        diffuse: Grid { width, height, data: pixels.iter().map(|p| p.1).collect() },
+        coverage: Grid { width, height, data: pixels.iter().map(|p| p.2).collect() },
+    })
+}
+
+/// The same view with more pixels.
+fn finer(camera: &Camera, samples: u32) -> Camera {
+    let scale = samples as f64;
+    Camera {
+        width: camera.width * samples,
+        height: camera.height * samples,
+        focal: camera.focal.map(|f| f * scale),
+        principal: camera.principal.map(|p| p * scale),
+        ..*camera
+    }
+}
+
+fn surface_point(object: &Object, raster: &Raster, index: usize, centre: Vec3) -> Point {
+    let triangle = raster.triangle[index] as usize;
+    let corners = object.mesh.triangles[triangle];
+    let [b, c] = raster.barycentric[index];
+    let weights = Vec3::new(1.0 - b - c, b, c);
+    let [p, q, r] = corners.map(|v| Vec3::from_array(object.mesh.positions[v as usize]));
+    let position = p * weights.x + q * weights.y + r * weights.z;
+    let normal = corners.map(|v| object.normals[v as usize]);
+    let normal = (normal[0] * weights.x + normal[1] * weights.y + normal[2] * weights.z).normalize_or(Vec3::Z);
+    let outgoing = (centre - position).normalize_or(Vec3::Z);
+    let geometric = (q - p).cross(r - p).normalize_or(normal);
+    let geometric = if geometric.dot(outgoing) < 0.0 { -geometric } else { geometric };
+    Point { position, normal, geometric, outgoing, corners, weights, triangle }
+}

@@ -1,0 +1,248 @@
+//! An environment made ready for rendering: compact bright sources as distant lights, everything else prefiltered on octahedral grids.
+
+use super::octahedral::Sphere;
+use crate::lighting::Level;
+use crate::lighting::octahedral::{directions, solid_angles, taps};
+use crate::lighting::prefiltered::SHARPNESS;
+#[cfg(feature = "encode")]
+use crate::lighting::{Environment, levels::levels};
+use glam::Vec3;
+
+/// Cells along a side of the sharpest levels' grids.
+#[cfg(feature = "encode")]
+const LARGEST: usize = 256;
+
+/// A small bright part of the environment.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DistantLight {
+    /// Unit direction towards it.
+    pub direction: [f32; 3],
+    /// Irradiance of a surface that faces it, red, green, blue.
+    pub irradiance: [f32; 3],
+    /// Root mean square angle of its parts from its middle, radians.
+    pub radius: f32,
+}
+
+/// How an environment is taken apart.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SurroundOptions {
+    /// Distant lights at most; 0 leaves all light in the levels.
+    pub distant_lights: usize,
+    /// Radiance, in units of the mean, above which a pixel may belong to a distant light.
+    pub threshold: f32,
+}
+
+impl Default for SurroundOptions {
+    fn default() -> Self {
+        SurroundOptions { distant_lights: 16, threshold: 20.0 }
+    }
+}
+
+/// Environment light for a renderer.
+pub struct Surround {
+    /// Compact bright sources.
+    pub(super) distant: Vec<DistantLight>,
+    levels: Vec<Sphere>,
+}
+
+impl Surround {
+    /// Takes the environment apart and filters it.
+    #[cfg(feature = "encode")]
+    pub fn new(environment: &Environment, options: &SurroundOptions) -> Self {
+        let (rest, distant) = take_out_bright(environment, options);
+        let levels = levels(&rest, LARGEST);
+        Surround { distant, ..Self::of_levels(&levels) }
+    }
+
+    /// From a file's prefiltered levels, one for each of [`SHARPNESS`]; black where there are not as many.
+    pub fn of_levels(levels: &[Level]) -> Self {
+        let read = |level: &Level| {
+            let side = level.size();
+            Sphere::new(side, |x, y| Vec3::from_array(level.cells()[y * side + x]))
+        };
+        let mut levels: Vec<Sphere> = levels.iter().take(SHARPNESS.len()).map(read).collect();
+        levels.resize_with(SHARPNESS.len(), || Sphere::new(1, |_, _| Vec3::ZERO));
+        Surround { distant: Vec::new(), levels }
+    }
+
+    /// The compact bright sources.
+    pub fn lights(&self) -> &[DistantLight] {
+        &self.distant
+    }
+
+    /// Radiance around a direction, given by its place on the octahedral square, averaged with a spherical Gaussian; without the
+    /// distant lights. `level` counts in [`SHARPNESS`].
+    #[inline]
+    pub(super) fn filtered(&self, square: glam::Vec2, level: f32) -> Vec3 {
+        let level = level.clamp(0.0, (SHARPNESS.len() - 1) as f32);
+        let first = (level as usize).min(SHARPNESS.len() - 2);
+        let part = level - first as f32;
+        let (fine, coarse) = (self.levels[first].read(square), self.levels[first + 1].read(square));
+        fine + (coarse - fine) * part
+    }
+
+    /// Mean radiance, times the solid angle, in each cell of a grid, without the distant lights.
+    pub(super) fn cells(&self, side: usize) -> Vec<Vec3> {
+        let finest = &self.levels[0];
+        let mut cells = vec![Vec3::ZERO; side * side];
+        let angles = solid_angles(finest.side);
+        for (k, direction) in directions(finest.side).into_iter().enumerate() {
+            let radiance = finest.at(k % finest.side, k / finest.side) * angles[k] as f32;
+            let around = taps(direction, side);
+            for (cell, weight) in around.cells.into_iter().zip(around.weights) {
+                cells[cell as usize] += weight * radiance;
+            }
+        }
+        cells
+    }
+}
+
+/// Level of a sharpness, between the stored ones in the logarithm.
+#[inline]
+pub(super) fn level_of(sharpness: f32) -> f32 {
+    // All but the ends are a factor of 4 apart.
+    ((SHARPNESS[0] as f32).ln() - sharpness.max(1e-3).ln()) / 4f32.ln()
+}
+
+/// The environment without its compact bright parts, and those as distant lights: median cut of what lies above the threshold.
+#[cfg(feature = "encode")]
+fn take_out_bright(environment: &Environment, options: &SurroundOptions) -> (Environment, Vec<DistantLight>) {
+    let image = environment.image();
+    let whole = environment.integral();
+    let luminance = |c: [f64; 3]| (c[0] + c[1] + c[2]) / 3.0;
+    let mean = luminance(whole) / (4.0 * std::f64::consts::PI);
+    let limit = (options.threshold as f64 * mean) as f32;
+    let mut rest = image.clone();
+    let mut bright: Vec<Bright> = Vec::new();
+    if options.distant_lights > 0 && limit > 0.0 {
+        for y in 0..image.height {
+            let angle = environment.solid_angle(y);
+            for x in 0..image.width {
+                let pixel = *image.at(x, y);
+                let peak = (pixel[0] + pixel[1] + pixel[2]) / 3.0;
+                if peak <= limit {
+                    continue;
+                }
+                let keep = 0.25 * limit / peak;
+                let energy = pixel.map(|c| (c * (1.0 - keep)) as f64 * angle);
+                *rest.at_mut(x, y) = pixel.map(|c| c * keep);
+                let direction = glam::DVec3::from_array(environment.direction(x as f64 + 0.5, y as f64 + 0.5));
+                bright.push(Bright { direction, energy: glam::DVec3::from_array(energy) });
+            }
+        }
+    }
+    let mut parts = if bright.is_empty() { Vec::new() } else { vec![bright] };
+    while parts.len() < options.distant_lights {
+        // The part whose spread weighs most is cut across its longest extent.
+        let spread = |p: &Vec<Bright>| if p.len() < 2 { 0.0 } else { moments(p).2 };
+        let Some((most, _)) = (0..parts.len())
+            .map(|k| (k, spread(&parts[k])))
+            .filter(|&(_, s)| s > 1e-4 * luminance(whole))
+            .max_by(|a, b| a.1.total_cmp(&b.1).then(b.0.cmp(&a.0)))
+        else {
+            break;
+        };
+        let part = parts.swap_remove(most);
+        let (low, high) = halves(part);
+        parts.push(low);
+        parts.push(high);
+    }
+    let lights = parts.iter().filter(|p| !p.is_empty()).map(|part| {
+        let (direction, energy, spread) = moments(part);
+        let radius = (spread / (energy.element_sum() / 3.0).max(1e-30)).max(0.0).sqrt();
+        DistantLight {
+            direction: direction.as_vec3().to_array(),
+            irradiance: energy.as_vec3().to_array(),
+            radius: radius as f32,
+        }
+    });
+    let lights = lights.collect();
+    match Environment::new(rest) {
+        Ok((rest, _)) => (rest, lights),
+        Err(_) => (environment.clone(), Vec::new()),
+    }
+}
+
+/// A bright pixel: direction and irradiance.
+#[cfg(feature = "encode")]
+#[derive(Clone, Copy)]
+struct Bright {
+    direction: glam::DVec3,
+    energy: glam::DVec3,
+}
+
+/// Middle, energy, and the sum of energy times squared angle.
+#[cfg(feature = "encode")]
+fn moments(part: &[Bright]) -> (glam::DVec3, glam::DVec3, f64) {
+    let weight = |b: &Bright| b.energy.element_sum() / 3.0;
+    let direction = part.iter().map(|b| b.direction * weight(b)).sum::<glam::DVec3>().normalize_or(glam::DVec3::Y);
+    let energy = part.iter().map(|b| b.energy).sum();
+    let spread = part.iter().map(|b| weight(b) * (b.direction - direction).length_squared()).sum();
+    (direction, energy, spread)
+}
+
+/// Cut where half the energy lies on either side, across the axis of the largest spread.
+#[cfg(feature = "encode")]
+fn halves(mut part: Vec<Bright>) -> (Vec<Bright>, Vec<Bright>) {
+    let weight = |b: &Bright| b.energy.element_sum();
+    let (middle, ..) = moments(&part);
+    let mut axis = middle.any_orthonormal_vector();
+    for _ in 0..20 {
+        axis = part
+            .iter()
+            .map(|b| (b.direction - middle) * (b.direction - middle).dot(axis) * weight(b))
+            .sum::<glam::DVec3>()
+            .normalize_or(axis);
+    }
+    part.sort_by(|a, b| a.direction.dot(axis).total_cmp(&b.direction.dot(axis)));
+    // Between the two means along the axis rather than at the median of energy: separate lamps stay whole.
+    let at = (part.iter().map(|b| weight(b) * b.direction.dot(axis)).sum::<f64>())
+        / part.iter().map(weight).sum::<f64>().max(1e-30);
+    let cut = part.partition_point(|b| b.direction.dot(axis) < at).clamp(1, part.len() - 1);
+    let high = part.split_off(cut);
+    (part, high)
+}
+
+#[cfg(all(test, feature = "encode"))]
+mod tests {
+    use super::super::octahedral::to_square;
+    use super::*;
+    use crate::lighting::SphericalGaussian;
+
+    #[test]
+    fn levels_are_the_environment_convolved() {
+        let lobe = SphericalGaussian { axis: [0.6, 0.48, 0.64], sharpness: 50.0, amplitude: [3.0, 1.0, 0.5] };
+        let environment = Environment::from_fn(256, |d| lobe.evaluate(d).map(|v| v as f32));
+        let light = Surround::new(&environment, &SurroundOptions { distant_lights: 0, ..SurroundOptions::default() });
+        for (k, &sharpness) in SHARPNESS.iter().enumerate() {
+            for axis in [[0.6, 0.48, 0.64], [0.7071, 0.7071, 0.0], [0.0, 0.0, 1.0]] {
+                let filter = SphericalGaussian::grey(axis, sharpness, 1.0);
+                let expected = lobe.inner_product(&filter)[0] / filter.integral()[0];
+                let square = to_square(Vec3::from_array(axis.map(|x| x as f32)).normalize());
+                let found = light.filtered(square, k as f32).x as f64;
+                assert!((found - expected).abs() < 0.1 * expected.max(0.2), "{sharpness}: {found} for {expected}");
+            }
+        }
+        let total: Vec3 = light.cells(32).into_iter().sum();
+        assert!((total.x as f64 / lobe.integral()[0] - 1.0).abs() < 0.01);
+        assert!((level_of(82.0) - 4.0).abs() < 0.01 && (level_of(1312.0) - 2.0).abs() < 0.01);
+    }
+
+    #[test]
+    fn suns_become_distant_lights() {
+        let suns = [[0.6f64, 0.8, 0.0], [-0.8, 0.36, 0.48]];
+        let cosine = |a: [f64; 3], b: [f64; 3]| (0..3).map(|i| a[i] * b[i]).sum::<f64>();
+        let bright = |d: [f64; 3]| suns.iter().any(|&s| cosine(d, s) > 0.9995);
+        let environment = Environment::from_fn(512, |d| if bright(d) { [900.0, 800.0, 700.0] } else { [0.2; 3] });
+        let whole = environment.integral();
+        let light = Surround::new(&environment, &SurroundOptions { distant_lights: 2, ..SurroundOptions::default() });
+        assert_eq!(light.distant.len(), 2);
+        for sun in suns {
+            let near = light.distant.iter().map(|l| cosine(l.direction.map(f64::from), sun)).fold(-1.0, f64::max);
+            assert!(near > 0.9999, "{near}");
+        }
+        let rest: Vec3 = light.cells(32).into_iter().sum();
+        let distant: f32 = light.distant.iter().map(|l| l.irradiance[0]).sum();
+        assert!(((rest.x + distant) as f64 / whole[0] - 1.0).abs() < 0.01);
+    }
+}

@@ -1,0 +1,212 @@
+//! Materials that vary over the surface: a file's reflectance maps, and parameters driven by pictures.
+
+use super::appearance::{Appearance, Look, Prepared, Uniform};
+use super::material::{Material, Specular};
+use super::models::TorranceSparrow;
+use crate::asset::{Asset, Charts, ReflectanceMaps};
+use crate::brdf::Brdf;
+use crate::error::{Error, Result};
+use crate::image::Grid;
+use crate::reflectance::torrance_sparrow::SIGMA_RANGE;
+use crate::surface::atlas::{atlas_position, read_colour, read_number};
+use glam::{DVec3, Vec3};
+
+/// Steps of a width of lobes that varies, each with lobes of its own.
+const STEPS: usize = 64;
+
+/// Reflection functions for a range of widths, evenly spaced in the logarithm.
+struct Range {
+    least: f64,
+    most: f64,
+    prepared: Vec<Prepared>,
+}
+
+impl Range {
+    fn new(
+        [least, most]: [f64; 2],
+        taps: usize,
+        part: impl Fn(f64) -> Result<Box<dyn Brdf + Send>> + Sync + Send,
+    ) -> Result<Self> {
+        let steps = if most > least { STEPS } else { 1 };
+        let width = |k: usize| least * (most / least).powf(k as f64 / (steps.max(2) - 1) as f64);
+        let prepared = crate::paper::parallel::map(steps, |k| Ok(Prepared::new(Specular::new(part(width(k))?), taps)));
+        Ok(Range { least, most, prepared: prepared.into_iter().collect::<Result<_>>()? })
+    }
+
+    fn at(&self, width: f64) -> Option<&Prepared> {
+        let place = (width / self.least).ln() / (self.most / self.least).ln().max(1e-12);
+        let last = self.prepared.len().saturating_sub(1);
+        self.prepared.get(((place * last as f64).round().max(0.0) as usize).min(last))
+    }
+}
+
+/// The reflectance of a decoded file, per texel.
+pub struct AssetLook<'a> {
+    charts: &'a Charts,
+    maps: &'a ReflectanceMaps,
+    range: Option<Range>,
+}
+
+impl<'a> AssetLook<'a> {
+    /// An error for files without reflectance; `taps` as in [`Prepared::new`].
+    pub fn new(asset: &'a Asset, taps: usize) -> Result<Self> {
+        let (Some(charts), Some(maps)) = (&asset.charts, &asset.reflectance) else {
+            return Err(Error::Unsupported("relighting: this file has no reflectance".into()));
+        };
+        if !maps.relightable {
+            let message = "relighting: the lights of this asset's capture are unknown, so it has no reflectance";
+            return Err(Error::Unsupported(message.into()));
+        }
+        let texels = charts.width as usize * charts.height as usize;
+        let alike = |count: usize| count == texels || count == 0;
+        let named = charts.chart_of_triangle.iter().all(|&c| (c as usize) < charts.charts.len());
+        let sizes =
+            maps.diffuse.data.len() == texels && alike(maps.specular.data.len()) && alike(maps.sigma.data.len());
+        if texels == 0 || !sizes || !named || charts.chart_of_triangle.len() != asset.mesh.triangles.len() {
+            return Err(Error::parameter("mesh, charts and reflectance maps do not belong together"));
+        }
+        let (least, most) = SIGMA_RANGE;
+        let shiny = !maps.specular.data.is_empty() && !maps.sigma.data.is_empty();
+        let part = |sigma: f64| Ok(Box::new(TorranceSparrow { sigma }) as Box<dyn Brdf + Send>);
+        let range = if shiny { Some(Range::new([least as f64, most as f64], taps, part)?) } else { None };
+        Ok(AssetLook { charts, maps, range })
+    }
+}
+
+impl Look for AssetLook<'_> {
+    fn at(&self, triangle: usize, _: Vec3, position: Vec3) -> Appearance<'_> {
+        let at = atlas_position(self.charts, triangle, DVec3::from_array(position.to_array().map(f64::from)));
+        let vector = |c: [f64; 3]| Vec3::from_array(c.map(|x| x as f32));
+        // K_d is radiance over irradiance.
+        let albedo = vector(read_colour(&self.maps.diffuse, at)) * std::f32::consts::PI;
+        match &self.range {
+            Some(range) => Appearance {
+                albedo,
+                specular_scale: vector(read_colour(&self.maps.specular, at)),
+                specular: range.at(read_number(&self.maps.sigma, at)),
+            },
+            None => Appearance { albedo, specular_scale: Vec3::ZERO, specular: None },
+        }
+    }
+}
+
+/// A picture read at texture coordinates: `u` to the right, `v` upwards, repeated.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Texture {
+    /// Linear values.
+    pub image: Grid<[f32; 3]>,
+    /// Factor.
+    pub scale: f32,
+}
+
+impl Texture {
+    fn read(&self, [u, v]: [f32; 2]) -> Vec3 {
+        let (width, height) = (self.image.width, self.image.height);
+        let place = |t: f32, size: usize| {
+            let t = t - t.floor();
+            if t.is_finite() { t * size as f32 - 0.5 } else { 0.0 }
+        };
+        let (x, y) = (place(u, width), place(1.0 - v, height));
+        let wrap = |t: f32, size: usize| (t as isize).rem_euclid(size as isize) as usize;
+        let (x0, x1) = (wrap(x.floor(), width), wrap(x.floor() + 1.0, width));
+        let (y0, y1) = (wrap(y.floor(), height), wrap(y.floor() + 1.0, height));
+        let (s, t) = (x - x.floor(), y - y.floor());
+        let at = |x: usize, y: usize| Vec3::from_array(*self.image.at(x, y));
+        let upper = at(x0, y0).lerp(at(x1, y0), s);
+        let lower = at(x0, y1).lerp(at(x1, y1), s);
+        upper.lerp(lower, t) * self.scale
+    }
+}
+
+/// What of a material varies.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Textures {
+    /// Texture coordinates of each triangle's corners.
+    pub coordinates: Vec<[[f32; 2]; 3]>,
+    /// Diffuse albedo.
+    pub diffuse: Option<Texture>,
+    /// Factor of the specular part.
+    pub specular: Option<Texture>,
+    /// Width of the lobe; the first colour counts.
+    pub roughness: Option<Texture>,
+}
+
+/// A material with parameters driven by pictures.
+pub struct TexturedLook {
+    base: Uniform,
+    textures: Textures,
+    range: Option<Range>,
+}
+
+impl TexturedLook {
+    /// `part` makes the specular part for a roughness. Coordinates must be there for all `triangles`.
+    pub fn new(
+        material: Material,
+        textures: Textures,
+        triangles: usize,
+        taps: usize,
+        part: impl Fn(f64) -> Result<Box<dyn Brdf + Send>> + Sync + Send,
+    ) -> Result<Self> {
+        if textures.coordinates.len() != triangles {
+            return Err(Error::parameter("a material's textures need a mesh with texture coordinates (OBJ)"));
+        }
+        let pictures = [&textures.diffuse, &textures.specular, &textures.roughness];
+        if pictures.iter().any(|t| t.as_ref().is_some_and(|t| t.image.data.is_empty())) {
+            return Err(Error::parameter("a material's texture has no pixels"));
+        }
+        let range = match &textures.roughness {
+            Some(texture) => {
+                let values = texture.image.data.iter().map(|p| (p[0] * texture.scale).clamp(0.005, 2.0));
+                let (least, most) = values.fold((2.0f32, 0.005f32), |(l, m), v| (l.min(v), m.max(v)));
+                Some(Range::new([least as f64, most as f64], taps, part)?)
+            }
+            None => None,
+        };
+        Ok(TexturedLook { base: Uniform::new(material, taps), textures, range })
+    }
+}
+
+impl Look for TexturedLook {
+    fn at(&self, triangle: usize, weights: Vec3, position: Vec3) -> Appearance<'_> {
+        let base = self.base.at(triangle, weights, position);
+        let corners = self.textures.coordinates[triangle];
+        let at =
+            std::array::from_fn(|k| weights.x * corners[0][k] + weights.y * corners[1][k] + weights.z * corners[2][k]);
+        let read = |texture: &Option<Texture>, constant: Vec3| texture.as_ref().map_or(constant, |t| t.read(at));
+        let rough = || self.textures.roughness.as_ref().map(|t| t.read(at).x as f64);
+        let specular = match &self.range {
+            Some(range) => rough().and_then(|r| range.at(r)),
+            None => base.specular,
+        };
+        Appearance {
+            albedo: read(&self.textures.diffuse, base.albedo),
+            specular_scale: read(&self.textures.specular, base.specular_scale),
+            specular,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pictures_drive_parameters() {
+        let image = Grid { width: 2, height: 1, data: vec![[0.1; 3], [0.5; 3]] };
+        let texture = || Some(Texture { image: image.clone(), scale: 1.0 });
+        let textures = Textures {
+            coordinates: vec![[[0.25, 0.5], [0.75, 0.5], [0.25, 0.5]]],
+            diffuse: texture(),
+            roughness: texture(),
+            ..Textures::default()
+        };
+        let material = Material { albedo: [1.0; 3], specular: None, specular_scale: [0.3; 3] };
+        let part = |sigma: f64| Ok(Box::new(TorranceSparrow { sigma }) as Box<dyn Brdf + Send>);
+        let look = TexturedLook::new(material, textures, 1, 8, part).unwrap();
+        let (left, right) = (look.at(0, Vec3::X, Vec3::ZERO), look.at(0, Vec3::Y, Vec3::ZERO));
+        assert!((left.albedo.x - 0.1).abs() < 1e-6 && (right.albedo.x - 0.5).abs() < 1e-6);
+        let width = |a: &Appearance| a.specular.unwrap().specular.lobes[0].sharpness[0];
+        assert!(width(&left) > 15.0 * width(&right), "{} {}", width(&left), width(&right));
+        assert_eq!(left.specular_scale.x, 0.3);
+    }
+}
