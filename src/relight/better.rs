@@ -21,7 +21,7 @@ pub(super) fn irradiance(object: &Object, surround: &Surround, shadows: bool) ->
     let directions: Vec<Vec3> = (0..side * side).map(|k| texel_direction(side, k % side, k / side)).collect();
     // A cell as a lobe of its solid angle.
     let sharpness: Vec<f32> = solid_angles(side).into_iter().map(|a| 2.0 * PI / a as f32).collect();
-    crate::paper::parallel::map(object.normals.len(), |vertex| {
+    crate::parallel::map(object.normals.len(), |vertex| {
         let normal = object.normals[vertex];
         let mut sum = Vec3::ZERO;
         for k in 0..cells.len() {

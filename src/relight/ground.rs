@@ -58,7 +58,7 @@ pub fn ground_shadow(mesh: &Mesh, surround: &Surround, ground: &Ground, camera: 
         let t = 2.0 * k as f32 / (POINTS - 1) as f32 - 1.0;
         t * t.abs() * reach
     };
-    let taken: Vec<Vec3> = crate::paper::parallel::map(POINTS * POINTS, |k| {
+    let taken: Vec<Vec3> = crate::parallel::map(POINTS * POINTS, |k| {
         let point = origin + x * place(k % POINTS) + y * place(k / POINTS) + up * (radius as f32 * 1e-3);
         let to_middle = middle - point;
         let (distance, radius) = (to_middle.length(), radius as f32);
@@ -86,7 +86,7 @@ pub fn ground_shadow(mesh: &Mesh, surround: &Surround, ground: &Ground, camera: 
     let all = whole + maps.iter().map(|(light, _)| *light).sum::<Vec3>();
     let (width, height) = (camera.width as usize, camera.height as usize);
     let centre = single(camera.centre());
-    let rows = crate::paper::parallel::map(height, |row| {
+    let rows = crate::parallel::map(height, |row| {
         let pixel = |column: usize| {
             let ray = single(camera.ray([column as f64 + 0.5, row as f64 + 0.5]));
             let t = (origin - centre).dot(up) / ray.dot(up);

@@ -26,7 +26,7 @@ impl Occlusion {
             .flat_map(|y| (-1..=side as isize).map(move |x| (x, y)))
             .map(|(x, y)| wrap(x, y, side))
             .collect();
-        let rows = crate::paper::parallel::map(vertices, |vertex| {
+        let rows = crate::parallel::map(vertices, |vertex| {
             let distances = distances(vertex);
             let distances = distances.as_ref();
             if distances.len() != side * side {

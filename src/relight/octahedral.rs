@@ -36,7 +36,7 @@ pub(super) struct Sphere {
 impl Sphere {
     /// From a value for each texel's direction, in parallel by rows.
     pub(super) fn new(side: usize, value: impl Fn(usize, usize) -> Vec3 + Sync) -> Self {
-        let rows = crate::paper::parallel::map(side, |y| (0..side).map(|x| value(x, y)).collect::<Vec<_>>());
+        let rows = crate::parallel::map(side, |y| (0..side).map(|x| value(x, y)).collect::<Vec<_>>());
         let inner: Vec<Vec3> = rows.concat();
         let pitch = side + 2;
         let mut texels = vec![Vec3::ZERO; pitch * pitch];

@@ -163,7 +163,7 @@ pub(super) fn draw(
     let raster = rasterise(object.mesh, &fine);
     let (width, height, n) = (camera.width as usize, camera.height as usize, samples as usize);
     let centre = Vec3::from_array(camera.centre().map(|x| x as f32));
-    let rows = crate::paper::parallel::map(height, |y| {
+    let rows = crate::parallel::map(height, |y| {
         let mut row = vec![([0f32; 3], [0f32; 3], 0f32); width];
         for (x, pixel) in row.iter_mut().enumerate() {
             let (mut sum, mut hits) = ([Vec3::ZERO; 2], 0);

@@ -29,7 +29,7 @@ impl Range {
     ) -> Result<Self> {
         let steps = if most > least { STEPS } else { 1 };
         let width = |k: usize| least * (most / least).powf(k as f64 / (steps.max(2) - 1) as f64);
-        let prepared = crate::paper::parallel::map(steps, |k| Ok(Prepared::new(Specular::new(part(width(k))?), taps)));
+        let prepared = crate::parallel::map(steps, |k| Ok(Prepared::new(Specular::new(part(width(k))?), taps)));
         Ok(Range { least, most, prepared: prepared.into_iter().collect::<Result<_>>()? })
     }
 
