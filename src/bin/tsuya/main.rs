@@ -6,6 +6,7 @@ mod comparison;
 mod decode;
 mod demo;
 mod encode;
+mod gltf;
 mod info;
 mod output;
 mod pictures;
@@ -51,6 +52,7 @@ enum Command {
     Compare(compare::Compare),
     Render(render::Render),
     Align(align::Align),
+    Gltf(gltf::Gltf),
     Completions(shell::Completions),
     Man(shell::Man),
 }
@@ -66,6 +68,7 @@ impl Command {
             Command::Compare(compare) => compare.run(),
             Command::Render(render) => render.run(),
             Command::Align(align) => align.run(),
+            Command::Gltf(gltf) => gltf.run(),
             Command::Completions(completions) => completions.run(),
             Command::Man(man) => man.run(),
         }
