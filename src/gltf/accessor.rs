@@ -42,9 +42,9 @@ pub(super) fn read<const N: usize>(
     let element = (N * component.bytes()) as u64;
     let stride = if stride == 0 { element } else { stride };
     let bytes = document.view(view_index, files)?;
-    let needed = count.checked_sub(1).map_or(Some(0), |last| {
-        last.checked_mul(stride)?.checked_add(offset)?.checked_add(element)
-    });
+    let needed = count
+        .checked_sub(1)
+        .map_or(Some(0), |last| last.checked_mul(stride)?.checked_add(offset)?.checked_add(element));
     if stride < element || needed.is_none_or(|needed| needed > bytes.len() as u64) {
         return Err(wrong("goes beyond the end of its bufferView"));
     }

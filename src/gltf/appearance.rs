@@ -3,7 +3,11 @@
 use super::document::Document;
 use super::{EXTENSION, EXTENSION_VERSION, MIME_TYPE};
 use crate::error::{Error, Result};
+use crate::limits::check;
 use serde_json::{Map, Value, json};
+
+/// Appearances that a document may have.
+const MOST: u64 = 1024;
 
 /// Where a stream lies.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -12,6 +16,8 @@ pub enum Source {
     View(u64),
     /// In a file beside the document: its relative reference, escaped.
     Uri(String),
+    /// Nowhere that is read: the entry is of another media type, this one.
+    Foreign(String),
 }
 
 /// One entry of the root's array.
@@ -32,8 +38,10 @@ impl Appearance {
         match &self.source {
             Source::View(index) => object.insert("bufferView".into(), json!(index)),
             Source::Uri(uri) => object.insert("uri".into(), json!(uri)),
+            Source::Foreign(_) => None,
         };
-        object.insert("mimeType".into(), json!(MIME_TYPE));
+        let mime = if let Source::Foreign(mime) = &self.source { mime } else { MIME_TYPE };
+        object.insert("mimeType".into(), json!(mime));
         if !self.levels.is_empty() {
             object.insert("levels".into(), json!(self.levels));
         }
@@ -46,9 +54,10 @@ impl Appearance {
     fn from_json(document: &Document, index: usize, value: &Value) -> Result<Self> {
         let wrong = |message: &str| document.wrong(format!("{EXTENSION}: appearance {index}: {message}"));
         let object = value.as_object().ok_or_else(|| wrong("must be an object"))?;
-        if let Some(mime) = object.get("mimeType").filter(|mime| *mime != MIME_TYPE) {
-            let message = format!("{}: {EXTENSION}: appearance {index} is of type {mime}", document.name());
-            return Err(Error::Unsupported(format!("{message}, only {MIME_TYPE} is read")));
+        let mime = object.get("mimeType").map_or(Some(MIME_TYPE), Value::as_str);
+        let mime = mime.ok_or_else(|| wrong("mimeType must be a string"))?;
+        if mime != MIME_TYPE {
+            return Ok(Appearance { source: Source::Foreign(mime.into()), levels: Vec::new(), sha256: None });
         }
         let source = match (object.get("bufferView"), object.get("uri")) {
             (Some(view), None) => {
@@ -60,10 +69,13 @@ impl Appearance {
         let levels = match object.get("levels") {
             None => Vec::new(),
             Some(levels) => {
-                let numbers = levels.as_array().map(|levels| levels.iter().map_while(Value::as_u64).collect::<Vec<_>>());
+                let numbers =
+                    levels.as_array().map(|levels| levels.iter().map_while(Value::as_u64).collect::<Vec<_>>());
                 let complete = |numbers: &Vec<u64>| levels.as_array().is_some_and(|l| l.len() == numbers.len());
                 let ascending = |numbers: &Vec<u64>| numbers.windows(2).all(|pair| pair[0] < pair[1]);
-                numbers.filter(|n| complete(n) && ascending(n)).ok_or_else(|| wrong("levels must be ascending lengths"))?
+                numbers
+                    .filter(|n| complete(n) && ascending(n))
+                    .ok_or_else(|| wrong("levels must be ascending lengths"))?
             }
         };
         let sha256 = match object.get("sha256") {
@@ -96,6 +108,7 @@ pub fn appearances(document: &Document) -> Result<Vec<Appearance>> {
     }
     let list = root.get("appearances").and_then(Value::as_array);
     let list = list.ok_or_else(|| document.wrong(format!("{EXTENSION}: appearances must be an array")))?;
+    check("appearances", list.len() as u64, MOST)?;
     list.iter().enumerate().map(|(index, value)| Appearance::from_json(document, index, value)).collect()
 }
 

@@ -83,7 +83,8 @@ pub fn compare_mesh(
 /// World position of the surface at a texture coordinate; `None` beside the charts.
 fn surface_point(mesh: &Mesh, charts: &Charts, raster: &AtlasRaster, at: [f64; 2]) -> Option<DVec3> {
     let at = [at[0] * charts.width as f64, at[1] * charts.height as f64];
-    let index = |x: f64, size: u32| (x >= -1.0 && x < size as f64 + 1.0).then(|| (x.max(0.0) as usize).min(size as usize - 1));
+    let index =
+        |x: f64, size: u32| (x >= -1.0 && x < size as f64 + 1.0).then(|| (x.max(0.0) as usize).min(size as usize - 1));
     let texel = index(at[1], charts.height)? * charts.width as usize + index(at[0], charts.width)?;
     let triangle = *raster.triangle.data.get(texel).filter(|&&t| t != NONE)? as usize;
     // Charts are parallel projections, so that a triangle's plane goes on beyond it.

@@ -54,7 +54,9 @@ impl Document {
         let version = document.json.get("asset").and_then(|asset| asset.get("version")).and_then(Value::as_str);
         match version {
             Some(version) if version.starts_with("2.") => Ok(document),
-            Some(version) => Err(Error::Unsupported(format!("{}: glTF version {version}, 2.x is read", path.display()))),
+            Some(version) => {
+                Err(Error::Unsupported(format!("{}: glTF version {version}, 2.x is read", path.display())))
+            }
             None => Err(document.wrong("not a glTF document: it has no asset.version")),
         }
     }
@@ -88,7 +90,9 @@ impl Document {
                     self.binary = Some(content.to_vec());
                 }
                 (JSON_CHUNK | BINARY_CHUNK, Some(_)) => {
-                    return Err(self.wrong(format!("byte {at}: a second chunk of JSON or binary data, or not in order")));
+                    return Err(
+                        self.wrong(format!("byte {at}: a second chunk of JSON or binary data, or not in order"))
+                    );
                 }
                 _ => self.others.push((kind, content.to_vec())),
             }

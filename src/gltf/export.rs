@@ -2,9 +2,9 @@
 
 use super::document::{Document, percent_encoded};
 use super::fallback::{Fallback, bake};
-use super::geometry::{Geometry, split};
-use super::stream::{push_view, put, sha256};
+use super::geometry::{Geometry, charts, split};
 use super::levels;
+use super::stream::{push_view, put, sha256};
 use crate::asset::Asset;
 use crate::error::{Error, Result};
 use crate::image::Grid;
@@ -37,13 +37,20 @@ pub struct ExportOptions {
     pub placement: Placement,
     /// Diffuse albedo of the capture's white board.
     pub white_albedo: f64,
+    /// JPEG quality of the colours, 1 to 100; `None` for PNG. Roughness and metalness are always PNG.
+    pub jpeg_quality: Option<u8>,
     /// Bounds on what the stream may ask for.
     pub limits: Limits,
 }
 
 impl Default for ExportOptions {
     fn default() -> Self {
-        ExportOptions { placement: Placement::default(), white_albedo: 0.95, limits: Limits::default() }
+        ExportOptions {
+            placement: Placement::default(),
+            white_albedo: 0.95,
+            jpeg_quality: None,
+            limits: Limits::default(),
+        }
     }
 }
 
@@ -70,10 +77,7 @@ pub fn export(stream: &[u8], asset: &Asset, options: &ExportOptions) -> Result<E
     if !(options.white_albedo > 0.0 && options.white_albedo <= 1.0) {
         return Err(Error::parameter("the white board's albedo lies between 0 and 1"));
     }
-    let Some(charts) = asset.charts.as_ref().filter(|_| !asset.mesh.triangles.is_empty()) else {
-        let message = "the file has no mesh with an atlas (profile paper?), which a glTF mesh needs for texture coordinates";
-        return Err(Error::Unsupported(message.into()));
-    };
+    let charts = charts(asset)?;
     let fallback = bake(asset, options.white_albedo)?;
     let geometry = split(&asset.mesh, charts);
     let title = asset.metadata.get("title").and_then(Value::as_str).unwrap_or("appearance");
@@ -94,7 +98,7 @@ pub fn export(stream: &[u8], asset: &Asset, options: &ExportOptions) -> Result<E
     let mut document = Document::new_glb(root, Vec::new());
     let primitive = write_geometry(&mut document, &geometry)?;
     document.json["meshes"][0]["primitives"][0] = primitive;
-    write_material(&mut document, &fallback, title)?;
+    write_material(&mut document, &fallback, title, options.jpeg_quality)?;
     let levels = levels(stream, options.limits)?;
     let uri = match &options.placement {
         Placement::Inside => None,
@@ -143,7 +147,9 @@ fn write_geometry(document: &mut Document, geometry: &Geometry) -> Result<Value>
     };
     let view = push_view(document, &bytes, Some(INDICES))?;
     let accessors = document.list_mut("accessors")?;
-    accessors.push(json!({"bufferView": view, "componentType": kind, "count": 3 * geometry.triangles.len(), "type": "SCALAR"}));
+    accessors.push(
+        json!({"bufferView": view, "componentType": kind, "count": 3 * geometry.triangles.len(), "type": "SCALAR"}),
+    );
     let attributes: [(&str, &str, Vec<u8>); 4] = [
         ("POSITION", "VEC3", floats(&geometry.positions)),
         ("NORMAL", "VEC3", floats(&geometry.normals)),
@@ -173,16 +179,16 @@ fn floats<const N: usize>(elements: &[[f32; N]]) -> Vec<u8> {
 }
 
 /// Writes the textures and the material.
-fn write_material(document: &mut Document, fallback: &Fallback, name: &str) -> Result<()> {
-    let base = push_texture(document, &fallback.base_colour, "base colour")?;
+fn write_material(document: &mut Document, fallback: &Fallback, name: &str, jpeg_quality: Option<u8>) -> Result<()> {
+    let base = push_texture(document, &fallback.base_colour, "base colour", jpeg_quality)?;
     let mut pbr = json!({"baseColorTexture": {"index": base}, "metallicFactor": 0, "roughnessFactor": 1});
     let mut extensions = Map::new();
     let mut used = Vec::new();
     if let (Some(roughness), Some(colour)) = (&fallback.metallic_roughness, &fallback.specular_colour) {
-        let index = push_texture(document, roughness, "metallic-roughness")?;
+        let index = push_texture(document, roughness, "metallic-roughness", None)?;
         pbr["metallicFactor"] = json!(1);
         pbr["metallicRoughnessTexture"] = json!({"index": index});
-        let index = push_texture(document, colour, "specular colour")?;
+        let index = push_texture(document, colour, "specular colour", jpeg_quality)?;
         let factor = [fallback.specular_scale; 3];
         let object = json!({"specularColorFactor": factor, "specularColorTexture": {"index": index}});
         extensions.insert("KHR_materials_specular".into(), object);
@@ -200,18 +206,33 @@ fn write_material(document: &mut Document, fallback: &Fallback, name: &str) -> R
     Ok(())
 }
 
-/// Writes a texture as PNG; returns its index.
-fn push_texture(document: &mut Document, texture: &Grid<[u8; 3]>, name: &str) -> Result<usize> {
+/// Writes a texture as PNG or JPEG; returns its index.
+fn push_texture(
+    document: &mut Document,
+    texture: &Grid<[u8; 3]>,
+    name: &str,
+    jpeg_quality: Option<u8>,
+) -> Result<usize> {
+    use image::codecs::jpeg::JpegEncoder;
     use image::codecs::png::{CompressionType, FilterType, PngEncoder};
     use image::{ExtendedColorType, ImageEncoder};
-    let mut png = Vec::new();
+    let mut file = Vec::new();
     let bytes: Vec<u8> = texture.data.iter().flatten().copied().collect();
-    PngEncoder::new_with_quality(&mut png, CompressionType::Best, FilterType::Adaptive)
-        .write_image(&bytes, texture.width as u32, texture.height as u32, ExtendedColorType::Rgb8)
-        .map_err(|e| Error::parameter(format!("PNG: {e}")))?;
-    let view = push_view(document, &png, None)?;
+    let (width, height, kind) = (texture.width as u32, texture.height as u32, ExtendedColorType::Rgb8);
+    let (mime, written) = match jpeg_quality {
+        Some(quality) => {
+            let encoder = JpegEncoder::new_with_quality(&mut file, quality);
+            ("image/jpeg", encoder.write_image(&bytes, width, height, kind))
+        }
+        None => {
+            let encoder = PngEncoder::new_with_quality(&mut file, CompressionType::Best, FilterType::Adaptive);
+            ("image/png", encoder.write_image(&bytes, width, height, kind))
+        }
+    };
+    written.map_err(|e| Error::parameter(format!("{mime}: {e}")))?;
+    let view = push_view(document, &file, None)?;
     let images = document.list_mut("images")?;
-    images.push(json!({"name": name, "mimeType": "image/png", "bufferView": view}));
+    images.push(json!({"name": name, "mimeType": mime, "bufferView": view}));
     let source = images.len() - 1;
     let samplers = document.list_mut("samplers")?;
     if samplers.is_empty() {

@@ -1,5 +1,6 @@
 //! A metallic-roughness material baked from fitted reflectance, for viewers that don't know the extension.
 
+use super::geometry::charts;
 use super::metallic_roughness::{Microfacets, equivalent_lobe, material};
 use crate::asset::Asset;
 use crate::error::{Error, Result};
@@ -34,13 +35,13 @@ pub struct Fallback {
 /// Bakes the material. `white_albedo` is the diffuse albedo of the capture's white board: colours are relative to it, so that the
 /// capture's exposure and the colour of its lights don't matter.
 pub fn bake(asset: &Asset, white_albedo: f64) -> Result<Fallback> {
-    let (Some(charts), Some(maps)) = (&asset.charts, &asset.reflectance) else {
-        let message = "the file has no reflectance on an atlas (profile paper?), so there is nothing to make textures of";
-        return Err(Error::Unsupported(message.into()));
+    let charts = charts(asset)?;
+    let Some(maps) = &asset.reflectance else {
+        return Err(Error::Unsupported("the file has no reflectance, so there is nothing to make textures of".into()));
     };
     let mask = rasterise_atlas(&asset.mesh, charts)?.mask();
     let texels = mask.data.len();
-    if [maps.diffuse.data.len(), texels] != [texels; 2] || ![0, texels].contains(&maps.specular.data.len()) {
+    if maps.diffuse.data.len() != texels || ![0, texels].contains(&maps.specular.data.len()) {
         return Err(Error::parameter("charts and reflectance maps do not belong together"));
     }
     let filled = |map: &Grid<[f32; 3]>| {

@@ -1,6 +1,7 @@
 //! The mesh as glTF wants it: one vertex for each corner that differs, with normal, tangent and texture coordinate.
 
-use crate::asset::{Charts, Mesh};
+use crate::asset::{Asset, Charts, Mesh};
+use crate::error::{Error, Result};
 use crate::surface::raster::vertex_normals;
 use crate::vector::{cross, dot};
 use std::collections::HashMap;
@@ -14,6 +15,23 @@ pub(super) struct Geometry {
     pub tangents: Vec<[f32; 4]>,
     pub coordinates: Vec<[f32; 2]>,
     pub triangles: Vec<[u32; 3]>,
+}
+
+/// The charts of an asset with a mesh and an atlas that belong together.
+pub(super) fn charts(asset: &Asset) -> Result<&Charts> {
+    let mesh = &asset.mesh;
+    let Some(charts) = asset.charts.as_ref().filter(|_| !mesh.triangles.is_empty()) else {
+        let message =
+            "the file has no mesh with an atlas (profile paper?), which a glTF mesh needs for texture coordinates";
+        return Err(Error::Unsupported(message.into()));
+    };
+    let of_mesh = charts.chart_of_triangle.len() == mesh.triangles.len()
+        && charts.chart_of_triangle.iter().all(|&chart| (chart as usize) < charts.charts.len())
+        && mesh.triangles.iter().flatten().all(|&vertex| (vertex as usize) < mesh.positions.len());
+    if !of_mesh || charts.width == 0 || charts.height == 0 {
+        return Err(Error::parameter("mesh and charts do not belong together"));
+    }
+    Ok(charts)
 }
 
 /// Splits the vertices where charts meet.

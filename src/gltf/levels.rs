@@ -9,7 +9,8 @@ use crate::tuned::header::{Header, PREFIX_BYTES};
 pub fn levels(stream: &[u8], limits: Limits) -> Result<Vec<u64>> {
     let mut file = Container::open_slice(stream, limits)?;
     let mut found = Vec::new();
-    let pictures = [Tag::PLANES, Tag::PAPER].into_iter().filter_map(|tag| file.find(tag).copied()).min_by_key(|s| s.offset);
+    let pictures =
+        [Tag::PLANES, Tag::PAPER].into_iter().filter_map(|tag| file.find(tag).copied()).min_by_key(|s| s.offset);
     if let Some(section) = pictures {
         let model = [Tag::REFLECTANCE, Tag::CHARTS, Tag::MESH].into_iter().find_map(|tag| file.find(tag)?.end());
         found.extend(model.filter(|&end| end <= section.offset));

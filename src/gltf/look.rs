@@ -40,6 +40,7 @@ pub fn render(asset: &Asset, fallback: &Fallback, camera: &Camera, light: Option
             (brdf[c] / fallback.unit[c] * irradiance) as f32
         })
     };
-    let rows = parallel::map(raster.height, |y| (0..raster.width).map(|x| pixel(y * raster.width + x)).collect::<Vec<_>>());
+    let rows =
+        parallel::map(raster.height, |y| (0..raster.width).map(|x| pixel(y * raster.width + x)).collect::<Vec<_>>());
     Grid { width: raster.width, height: raster.height, data: rows.concat() }
 }

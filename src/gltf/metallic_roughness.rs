@@ -100,7 +100,11 @@ pub fn material(diffuse: [f64; 3], specular: [f64; 3], roughness: f64) -> Microf
         (from_diffuse + metallic.powi(4) * (from_specular - from_diffuse)).clamp(0.0, 1.0)
     });
     let specular_colour = std::array::from_fn(|c| {
-        if plastic < 0.02 { 1.0 } else { ((specular[c] - metallic * base_colour[c]) / (DIELECTRIC * plastic)).clamp(0.0, 25.0) }
+        if plastic < 0.02 {
+            1.0
+        } else {
+            ((specular[c] - metallic * base_colour[c]) / (DIELECTRIC * plastic)).clamp(0.0, 25.0)
+        }
     });
     Microfacets { base_colour, metallic, roughness, specular_colour }
 }

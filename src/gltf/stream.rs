@@ -2,7 +2,7 @@
 
 use super::appearance::{Appearance, Source, appearances, bound_materials, extension};
 use super::document::{Document, Files};
-use super::{EXTENSION, EXTENSION_VERSION};
+use super::{EXTENSION, EXTENSION_VERSION, MIME_TYPE};
 use crate::error::{Error, Result};
 use serde_json::{Map, Value, json};
 use sha2::{Digest, Sha256};
@@ -51,9 +51,8 @@ impl Binding {
     /// A texture coordinate as `KHR_texture_transform` changes it.
     pub fn transform(&self, at: [f64; 2]) -> [f64; 2] {
         let transform = self.texture_transform();
-        let number = |key: &str, k: usize, default: f64| {
-            transform.and_then(|t| t.get(key)?.get(k)?.as_f64()).unwrap_or(default)
-        };
+        let number =
+            |key: &str, k: usize, default: f64| transform.and_then(|t| t.get(key)?.get(k)?.as_f64()).unwrap_or(default);
         let rotation = transform.and_then(|t| t.get("rotation")?.as_f64()).unwrap_or(0.0);
         let (sin, cos) = rotation.sin_cos();
         let (u, v) = (at[0] * number("scale", 0, 1.0), at[1] * number("scale", 1, 1.0));
@@ -89,6 +88,10 @@ pub fn take(document: &Document, index: usize, files: Files<'_>) -> Result<Taken
     let stream = match &appearance.source {
         Source::View(view) => document.view(*view, files)?.into_owned(),
         Source::Uri(uri) => files(&document.check_uri(uri)?)?,
+        Source::Foreign(mime) => {
+            let message = format!("{}: appearance {index} is of type {mime:?}", document.name());
+            return Err(Error::Unsupported(format!("{message}, only {MIME_TYPE} is read")));
+        }
     };
     let wrong = |message: String| Err(document.wrong(format!("{EXTENSION}: appearance {index}: {message}")));
     if let Some(&length) = appearance.levels.last()
@@ -178,7 +181,9 @@ pub fn put(
     appearances(document)?;
     let before = document.list("materials")[material].as_object().and_then(extension);
     let (place, kept) = match before.and_then(|link| Some((link.get("appearance")?.as_u64()?, Binding::of(link)))) {
-        Some((index, binding)) => (usize::try_from(index).ok().filter(|&i| i < appearances(document).map_or(0, |a| a.len())), Some(binding)),
+        Some((index, binding)) => {
+            (usize::try_from(index).ok().filter(|&i| i < appearances(document).map_or(0, |a| a.len())), Some(binding))
+        }
         None => (None, None),
     };
     if let Some(index) = place {
@@ -318,7 +323,8 @@ fn drop_view(document: &mut Document, index: usize) -> Result<()> {
     let views = document.list("bufferViews");
     let number = |of: &Value, key: &str| of.get(key).map_or(Some(0), Value::as_u64);
     let range = |view: &Value| {
-        let (buffer, offset, length) = (number(view, "buffer")?, number(view, "byteOffset")?, number(view, "byteLength")?);
+        let (buffer, offset, length) =
+            (number(view, "buffer")?, number(view, "byteOffset")?, number(view, "byteLength")?);
         Some((buffer, offset, offset.checked_add(length)?))
     };
     let last = views.len().checked_sub(1).filter(|&last| last as u64 == *view && !shared && document.is_glb());
@@ -330,8 +336,13 @@ fn drop_view(document: &mut Document, index: usize) -> Result<()> {
         return Ok(());
     }
     let at_end = document.list("buffers").first().and_then(|b| b.get("byteLength")?.as_u64()) == Some(end);
-    let used_elsewhere = |key: &str| document.list(key).iter().any(|o| o.get("bufferView").and_then(Value::as_u64) == Some(*view));
-    if !at_end || !views[..views.len() - 1].iter().all(ends_before) || used_elsewhere("accessors") || used_elsewhere("images") {
+    let used_elsewhere =
+        |key: &str| document.list(key).iter().any(|o| o.get("bufferView").and_then(Value::as_u64) == Some(*view));
+    if !at_end
+        || !views[..views.len() - 1].iter().all(ends_before)
+        || used_elsewhere("accessors")
+        || used_elsewhere("images")
+    {
         return Ok(());
     }
     let Some(binary) = document.binary.as_mut().filter(|binary| start < end && end <= binary.len() as u64) else {

@@ -11,7 +11,8 @@ use serde_json::{Value, json};
 
 /// A box of sides 2, 1 and 1, each side a chart of its own, four times finer in the atlas than `coarse` triangles need.
 fn boxed() -> (Mesh, Charts) {
-    let positions = (0..8).map(|k| [(k & 1) as f32 * 2.0 - 1.0, (k >> 1 & 1) as f32 - 0.5, (k >> 2) as f32 - 0.5]).collect();
+    let positions =
+        (0..8).map(|k| [(k & 1) as f32 * 2.0 - 1.0, (k >> 1 & 1) as f32 - 0.5, (k >> 2) as f32 - 0.5]).collect();
     let sides = [[1, 3, 7, 5], [0, 4, 6, 2], [2, 6, 7, 3], [0, 1, 5, 4], [4, 5, 7, 6], [0, 2, 3, 1]];
     let triangles = sides.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect();
     let charts = (0..6).map(|facing| Chart { facing, offset: [12 + 22 * facing as i32, 12] }).collect();
@@ -68,7 +69,8 @@ fn vertices_are_split_at_charts_and_have_frames() {
             let (p, q) = (geometry.positions[a], geometry.positions[b]);
             let edge: [f32; 3] = std::array::from_fn(|k| q[k] - p[k]);
             let (n, t) = (geometry.normals[a], geometry.tangents[a]);
-            let up = [n[1] * t[2] - n[2] * t[1], n[2] * t[0] - n[0] * t[2], n[0] * t[1] - n[1] * t[0]].map(|x| x * t[3]);
+            let up =
+                [n[1] * t[2] - n[2] * t[1], n[2] * t[0] - n[0] * t[2], n[0] * t[1] - n[1] * t[0]].map(|x| x * t[3]);
             let gap: [f32; 2] = std::array::from_fn(|c| geometry.coordinates[b][c] - geometry.coordinates[a][c]);
             let [right, rise] = [[t[0], t[1], t[2]], up].map(|axis| (0..3).map(|k| axis[k] * edge[k]).sum::<f32>());
             assert!(gap[0] * 140.0 * right >= -1e-3 && gap[1] * 24.0 * rise <= 1e-3, "{gap:?} {right} {rise}");
@@ -149,10 +151,12 @@ fn what_is_wrong_is_said() {
     fails(&|d| root(d)["appearances"][0]["bufferView"] = json!(-1), "whole number");
     fails(&|d| root(d)["appearances"] = json!(7), "array");
     fails(&|d| d.json["bufferViews"][5]["byteLength"] = json!(u64::MAX), "beyond the end");
-    let external = |uri: &'static str| move |d: &mut Document| {
-        let entry = root(d)["appearances"][0].as_object_mut().unwrap();
-        entry.remove("bufferView");
-        entry.insert("uri".into(), json!(uri));
+    let external = |uri: &'static str| {
+        move |d: &mut Document| {
+            let entry = root(d)["appearances"][0].as_object_mut().unwrap();
+            entry.remove("bufferView");
+            entry.insert("uri".into(), json!(uri));
+        }
     };
     for uri in ["../secret", "/etc/passwd", "a/../../b", "http://host/a", "%2e%2e/a", "C%3A/a", "a%5cb", "", "a//b"] {
         fails(&external(uri), "folder");
@@ -284,11 +288,8 @@ fn the_fallback_reflects_what_was_fitted() {
     let (intensity, place) = ([8.0, 6.0, 4.0], [0.0, 0.0, 2.0]);
     let unit = [2.0, 1.5, 1.0];
     // White board of albedo 0.9 facing a light of intensity 4 x unit at distance 2.
-    let view = View {
-        name: "a".into(),
-        camera: Default::default(),
-        light: Some(PointLight { position: place, intensity }),
-    };
+    let view =
+        View { name: "a".into(), camera: Default::default(), light: Some(PointLight { position: place, intensity }) };
     let asset = Asset {
         mesh,
         charts: Some(charts),

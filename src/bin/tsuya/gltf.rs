@@ -60,6 +60,9 @@ pub struct Export {
     /// Diffuse albedo of the capture's white board, to which colours are relative.
     #[arg(long, value_name = "A", default_value_t = 0.95)]
     white_albedo: f64,
+    /// Colours as JPEG of this quality instead of PNG.
+    #[arg(long, value_name = "QUALITY", value_parser = clap::value_parser!(u8).range(1..=100))]
+    jpeg: Option<u8>,
     /// Measures how near the textures come to the photographs of this capture.
     #[arg(long, value_name = "CAPTURE")]
     against: Option<PathBuf>,
@@ -88,7 +91,12 @@ impl Export {
         let stream = read(&self.file)?;
         container::verify(&stream[..], limits()).with_context(|| name(&self.file))?;
         let asset = without_photographs(&self.file, &stream)?;
-        let options = ExportOptions { placement: placement(&beside), white_albedo: self.white_albedo, limits: limits() };
+        let options = ExportOptions {
+            placement: placement(&beside),
+            white_albedo: self.white_albedo,
+            jpeg_quality: self.jpeg,
+            limits: limits(),
+        };
         let exported = gltf::export(&stream, &asset, &options).with_context(|| name(&self.file))?;
         let measured = self.against.as_ref().map(|capture| self.measure(capture, &exported.fallback)).transpose()?;
         let bytes = exported.document.to_bytes()?;
@@ -130,7 +138,9 @@ impl Export {
         if let Some(Measured { fallback, model }) = measured {
             let say = |db: Option<f64>| db.map_or_else(|| "none".into(), |db| format!("{db:.2} dB"));
             let (fallback, model) = (say(fallback), say(model));
-            text += &format!("image PSNR of the textured mesh: {fallback}; of the reflectance that it was made of: {model}\n");
+            text += &format!(
+                "image PSNR of the textured mesh: {fallback}; of the reflectance that it was made of: {model}\n"
+            );
         }
         output::say(&text)
     }
@@ -357,7 +367,9 @@ fn document(path: &Path) -> Result<Document> {
 /// What a document's references lead to.
 fn beside_document(document: &Path, name: &str) -> tsuya::Result<Vec<u8>> {
     if output::is_stream(document) {
-        return Err(Error::parameter(format!("the document refers to {name:?}: read it from its folder, not from standard input")));
+        return Err(Error::parameter(format!(
+            "the document refers to {name:?}: read it from its folder, not from standard input"
+        )));
     }
     let path = document.with_file_name("").join(name);
     let mut bytes = Vec::new();
