@@ -12,6 +12,8 @@ pub mod decoder;
 pub mod encoder;
 pub mod entropy;
 pub mod error;
+#[cfg(feature = "gltf")]
+pub mod gltf;
 pub mod image;
 pub mod lighting;
 pub mod limits;

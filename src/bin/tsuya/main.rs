@@ -9,6 +9,7 @@ mod composite;
 mod decode;
 mod demo;
 mod encode;
+mod gltf;
 mod info;
 mod light;
 mod output;
@@ -60,6 +61,7 @@ enum Command {
     Brdf(brdf::Brdf),
     Bake(bake::Bake),
     Light(light::Light),
+    Gltf(gltf::Gltf),
     Completions(shell::Completions),
     Man(shell::Man),
 }
@@ -79,6 +81,7 @@ impl Command {
             Command::Brdf(brdf) => brdf.run(),
             Command::Bake(bake) => bake.run(),
             Command::Light(light) => light.run(),
+            Command::Gltf(gltf) => gltf.run(),
             Command::Completions(completions) => completions.run(),
             Command::Man(man) => man.run(),
         }

@@ -1,0 +1,405 @@
+//! `tsuya gltf`: GLB files that every viewer shows, with the stream inside.
+
+use crate::comparison::compare;
+use crate::source::{limits, name, open};
+use crate::values::{CaptureArguments, find_view};
+use crate::{Failed, output, pictures, progress};
+use anyhow::{Context, Result};
+use clap::{Args, Subcommand};
+use rayon::prelude::*;
+use serde_json::json;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use tsuya::asset::{Asset, Component, Photograph};
+use tsuya::container;
+use tsuya::decoder::{DecodeOptions, Selection, decode};
+use tsuya::encoder::sum_of_components;
+use tsuya::gltf::{self, Document, ExportOptions, Fallback, Fit, Placement};
+use tsuya::measure::{FrameError, to_display};
+use tsuya::relight::{Layers, Lighting, RenderOptions, Renderer};
+use tsuya::surface::raster::rasterise;
+use tsuya::{Budget, Error};
+
+/// Exports to glTF and back: the file's stream travels in the extension TSUYA_materials_appearance, with a material that every viewer shows.
+#[derive(Args)]
+pub struct Gltf {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    Export(Export),
+    Import(Import),
+    Inject(Inject),
+    Extract(Extract),
+}
+
+impl Gltf {
+    pub fn run(self) -> Result<()> {
+        match self.command {
+            Command::Export(export) => export.run(),
+            Command::Import(import) => import.run(),
+            Command::Inject(inject) => inject.run(),
+            Command::Extract(extract) => extract.run(),
+        }
+    }
+}
+
+/// Makes a GLB: mesh, textures baked from the fitted reflectance, and the file itself.
+#[derive(Args)]
+pub struct Export {
+    /// The .tsuya file; - is standard input.
+    file: PathBuf,
+    /// The GLB; - is standard output.
+    #[arg(short, long, value_name = "FILE")]
+    output: PathBuf,
+    /// Puts the stream beside the GLB, under its name with .tsuya, instead of inside.
+    #[arg(long)]
+    external: bool,
+    /// Diffuse albedo of the capture's white board, to which colours are relative.
+    #[arg(long, value_name = "A", default_value_t = 0.95)]
+    white_albedo: f64,
+    /// Colours as JPEG of this quality instead of PNG.
+    #[arg(long, value_name = "QUALITY", value_parser = clap::value_parser!(u8).range(1..=100))]
+    jpeg: Option<u8>,
+    /// Measures how near the textures come to the photographs of this capture.
+    #[arg(long, value_name = "CAPTURE")]
+    against: Option<PathBuf>,
+    /// With --against: a picture of a view's photograph, and the textured mesh under the same light.
+    #[arg(long, value_name = "PNG", requires = "against")]
+    picture: Option<PathBuf>,
+    /// The view of --picture, by number or name.
+    #[arg(long, value_name = "VIEW", default_value = "0")]
+    view: String,
+    #[command(flatten)]
+    reading: CaptureArguments,
+    /// Overwrites existing files.
+    #[arg(long)]
+    force: bool,
+    /// Prints figures as JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+impl Export {
+    fn run(self) -> Result<()> {
+        let beside = beside(&self.output, self.external)?;
+        for path in [Some(&self.output), beside.as_ref(), self.picture.as_ref()].into_iter().flatten() {
+            output::check_free(path, self.force)?;
+        }
+        let stream = read(&self.file)?;
+        container::verify(&stream[..], limits()).with_context(|| name(&self.file))?;
+        let asset = without_photographs(&self.file, &stream)?;
+        let options = ExportOptions {
+            placement: placement(&beside),
+            white_albedo: self.white_albedo,
+            jpeg_quality: self.jpeg,
+            limits: limits(),
+        };
+        let exported = gltf::export(&stream, &asset, &options).with_context(|| name(&self.file))?;
+        let measured = self.against.as_ref().map(|capture| self.measure(capture, &exported.fallback)).transpose()?;
+        let bytes = exported.document.to_bytes()?;
+        if let Some(path) = &beside {
+            output::write(path, &stream, self.force)?;
+        }
+        output::write(&self.output, &bytes, self.force)?;
+        let size = &exported.fallback.base_colour;
+        if self.json {
+            return output::say_json(&json!({
+                "bytes": bytes.len(),
+                "stream_bytes": stream.len(),
+                "stream": beside.as_ref().map(|path| path.display().to_string()),
+                "sha256": exported.sha256,
+                "levels": exported.levels,
+                "vertices": exported.vertices,
+                "triangles": exported.triangles,
+                "textures": {"width": size.width, "height": size.height},
+                "fallback_psnr_db": measured.map(|m| m.fallback),
+                "model_psnr_db": measured.map(|m| m.model),
+            }));
+        }
+        if output::is_stream(&self.output) {
+            return Ok(());
+        }
+        let mut text = format!(
+            "{}: {} bytes, {} of them the stream; {} vertices, {} triangles, textures of {} x {} texels\n",
+            self.output.display(),
+            bytes.len(),
+            if beside.is_some() { 0 } else { stream.len() },
+            exported.vertices,
+            exported.triangles,
+            size.width,
+            size.height
+        );
+        if let Some(path) = &beside {
+            text += &format!("{}: {} bytes, the stream\n", path.display(), stream.len());
+        }
+        if let Some(Measured { fallback, model }) = measured {
+            let say = |db: Option<f64>| db.map_or_else(|| "none".into(), |db| format!("{db:.2} dB"));
+            let (fallback, model) = (say(fallback), say(model));
+            text += &format!(
+                "image PSNR of the textured mesh: {fallback}; of the reflectance that it was made of: {model}\n"
+            );
+        }
+        output::say(&text)
+    }
+
+    /// The textured mesh, and the fitted reflectance, under each photograph's light.
+    fn measure(&self, capture: &Path, fallback: &Fallback) -> Result<Measured> {
+        if output::is_stream(&self.file) {
+            return Err(Error::parameter("--against needs a file, not standard input").into());
+        }
+        let comparison = compare(&self.file, capture, &self.reading, false)?;
+        output::warn(&comparison.warnings);
+        let asset = &comparison.asset;
+        let shown = find_view(&self.view, &asset.views)?;
+        let _busy = progress::busy("comparing");
+        let renderer = Renderer::new(asset)?;
+        let errors: Vec<[FrameError; 2]> = (comparison.frames.par_iter())
+            .map(|frame| -> Result<[FrameError; 2]> {
+                let view = &asset.views[frame.view];
+                let covered = rasterise(&asset.mesh, &view.camera).coverage();
+                let photograph = |image| Photograph { mask: frame.original.mask.clone(), images: vec![image] };
+                let original = sum_of_components(&frame.original);
+                let textured = gltf::render(asset, fallback, &view.camera, view.light.as_ref());
+                if let Some(path) = self.picture.as_ref().filter(|_| frame.view == shown) {
+                    let masked = pictures::masked(&original, &frame.original.mask);
+                    let both = [&masked, &textured].map(|image| to_display(image, asset.white));
+                    output::write(path, &pictures::png(&pictures::beside(&both))?, self.force)?;
+                }
+                let layers = Layers { residual: false, ..Layers::default() };
+                let lighting = view.light.map_or(Lighting::Capture(0), |light| Lighting::Points(vec![light]));
+                let options = RenderOptions { layers, lighting, shadows: false, ..RenderOptions::default() };
+                let model = renderer.render(&view.camera, &options)?.image;
+                let original = photograph(original);
+                let error = |image| {
+                    FrameError::of(&original, &photograph(image), &[Component::Combined], &covered, asset.white)
+                };
+                Ok([error(textured), error(model)])
+            })
+            .collect::<Result<_>>()?;
+        let [mut fallback, mut model] = [FrameError::default(); 2];
+        errors.iter().for_each(|[one, two]| {
+            fallback.join(one);
+            model.join(two);
+        });
+        Ok(Measured { fallback: fallback.psnr().sum, model: model.psnr().sum })
+    }
+}
+
+/// Image PSNR over all photographs.
+#[derive(Clone, Copy)]
+struct Measured {
+    fallback: Option<f64>,
+    model: Option<f64>,
+}
+
+/// Makes a .tsuya file of a GLB, byte for byte as it was exported, and checks it: whole, undamaged, of this mesh.
+#[derive(Args)]
+pub struct Import {
+    /// The .glb or .gltf file; - is standard input.
+    file: PathBuf,
+    /// The .tsuya file; - is standard output.
+    #[arg(short, long, value_name = "FILE")]
+    output: PathBuf,
+    /// Which appearance, where the file has several.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    appearance: usize,
+    /// Overwrites an existing file.
+    #[arg(long)]
+    force: bool,
+}
+
+impl Import {
+    fn run(self) -> Result<()> {
+        output::check_free(&self.output, self.force)?;
+        let document = document(&self.file)?;
+        let files = |name: &str| beside_document(&self.file, name);
+        let taken = gltf::take(&document, self.appearance, &files)?;
+        let of_stream = || format!("{}: the stream of appearance {}", name(&self.file), self.appearance);
+        container::verify(&taken.stream[..], limits()).with_context(of_stream)?;
+        let asset = decode(&taken.stream, &lightly()).with_context(of_stream)?;
+        check_mesh(&document, &taken.materials, &taken.binding, &asset, &files)?;
+        output::write(&self.output, &taken.stream, self.force)
+    }
+}
+
+/// Puts a .tsuya file into a GLB that another program changed or made anew.
+#[derive(Args)]
+pub struct Inject {
+    /// The .glb or .gltf file.
+    file: PathBuf,
+    /// The .tsuya file.
+    stream: PathBuf,
+    /// The new .glb or .gltf file.
+    #[arg(short, long, value_name = "FILE")]
+    output: PathBuf,
+    /// The material that shows it, by name or number [default: the one that says so in its extras, or the only one].
+    #[arg(long, value_name = "MATERIAL")]
+    material: Option<String>,
+    /// Puts the stream beside the new file, under its name with .tsuya; always so with .gltf.
+    #[arg(long)]
+    external: bool,
+    /// Does not ask whether the mesh is the one that was captured.
+    #[arg(long)]
+    any_mesh: bool,
+    /// Overwrites existing files.
+    #[arg(long)]
+    force: bool,
+}
+
+impl Inject {
+    fn run(self) -> Result<()> {
+        let mut document = document(&self.file)?;
+        let stream = read(&self.stream)?;
+        container::verify(&stream[..], limits()).with_context(|| name(&self.stream))?;
+        let asset = without_photographs(&self.stream, &stream)?;
+        let beside = beside(&self.output, self.external || !document.is_glb())?;
+        for path in [Some(&self.output), beside.as_ref()].into_iter().flatten() {
+            output::check_free(path, self.force)?;
+        }
+        let material = gltf::find_material(&document, &gltf::sha256(&stream), self.material.as_deref())
+            .with_context(|| name(&self.file))?;
+        let levels = gltf::levels(&stream, limits()).with_context(|| name(&self.stream))?;
+        let uri = match placement(&beside) {
+            Placement::Inside => None,
+            Placement::Beside(name) => Some(gltf::reference(&name)),
+        };
+        let binding = gltf::put(&mut document, material, &stream, levels, uri.as_deref())?.1;
+        if !self.any_mesh {
+            let files = |name: &str| beside_document(&self.file, name);
+            check_mesh(&document, &[material], &binding, &asset, &files)?;
+        }
+        let bytes = document.to_bytes()?;
+        if let Some(path) = beside.filter(|path| !is_same(path, &self.stream)) {
+            output::write(&path, &stream, self.force)?;
+        }
+        output::write(&self.output, &bytes, self.force)
+    }
+}
+
+/// Takes a .tsuya file out of a GLB as it is; only its length and SHA-256 are compared.
+#[derive(Args)]
+pub struct Extract {
+    /// The .glb or .gltf file; - is standard input.
+    file: PathBuf,
+    /// The .tsuya file; - is standard output.
+    #[arg(short, long, value_name = "FILE")]
+    output: PathBuf,
+    /// Which appearance, where the file has several.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    appearance: usize,
+    /// Also writes the document without the extension.
+    #[arg(long, value_name = "FILE")]
+    rest: Option<PathBuf>,
+    /// Overwrites existing files.
+    #[arg(long)]
+    force: bool,
+}
+
+impl Extract {
+    fn run(self) -> Result<()> {
+        for path in [Some(&self.output), self.rest.as_ref()].into_iter().flatten() {
+            output::check_free(path, self.force)?;
+        }
+        let mut document = document(&self.file)?;
+        let taken = gltf::take(&document, self.appearance, &|name| beside_document(&self.file, name))?;
+        output::write(&self.output, &taken.stream, self.force)?;
+        if let Some(rest) = &self.rest {
+            gltf::remove(&mut document)?;
+            output::write(rest, &document.to_bytes()?, self.force)?;
+        }
+        Ok(())
+    }
+}
+
+/// An error where the stream is another mesh's; a warning where that can't be said.
+fn check_mesh(
+    document: &Document,
+    materials: &[usize],
+    binding: &gltf::Binding,
+    asset: &Asset,
+    files: gltf::Files<'_>,
+) -> Result<()> {
+    let Some(charts) = &asset.charts else {
+        return Err(Error::Unsupported("the stream has no atlas, so that no glTF mesh can show it".into()).into());
+    };
+    let budget = Budget::new(limits());
+    match gltf::compare_mesh(document, materials, binding, &asset.mesh, charts, files, &budget)? {
+        Fit::Same(_) => Ok(()),
+        Fit::Unknown => {
+            output::complain("warning: the mesh is compressed or has no texture coordinates: not compared with the stream's");
+            Ok(())
+        }
+        Fit::Other(share) => Err(Failed(format!(
+            "the stream was captured with another mesh: at the texture coordinates of this one its surface lies elsewhere \
+             (off by {:.0} % of its size)",
+            100.0 * share
+        ))
+        .into()),
+    }
+}
+
+fn lightly() -> DecodeOptions {
+    DecodeOptions { selection: Selection::None, limits: limits() }
+}
+
+fn without_photographs(path: &Path, stream: &[u8]) -> Result<Asset> {
+    decode(stream, &lightly()).with_context(|| name(path))
+}
+
+/// A file's bytes, no more than the limit.
+fn read(path: &Path) -> Result<Vec<u8>> {
+    let most = limits().memory_bytes;
+    let mut bytes = Vec::new();
+    open(path)?.take(most.saturating_add(1)).read_to_end(&mut bytes).map_err(|e| Error::io(path, e))?;
+    if bytes.len() as u64 > most {
+        return Err(Error::Limits { what: "a file", asked: bytes.len() as u64, allowed: most }.into());
+    }
+    Ok(bytes)
+}
+
+fn document(path: &Path) -> Result<Document> {
+    Ok(Document::parse(path, &read(path)?, &Budget::new(limits()))?)
+}
+
+/// What a document's references lead to.
+fn beside_document(document: &Path, name: &str) -> tsuya::Result<Vec<u8>> {
+    if output::is_stream(document) {
+        return Err(Error::parameter(format!(
+            "the document refers to {name:?}: read it from its folder, not from standard input"
+        )));
+    }
+    let path = document.with_file_name("").join(name);
+    let mut bytes = Vec::new();
+    let most = limits().memory_bytes;
+    let file = std::fs::File::open(&path).map_err(|e| Error::io(&path, e))?;
+    file.take(most.saturating_add(1)).read_to_end(&mut bytes).map_err(|e| Error::io(&path, e))?;
+    if bytes.len() as u64 > most {
+        return Err(Error::Limits { what: "a file", asked: bytes.len() as u64, allowed: most });
+    }
+    Ok(bytes)
+}
+
+/// The file beside a document that holds its stream.
+fn beside(document: &Path, external: bool) -> Result<Option<PathBuf>> {
+    if !external {
+        return Ok(None);
+    }
+    let path = document.with_extension("tsuya");
+    let is_name = path.file_name().is_some_and(|name| name.to_str().is_some());
+    if output::is_stream(document) || !is_name || path == document {
+        return Err(Error::parameter("a stream beside the document needs a document with a name, .glb or .gltf").into());
+    }
+    Ok(Some(path))
+}
+
+fn placement(beside: &Option<PathBuf>) -> Placement {
+    let name = beside.as_ref().and_then(|path| path.file_name()).and_then(|name| name.to_str());
+    name.map_or(Placement::Inside, |name| Placement::Beside(name.into()))
+}
+
+fn is_same(one: &Path, other: &Path) -> bool {
+    matches!((one.canonicalize(), other.canonicalize()), (Ok(one), Ok(other)) if one == other)
+}

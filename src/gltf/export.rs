@@ -1,0 +1,245 @@
+//! A GLB of an asset.
+
+use super::document::{Document, percent_encoded};
+use super::fallback::{Fallback, bake};
+use super::geometry::{Geometry, charts, split};
+use super::levels;
+use super::stream::{push_view, put, sha256};
+use crate::asset::Asset;
+use crate::error::{Error, Result};
+use crate::image::Grid;
+use crate::limits::Limits;
+use glam::{DQuat, DVec3};
+use serde_json::{Map, Value, json};
+
+/// bufferView targets.
+const VERTICES: u64 = 34962;
+const INDICES: u64 = 34963;
+/// Component types.
+const U16: u64 = 5123;
+const U32: u64 = 5125;
+const F32: u64 = 5126;
+
+/// Where the stream goes.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub enum Placement {
+    /// Into the GLB.
+    #[default]
+    Inside,
+    /// Into a file of this name beside the GLB; the caller writes it.
+    Beside(String),
+}
+
+/// How to export.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ExportOptions {
+    /// Where the stream goes.
+    pub placement: Placement,
+    /// Diffuse albedo of the capture's white board.
+    pub white_albedo: f64,
+    /// JPEG quality of the colours, 1 to 100; `None` for PNG. Roughness and metalness are always PNG.
+    pub jpeg_quality: Option<u8>,
+    /// Bounds on what the stream may ask for.
+    pub limits: Limits,
+}
+
+impl Default for ExportOptions {
+    fn default() -> Self {
+        ExportOptions {
+            placement: Placement::default(),
+            white_albedo: 0.95,
+            jpeg_quality: None,
+            limits: Limits::default(),
+        }
+    }
+}
+
+/// An exported GLB.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Exported {
+    /// The document.
+    pub document: Document,
+    /// Its fallback material.
+    pub fallback: Fallback,
+    /// Vertices after splitting at the borders of charts.
+    pub vertices: usize,
+    /// Triangles.
+    pub triangles: usize,
+    /// Decodable prefixes of the stream.
+    pub levels: Vec<u64>,
+    /// SHA-256 of the stream.
+    pub sha256: String,
+}
+
+/// Exports `asset`, which is `stream` decoded (its photographs are not needed). The document's node has the scene upright and, where the
+/// metadata names a metric unit, in metres; positions stay those of the stream.
+pub fn export(stream: &[u8], asset: &Asset, options: &ExportOptions) -> Result<Exported> {
+    if !(options.white_albedo > 0.0 && options.white_albedo <= 1.0) {
+        return Err(Error::parameter("the white board's albedo lies between 0 and 1"));
+    }
+    let charts = charts(asset)?;
+    let fallback = bake(asset, options.white_albedo)?;
+    let geometry = split(&asset.mesh, charts);
+    let title = asset.metadata.get("title").and_then(Value::as_str).unwrap_or("appearance");
+    let mut root = json!({
+        "asset": {"version": "2.0", "generator": concat!("tsuya ", env!("CARGO_PKG_VERSION"))},
+        "scene": 0,
+        "scenes": [{"nodes": [0]}],
+        "nodes": [node(asset, title)],
+        "meshes": [{"name": title, "primitives": [{"attributes": {}, "material": 0}]}],
+    });
+    if let Some(licence) = asset.metadata.get("licence").and_then(Value::as_str) {
+        root["asset"]["copyright"] = json!(licence);
+    }
+    let root = match root {
+        Value::Object(root) => root,
+        _ => Map::new(),
+    };
+    let mut document = Document::new_glb(root, Vec::new());
+    let primitive = write_geometry(&mut document, &geometry)?;
+    document.json["meshes"][0]["primitives"][0] = primitive;
+    write_material(&mut document, &fallback, title, options.jpeg_quality)?;
+    let levels = levels(stream, options.limits)?;
+    let uri = match &options.placement {
+        Placement::Inside => None,
+        Placement::Beside(name) => Some(percent_encoded(name)),
+    };
+    put(&mut document, 0, stream, levels.clone(), uri.as_deref())?;
+    Ok(Exported {
+        document,
+        fallback,
+        vertices: geometry.positions.len(),
+        triangles: geometry.triangles.len(),
+        levels,
+        sha256: sha256(stream),
+    })
+}
+
+/// The node: turned so that what is up in the photographs is up in glTF (+Y), scaled to metres.
+fn node(asset: &Asset, title: &str) -> Value {
+    let up: DVec3 = asset.views.iter().map(|view| -DVec3::from_array(view.camera.rotation[1])).sum();
+    let mut node = json!({"name": title, "mesh": 0});
+    // Cameras look a little down or up; only a scene that lies on another side is turned.
+    if let Some(up) = up.try_normalize().filter(|up| up.y < 0.7) {
+        let turn = DQuat::from_rotation_arc(up, DVec3::Y).normalize().as_quat().normalize();
+        node["rotation"] = json!(turn.to_array());
+    }
+    let scale = match asset.metadata.get("units").and_then(Value::as_str) {
+        Some("mm") => 0.001,
+        Some("cm") => 0.01,
+        _ => 1.0,
+    };
+    if scale != 1.0 {
+        node["scale"] = json!([scale, scale, scale]);
+    }
+    node
+}
+
+/// Writes the vertices and triangles; returns the primitive.
+fn write_geometry(document: &mut Document, geometry: &Geometry) -> Result<Value> {
+    let count = geometry.positions.len();
+    let indices = geometry.triangles.iter().flatten();
+    // The largest index of a type is kept free by glTF.
+    let (kind, bytes): (u64, Vec<u8>) = if count <= usize::from(u16::MAX) {
+        (U16, indices.flat_map(|&index| (index as u16).to_le_bytes()).collect())
+    } else {
+        (U32, indices.flat_map(|&index| index.to_le_bytes()).collect())
+    };
+    let view = push_view(document, &bytes, Some(INDICES))?;
+    let accessors = document.list_mut("accessors")?;
+    accessors.push(
+        json!({"bufferView": view, "componentType": kind, "count": 3 * geometry.triangles.len(), "type": "SCALAR"}),
+    );
+    let attributes: [(&str, &str, Vec<u8>); 4] = [
+        ("POSITION", "VEC3", floats(&geometry.positions)),
+        ("NORMAL", "VEC3", floats(&geometry.normals)),
+        ("TANGENT", "VEC4", floats(&geometry.tangents)),
+        ("TEXCOORD_0", "VEC2", floats(&geometry.coordinates)),
+    ];
+    let mut named = Map::new();
+    for (name, kind, bytes) in attributes {
+        let view = push_view(document, &bytes, Some(VERTICES))?;
+        let mut accessor = json!({"bufferView": view, "componentType": F32, "count": count, "type": kind});
+        if name == "POSITION" {
+            let bound = |pick: fn(f32, f32) -> f32| -> [f32; 3] {
+                std::array::from_fn(|c| geometry.positions.iter().map(|p| p[c]).reduce(pick).unwrap_or(0.0))
+            };
+            accessor["min"] = json!(bound(f32::min));
+            accessor["max"] = json!(bound(f32::max));
+        }
+        let accessors = document.list_mut("accessors")?;
+        accessors.push(accessor);
+        named.insert(name.into(), json!(accessors.len() - 1));
+    }
+    Ok(json!({"attributes": named, "indices": 0, "material": 0}))
+}
+
+fn floats<const N: usize>(elements: &[[f32; N]]) -> Vec<u8> {
+    elements.iter().flatten().flat_map(|x| x.to_le_bytes()).collect()
+}
+
+/// Writes the textures and the material.
+fn write_material(document: &mut Document, fallback: &Fallback, name: &str, jpeg_quality: Option<u8>) -> Result<()> {
+    let base = push_texture(document, &fallback.base_colour, "base colour", jpeg_quality)?;
+    let mut pbr = json!({"baseColorTexture": {"index": base}, "metallicFactor": 0, "roughnessFactor": 1});
+    let mut extensions = Map::new();
+    let mut used = Vec::new();
+    if let (Some(roughness), Some(colour)) = (&fallback.metallic_roughness, &fallback.specular_colour) {
+        let index = push_texture(document, roughness, "metallic-roughness", None)?;
+        pbr["metallicFactor"] = json!(1);
+        pbr["metallicRoughnessTexture"] = json!({"index": index});
+        let index = push_texture(document, colour, "specular colour", jpeg_quality)?;
+        let factor = [fallback.specular_scale; 3];
+        let object = json!({"specularColorFactor": factor, "specularColorTexture": {"index": index}});
+        extensions.insert("KHR_materials_specular".into(), object);
+        used.push("KHR_materials_specular");
+    } else if fallback.is_unlit {
+        extensions.insert("KHR_materials_unlit".into(), json!({}));
+        used.push("KHR_materials_unlit");
+    } else {
+        extensions.insert("KHR_materials_specular".into(), json!({"specularFactor": 0}));
+        used.push("KHR_materials_specular");
+    }
+    let material = json!({"name": name, "pbrMetallicRoughness": pbr, "extensions": extensions});
+    document.list_mut("materials")?.push(material);
+    document.list_mut("extensionsUsed")?.extend(used.into_iter().map(|name| json!(name)));
+    Ok(())
+}
+
+/// Writes a texture as PNG or JPEG; returns its index.
+fn push_texture(
+    document: &mut Document,
+    texture: &Grid<[u8; 3]>,
+    name: &str,
+    jpeg_quality: Option<u8>,
+) -> Result<usize> {
+    use image::codecs::jpeg::JpegEncoder;
+    use image::codecs::png::{CompressionType, FilterType, PngEncoder};
+    use image::{ExtendedColorType, ImageEncoder};
+    let mut file = Vec::new();
+    let bytes: Vec<u8> = texture.data.iter().flatten().copied().collect();
+    let (width, height, kind) = (texture.width as u32, texture.height as u32, ExtendedColorType::Rgb8);
+    let (mime, written) = match jpeg_quality {
+        Some(quality) => {
+            let encoder = JpegEncoder::new_with_quality(&mut file, quality);
+            ("image/jpeg", encoder.write_image(&bytes, width, height, kind))
+        }
+        None => {
+            let encoder = PngEncoder::new_with_quality(&mut file, CompressionType::Best, FilterType::Adaptive);
+            ("image/png", encoder.write_image(&bytes, width, height, kind))
+        }
+    };
+    written.map_err(|e| Error::parameter(format!("{mime}: {e}")))?;
+    let view = push_view(document, &file, None)?;
+    let images = document.list_mut("images")?;
+    images.push(json!({"name": name, "mimeType": mime, "bufferView": view}));
+    let source = images.len() - 1;
+    let samplers = document.list_mut("samplers")?;
+    if samplers.is_empty() {
+        // Linear, between mip levels too; clamped to the edge.
+        samplers.push(json!({"magFilter": 9729, "minFilter": 9987, "wrapS": 33071, "wrapT": 33071}));
+    }
+    let textures = document.list_mut("textures")?;
+    textures.push(json!({"sampler": 0, "source": source}));
+    Ok(textures.len() - 1)
+}

@@ -1,0 +1,37 @@
+//! The glTF bridge: a `.tsuya` stream inside a GLB that every viewer shows. See `spec/gltf/TSUYA_materials_appearance.md`.
+//!
+//! [`export`] makes a GLB of an asset: its mesh, a metallic-roughness material baked from the fitted reflectance, and the stream itself,
+//! bound to the material by [`EXTENSION`]. [`Document`] reads and edits GLB and glTF files as JSON, so that what it does not know
+//! survives; [`take`], [`put`] and [`remove`] move the stream out of a document and into it.
+
+mod accessor;
+mod appearance;
+mod binding;
+mod document;
+mod export;
+mod fallback;
+mod geometry;
+mod levels;
+mod look;
+mod metallic_roughness;
+mod stream;
+
+pub use appearance::{Appearance, Source, appearances, bound_materials};
+pub use binding::{Fit, compare_mesh};
+pub use document::{Document, Files, percent_encoded as reference};
+pub use export::{ExportOptions, Exported, Placement, export};
+pub use fallback::{Fallback, bake};
+pub use levels::levels;
+pub use look::render;
+pub use metallic_roughness::{Microfacets, equivalent_lobe};
+pub use stream::{Binding, Taken, find_material, put, remove, sha256, take};
+
+/// Name of the extension.
+pub const EXTENSION: &str = "TSUYA_materials_appearance";
+/// Version of the extension that is written, and the latest that is read.
+pub const EXTENSION_VERSION: u64 = 1;
+/// Media type of a stream.
+pub const MIME_TYPE: &str = "model/vnd.tsuya";
+
+#[cfg(test)]
+mod tests;
