@@ -9,11 +9,11 @@ use super::prefiltered::{Level, SHARPNESS};
 use super::{Environment, fit::spread};
 
 /// Pixels for the standard deviation of a lobe, `1 / sqrt(sharpness)`.
-const PIXELS: f64 = 1.5;
+const PIXELS: f64 = 1.3;
 /// A lobe ends where it has fallen to `exp(-REACH)`.
-const REACH: f64 = 7.5;
-/// Steps of the table of `exp(-x)` in one unit of `x`.
-const TABLE_STEPS: f32 = 256.0;
+const REACH: f64 = 7.0;
+/// Pixels that are worked on at a time.
+const LANES: usize = 8;
 
 /// Cells along a side of the level of a sharpness: some three for a standard deviation, `largest` at most.
 pub fn level_size(sharpness: f64, largest: usize) -> usize {
@@ -30,12 +30,10 @@ pub fn levels(environment: &Environment, largest: usize) -> Vec<Level> {
 /// One level.
 pub fn level(environment: &Environment, sharpness: f64, size: usize) -> Option<Level> {
     let rows = Rows::new(environment, sharpness);
-    let table: Vec<f32> =
-        (0..=(REACH as f32 * TABLE_STEPS) as usize + 1).map(|k| (-(k as f32) / TABLE_STEPS).exp()).collect();
     let (directions, angles) = (directions(size), solid_angles(size));
     let cells = crate::parallel::map(size, |row| {
         let cells = directions.iter().zip(&angles).skip(row * size).take(size);
-        cells.map(|(&d, &angle)| rows.mean(d, angle / 6.0, &table)).collect::<Vec<_>>()
+        cells.map(|(&d, &angle)| rows.mean(d, angle / 6.0)).collect::<Vec<_>>()
     });
     Level::new(sharpness, size, cells.concat())
 }
@@ -52,9 +50,43 @@ struct Row {
     theta: f64,
     cosine: f64,
     sine: f64,
-    /// Unit directions and radiance of the pixels; every one has the same solid angle.
-    pixels: Vec<([f32; 3], [f32; 3])>,
     solid_angle: f32,
+    /// Pixels in the row, every one of the same solid angle.
+    count: usize,
+    /// x and z of the pixels' unit directions, then red, green, blue.
+    lists: [Vec<f32>; 5],
+}
+
+impl Row {
+    /// Sum of the weighted radiance and of the weights of some pixels. The weight is `exp(-x)`, `x = constant - a . (x, z)`, as
+    /// `(1 - x / 1024)^1024`, which is 0.2 % less at `x = 2` and costs a few products of whole lanes.
+    #[inline]
+    fn sum(&self, pixels: std::ops::Range<usize>, constant: f32, across: [f32; 2], sums: &mut [[f32; LANES]; 4]) {
+        let [x, z, r, g, b] = self.lists.each_ref().map(|list| &list[pixels.clone()]);
+        let whole = x.len() / LANES * LANES;
+        let weight = |x: f32, z: f32| {
+            let base = (constant + across[0] * x + across[1] * z).max(0.0);
+            (0..10).fold(base, |power, _| power * power)
+        };
+        let lanes = |list: &[f32], at: usize| -> [f32; LANES] { std::array::from_fn(|k| list[at + k]) };
+        for at in (0..whole).step_by(LANES) {
+            let (x, z) = (lanes(x, at), lanes(z, at));
+            let (r, g, b) = (lanes(r, at), lanes(g, at), lanes(b, at));
+            let weights: [f32; LANES] = std::array::from_fn(|k| weight(x[k], z[k]));
+            for k in 0..LANES {
+                sums[0][k] += weights[k] * r[k];
+                sums[1][k] += weights[k] * g[k];
+                sums[2][k] += weights[k] * b[k];
+                sums[3][k] += weights[k];
+            }
+        }
+        for k in whole..x.len() {
+            let weight = weight(x[k], z[k]);
+            for (sum, value) in sums.iter_mut().zip([r[k], g[k], b[k], 1.0]) {
+                sum[k - whole] += weight * value;
+            }
+        }
+    }
 }
 
 impl Rows {
@@ -75,78 +107,65 @@ impl Rows {
                 while group < 16 && sine * (group as f64) < 0.5 {
                     group *= 2;
                 }
-                let pixels = (small.image().row(y).chunks_exact(group).enumerate())
-                    .map(|(k, pixels)| {
-                        let at = (k as f64 + 0.5) * group as f64;
-                        let direction = small.direction(at, y as f64 + 0.5).map(|x| x as f32);
-                        let sum = pixels.iter().fold([0.0; 3], |s, p| std::array::from_fn(|c| s[c] + p[c]));
-                        (direction, sum.map(|s: f32| s / group as f32))
-                    })
-                    .collect();
-                Row { theta, cosine, sine, pixels, solid_angle: (small.solid_angle(y) * group as f64) as f32 }
+                let mut lists = std::array::from_fn(|_| Vec::new());
+                for (k, pixels) in small.image().row(y).chunks_exact(group).enumerate() {
+                    let phi = pixel * (k as f64 + 0.5) * group as f64;
+                    let sum = pixels.iter().fold([0.0; 3], |s, p| std::array::from_fn(|c| s[c] + p[c]));
+                    let [r, g, b] = sum.map(|s: f32| s / group as f32);
+                    let values = [(phi.sin() * sine) as f32, (-phi.cos() * sine) as f32, r, g, b];
+                    lists.iter_mut().zip(values).for_each(|(list, value): (&mut Vec<f32>, f32)| list.push(value));
+                }
+                let solid_angle = (small.solid_angle(y) * group as f64) as f32;
+                Row { theta, cosine, sine, solid_angle, count: lists[0].len(), lists }
             })
             .collect();
         Rows { variance: 1.0 / sharpness - own_blur, rows }
     }
 
     /// Mean radiance about a direction, where interpolation will add `blur` to the variance.
-    fn mean(&self, direction: [f64; 3], blur: f64, table: &[f32]) -> [f32; 3] {
+    fn mean(&self, direction: [f64; 3], blur: f64) -> [f32; 3] {
         use std::f64::consts::PI;
         let sharpness = 1.0 / (self.variance - blur.min(0.5 * self.variance));
         let least = 1.0 - REACH / sharpness;
         let radius = if least > -1.0 { least.acos() } else { PI };
         let theta = direction[1].clamp(-1.0, 1.0).acos();
-        let phi = direction[0].atan2(-direction[2]);
+        let phi = direction[0].atan2(-direction[2]).rem_euclid(2.0 * PI);
         let (cosine, sine) = (direction[1], (1.0 - direction[1] * direction[1]).max(0.0).sqrt());
         let to_rows = self.rows.len() as f64 / PI;
         let first = ((theta - radius) * to_rows - 0.5).floor().max(0.0) as usize;
         let last = (((theta + radius) * to_rows - 0.5).ceil() as usize).min(self.rows.len() - 1);
-        let direction = direction.map(|x| x as f32);
-        let scale = sharpness as f32 * TABLE_STEPS;
+        // A base of the power: `1 + sharpness (cosine - 1) / 1024`.
+        let part = sharpness / 1024.0;
+        let across = [(part * direction[0]) as f32, (part * direction[2]) as f32];
         let (mut sum, mut total) = ([0.0f32; 3], 0.0f32);
         for row in &self.rows[first..=last] {
-            if (row.theta - theta).abs() > radius + 1.0 / to_rows {
-                continue;
-            }
-            let count = row.pixels.len();
+            let constant = (1.0 + part * (direction[1] * row.cosine - 1.0)) as f32;
             // Columns within the lobe's reach.
             let limit = (least - row.cosine * cosine) / (row.sine * sine).max(1e-12);
-            let half = if limit <= -1.0 {
-                PI
-            } else if limit >= 1.0 {
-                0.0
+            if limit >= 1.0 && (row.theta - theta).abs() * to_rows > 1.0 {
+                continue;
+            }
+            let half = limit.clamp(-1.0, 1.0).acos();
+            let to_columns = row.count as f64 / (2.0 * PI);
+            let (middle, reach) = (phi * to_columns - 0.5, half * to_columns);
+            let mut sums = [[0.0f32; LANES]; 4];
+            if reach * 2.0 + 3.0 >= row.count as f64 {
+                row.sum(0..row.count, constant, across, &mut sums);
             } else {
-                limit.acos()
-            };
-            let to_columns = count as f64 / (2.0 * PI);
-            let middle = phi.rem_euclid(2.0 * PI) * to_columns - 0.5;
-            let reach = half * to_columns;
-            let (start, end) = if reach * 2.0 + 2.0 >= count as f64 {
-                (0, count as isize - 1)
-            } else {
-                ((middle - reach).floor() as isize, (middle + reach).ceil() as isize)
-            };
-            let (mut row_sum, mut row_total) = ([0.0f32; 3], 0.0f32);
-            for column in start..=end {
-                let column = if column < 0 {
-                    column + count as isize
-                } else if column >= count as isize {
-                    column - count as isize
-                } else {
-                    column
-                };
-                let (d, radiance) = &row.pixels[column as usize];
-                let cosine = d[0] * direction[0] + d[1] * direction[1] + d[2] * direction[2];
-                let at = ((1.0 - cosine) * scale).max(0.0);
-                let index = at as usize;
-                if index + 1 < table.len() {
-                    let weight = table[index] + (at - index as f32) * (table[index + 1] - table[index]);
-                    (0..3).for_each(|c| row_sum[c] += weight * radiance[c]);
-                    row_total += weight;
+                let (start, end) = ((middle - reach).floor() as isize, (middle + reach).ceil() as isize + 1);
+                let (count, low) = (row.count as isize, start.max(0) as usize);
+                row.sum(low..end.min(count) as usize, constant, across, &mut sums);
+                // What lies beyond the ends of the row is at its other end.
+                if start < 0 {
+                    row.sum((start + count) as usize..row.count, constant, across, &mut sums);
+                }
+                if end > count {
+                    row.sum(0..(end - count) as usize, constant, across, &mut sums);
                 }
             }
-            (0..3).for_each(|c| sum[c] += row.solid_angle * row_sum[c]);
-            total += row.solid_angle * row_total;
+            let [r, g, b, weight] = sums.map(|lanes| lanes.iter().sum::<f32>());
+            (0..3).for_each(|c| sum[c] += row.solid_angle * [r, g, b][c]);
+            total += row.solid_angle * weight;
         }
         sum.map(|s| s / total.max(f32::MIN_POSITIVE))
     }

@@ -78,7 +78,8 @@ pub fn solid_angles(size: usize) -> Vec<f64> {
         let y = 1.0 - u.abs() - v.abs();
         let fold = (-y).max(0.0);
         let (x, z) = (u.abs() - fold, v.abs() - fold);
-        (x * x + y * y + z * z).powf(-1.5)
+        let squared = x * x + y * y + z * z;
+        1.0 / (squared * squared.sqrt())
     };
     let fine = 2.0 / (size * PARTS) as f64;
     let cell = |k: usize| {

@@ -171,7 +171,7 @@ pub fn decode(bytes: &[u8], mesh: &Mesh, budget: &Budget) -> Result<Visibility> 
     let cells = size * size;
     budget.charge_items("bases of the visibility", cells as u64 * (count as u64 + 1), 8)?;
     budget.charge_items("weights of the visibility", vertices as u64, 2 * count + 24)?;
-    budget.charge_items("neighbours of the vertices", mesh.triangles.len() as u64, 24)?;
+    budget.charge_items("neighbours of the vertices", mesh.triangles.len() as u64, 40)?;
     let mut content = Content {
         size,
         terms,

@@ -81,7 +81,7 @@ impl Info {
             file.file_bytes(),
             VERSION.0,
             VERSION.1,
-            profile.unwrap_or("unknown")
+            profile.unwrap_or("none")
         );
         let _ = writeln!(text, "\nsection  codec      stored     decoded");
         for section in file.sections() {
@@ -110,8 +110,10 @@ impl Info {
         } else {
             format!("{} x {} to {} x {}", small.0, small.1, large.0, large.1)
         };
-        let _ = writeln!(text, "views: {} of {size} pixels, {}", asset.views.len(), components.join(" and "));
-        let _ = writeln!(text, "lights: known for {lit} views");
+        if !asset.views.is_empty() {
+            let _ = writeln!(text, "views: {} of {size} pixels, {}", asset.views.len(), components.join(" and "));
+            let _ = writeln!(text, "lights: known for {lit} views");
+        }
         if let Some(charts) = &asset.charts {
             let _ = writeln!(
                 text,
