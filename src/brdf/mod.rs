@@ -5,6 +5,8 @@ pub mod dsbrdf;
 #[cfg(feature = "encode")]
 pub mod errors;
 #[cfg(feature = "encode")]
+pub mod forms;
+#[cfg(feature = "encode")]
 pub mod merl;
 pub mod models;
 #[cfg(feature = "encode")]
