@@ -1,5 +1,6 @@
 //! What a `.tsuya` file holds, in memory.
 
+use crate::brdf::materials::NamedMaterial;
 use crate::image::{Grid, Mask, RgbImage};
 use serde::{Deserialize, Serialize};
 
@@ -159,7 +160,7 @@ pub struct ReflectanceMaps {
 pub struct Asset {
     /// Descriptive metadata, a JSON object; unknown keys are kept.
     pub metadata: serde_json::Map<String, serde_json::Value>,
-    /// The mesh.
+    /// The mesh; empty in a file that carries none.
     pub mesh: Mesh,
     /// Atlas layout of the reflectance.
     pub charts: Option<Charts>,
@@ -173,6 +174,8 @@ pub struct Asset {
     pub views: Vec<View>,
     /// Decoded photographs, parallel to `views`; `None` for views that were not asked for.
     pub photographs: Vec<Option<Photograph>>,
+    /// Fitted materials by name.
+    pub materials: Vec<NamedMaterial>,
 }
 
 /// One view's decoded pictures.

@@ -1,5 +1,6 @@
 //! From a file back to photographs, mesh and reflectance: the encoder's stages from bottom to top.
 
+use crate::brdf::materials;
 use crate::asset::{Asset, Photograph, View};
 use crate::container::{Container, Tag, metadata, views};
 use crate::error::{Error, Result};
@@ -54,9 +55,20 @@ pub fn decode_from<R: Read + Seek>(file: &mut Container<R>, options: &DecodeOpti
         Some(content) => metadata::decode(&content, &budget)?.0,
         None => Default::default(),
     };
-    let section = views::decode(&file.read_section(Tag::VIEWS)?, &budget)?;
+    // What stands for itself needs no views, and some of it no mesh.
+    let has = |tags: &[Tag]| tags.iter().any(|&tag| file.find(tag).is_some());
+    let alone = has(&[Tag::MATERIALS]);
+    let needs_views = !alone || has(&[Tag::VIEWS, Tag::PLANES, Tag::PAPER]);
+    let needs_mesh = !alone || needs_views || has(&[Tag::MESH, Tag::CHARTS]);
+    let section = match needs_views {
+        true => views::decode(&file.read_section(Tag::VIEWS)?, &budget)?,
+        false => views::ViewsSection { white: [1.0; 3], components: Vec::new(), views: Vec::new() },
+    };
     // 2. Mesh.
-    let mesh = mesh::code::decode(&file.read_section(Tag::MESH)?, &budget)?;
+    let mesh = match needs_mesh {
+        true => mesh::code::decode(&file.read_section(Tag::MESH)?, &budget)?,
+        false => Default::default(),
+    };
     if let Selection::Views(wanted) = &options.selection
         && let Some(view) = wanted.iter().find(|&&view| view >= section.views.len())
     {
@@ -85,8 +97,13 @@ pub fn decode_from<R: Read + Seek>(file: &mut Container<R>, options: &DecodeOpti
     } else {
         vec![None; section.views.len()]
     };
+    // Materials.
+    let materials = match file.read_optional(Tag::MATERIALS)? {
+        Some(bytes) => materials::decode(&bytes, &budget)?,
+        None => Vec::new(),
+    };
     let views::ViewsSection { white, components, views } = section;
-    Ok(Asset { metadata, mesh, charts, reflectance, white, components, views, photographs })
+    Ok(Asset { metadata, mesh, charts, reflectance, white, components, views, photographs, materials })
 }
 
 /// Photographs of profile `tuned`: the head of the section, then the streams of the views that are needed.

@@ -1,5 +1,6 @@
 //! From a capture to a file: the stages in the order of the data's way. [`crate::decoder`] runs them backwards.
 
+use crate::brdf::materials::{self, NamedMaterial};
 use crate::asset::{Component, Photograph, View};
 use crate::capture::Capture;
 use crate::container::views::{self, ViewsSection};
@@ -105,6 +106,18 @@ pub fn encode(mut capture: Capture, options: &EncodeOptions) -> Result<Encoded> 
     let (bytes, sections) = file.write(&metadata, &thumbnail)?;
     let (image_psnr, coverage) = (total.psnr(), total.coverage());
     Ok(Encoded { bytes, sections, image_psnr, sample_psnr, kept_percent, coverage, warnings })
+}
+
+/// A file of nothing but materials and metadata.
+/// # Errors
+/// [`Error::Parameter`] where a name is empty, too long or there twice.
+pub fn encode_materials(materials: &[NamedMaterial], metadata: &metadata::Metadata) -> Result<Vec<u8>> {
+    let mut described = metadata.clone();
+    described.0.insert("generator".into(), concat!("tsuya ", env!("CARGO_PKG_VERSION")).into());
+    let mut writer = Writer::new(Vec::new())?;
+    writer.section(Tag::METADATA, SectionCodec::Zstd, &metadata::encode(&described)?)?;
+    writer.section(Tag::MATERIALS, SectionCodec::Own, &materials::encode(materials)?)?;
+    writer.finish()
 }
 
 /// Samples of a patch for one pixel of the photographs.

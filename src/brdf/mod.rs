@@ -4,6 +4,7 @@ mod angles;
 pub mod dsbrdf;
 #[cfg(feature = "encode")]
 pub mod errors;
+pub mod materials;
 #[cfg(feature = "encode")]
 pub mod forms;
 #[cfg(feature = "encode")]

@@ -26,6 +26,8 @@ impl Tag {
     pub const PLANES: Tag = Tag(*b"PLAN");
     /// Residual volumes of the `paper` profile.
     pub const PAPER: Tag = Tag(*b"PAPR");
+    /// Fitted materials by name.
+    pub const MATERIALS: Tag = Tag(*b"mATl");
 
     /// True when a reader that doesn't know the section must refuse the file.
     pub fn is_critical(self) -> bool {
@@ -83,7 +85,7 @@ const OWN: &[SectionCodec] = &[SectionCodec::Own];
 const ANY: &[SectionCodec] = &[SectionCodec::None, SectionCodec::Zstd, SectionCodec::Own];
 
 /// All known sections, in the order in which writers put them. Part of the format.
-const TABLE: [Known; 8] = [
+const TABLE: [Known; 9] = [
     entry(Tag::METADATA, 2, 1 << 20, GENERAL),
     entry(Tag::THUMBNAIL, 57, 1 << 20, &[SectionCodec::None]),
     entry(Tag::MESH, 4, 1 << 32, OWN),
@@ -92,6 +94,7 @@ const TABLE: [Known; 8] = [
     entry(Tag::REFLECTANCE, 1, 1 << 40, ANY),
     entry(Tag::PLANES, 1, 1 << 40, ANY),
     entry(Tag::PAPER, 1, 1 << 40, ANY),
+    entry(Tag::MATERIALS, 5, 1 << 32, OWN),
 ];
 /// What holds for sections that this build doesn't know. Part of the format.
 const UNKNOWN_LONGEST: u64 = 1 << 40;

@@ -43,6 +43,9 @@ impl Info {
         };
         let maps = asset.reflectance.as_ref();
         let relightable = maps.is_some_and(|maps| maps.relightable);
+        let materials: Vec<Value> = (asset.materials.iter())
+            .map(|named| json!({"name": named.name, "form": named.material.form(), "bytes": named.material.encode().len()}))
+            .collect();
         if self.json {
             let views: Vec<Value> = (asset.views.iter())
                 .map(|view| {
@@ -63,6 +66,7 @@ impl Info {
                 "atlas": asset.charts.as_ref().map(|c| json!({"width": c.width, "height": c.height, "charts": c.charts.len()})),
                 "relightable": relightable,
                 "views": views,
+                "materials": materials,
             }));
         }
         let mut text = String::new();
@@ -112,6 +116,10 @@ impl Info {
                 charts.height,
                 charts.charts.len()
             );
+        }
+        if !asset.materials.is_empty() {
+            let names: Vec<&str> = asset.materials.iter().map(|named| named.name.as_str()).collect();
+            let _ = writeln!(text, "materials: {} ({})", names.len(), names.join(", "));
         }
         let _ = writeln!(text, "can be relit: {}", if relightable { "yes" } else { "no" });
         output::say(&text)

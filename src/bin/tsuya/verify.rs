@@ -51,6 +51,9 @@ impl Verify {
             }
             let decoded = asset.photographs.iter().flatten().count();
             text += &format!("{decoded} of {} views decode\n", asset.views.len());
+            if !asset.materials.is_empty() {
+                text += &format!("{} materials decode\n", asset.materials.len());
+            }
         }
         if let Some(capture) = &self.against {
             let comparison = compare(&self.file, capture, &self.reading, false)?;

@@ -17,8 +17,9 @@ impl LobeMaterial {
     /// [`Error::Format`] where counts or parameters are out of range, or the bytes end too early or too late.
     pub fn decode(bytes: &[u8], section: &str) -> Result<Self> {
         let mut coder = RangeDecoder::new(bytes);
-        let material = code(&mut coder, None)
-            .ok_or_else(|| Error::format(section, 0, "counts or parameters of a material of lobes are out of range, or it is cut"))?;
+        let material = code(&mut coder, None).ok_or_else(|| {
+            Error::format(section, 0, "counts or parameters of a material of lobes are out of range, or it is cut")
+        })?;
         if !coder.ends_as_written(0) {
             return Err(Error::format(section, 0, "a material of lobes doesn't end where its bytes end"));
         }

@@ -68,7 +68,9 @@ pub fn fit(samples: &[Sample], options: &FitOptions) -> Result<LobeMaterial> {
     }
     let slices = gather(samples, options);
     if slices.iter().all(|s| s.bins.is_empty()) {
-        return Err(Error::parameter("no sample to fit: all are negative, not finite, below the horizon or too near the highlight"));
+        return Err(Error::parameter(
+            "no sample to fit: all are negative, not finite, below the horizon or too near the highlight",
+        ));
     }
     match options.lobes {
         LobeCount::Given(count) => Ok(fit_count(&slices, count, options).0),
@@ -134,7 +136,8 @@ fn fit_count(slices: &[Slice], count: usize, options: &FitOptions) -> (LobeMater
         }
         // Slices before the first measured one take its lobes.
         let measured = slices.iter().position(|s| !s.bins.is_empty()).unwrap_or(0);
-        for curve in quantised.chunks_exact_mut(slices.len()).skip(colour * count * parameters).take(count * parameters) {
+        for curve in quantised.chunks_exact_mut(slices.len()).skip(colour * count * parameters).take(count * parameters)
+        {
             let first = curve[measured];
             curve[..measured].fill(first);
         }

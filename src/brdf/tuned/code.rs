@@ -24,8 +24,9 @@ impl TunedMaterial {
     /// [`Error::Format`] where the bytes end too early or too late, or a coefficient is out of range.
     pub fn decode(bytes: &[u8], section: &str) -> Result<Self> {
         let mut coder = RangeDecoder::new(bytes);
-        let material = code(&mut coder, None)
-            .ok_or_else(|| Error::format(section, 0, "a coefficient of a tuned material is out of range, or it is cut"))?;
+        let material = code(&mut coder, None).ok_or_else(|| {
+            Error::format(section, 0, "a coefficient of a tuned material is out of range, or it is cut")
+        })?;
         if !coder.ends_as_written(0) {
             return Err(Error::format(section, 0, "a tuned material doesn't end where its bytes end"));
         }

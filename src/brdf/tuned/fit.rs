@@ -113,8 +113,7 @@ fn weights(samples: &[Sample], picture_weight: f64, white: f64, floor: f64) -> V
             let (cos, slope) = (s.cos_incoming, mean + floor);
             let of_logarithm = slope * cos / (1.0 + mean * cos);
             let radiance = mean * cos / white;
-            let display =
-                if radiance < 0.0031308 { 12.92 } else { 0.44 * radiance.max(1e-4).powf(1.0 / 2.4 - 1.0) };
+            let display = if radiance < 0.0031308 { 12.92 } else { 0.44 * radiance.max(1e-4).powf(1.0 / 2.4 - 1.0) };
             let display = display * cos / white * slope * (1.0 / radiance.max(1e-6)).min(1.0);
             [of_logarithm * of_logarithm, display * display * (density(s) + 0.01)]
         })

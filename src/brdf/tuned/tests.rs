@@ -2,7 +2,8 @@ use super::*;
 
 #[test]
 fn bytes_come_back() {
-    let coefficients = [0, 1, 2].map(|c: i32| (0..degrees(true).len() as i32).map(|n: i32| (n * 7919 + c * 31) % 200 / (n + 1) - c).collect());
+    let coefficients = [0, 1, 2]
+        .map(|c: i32| (0..degrees(true).len() as i32).map(|n: i32| (n * 7919 + c * 31) % 200 / (n + 1) - c).collect());
     let header = Header { reciprocal: true, step: 20, floor: 8, ceiling: 60, gains: [12, 5, 3] };
     let material = TunedMaterial::new(header, coefficients);
     let bytes = material.encode();

@@ -108,7 +108,8 @@ impl<'a> Normal<'a> {
             for n in 0..count {
                 let now = whole[n] as f64;
                 let curvature = self.matrix[n][n];
-                let best = choose(now + slope[n] / curvature, curvature, levels[n], BIT_WORTH, &[now, now - 1.0, now + 1.0]);
+                let best =
+                    choose(now + slope[n] / curvature, curvature, levels[n], BIT_WORTH, &[now, now - 1.0, now + 1.0]);
                 if best != now {
                     (0..count).for_each(|k| slope[k] -= self.matrix[n][k] * (best - now));
                     whole[n] = best as i32;
@@ -140,8 +141,7 @@ fn choose(target: f64, curvature: f64, level: i32, bit_worth: f64, others: &[f64
 
 fn cholesky(matrix: &[Vec<f64>], order: &[usize]) -> Vec<Vec<f64>> {
     let count = order.len();
-    let mut triangle: Vec<Vec<f64>> =
-        order.iter().map(|&n| order.iter().map(|&k| matrix[n][k]).collect()).collect();
+    let mut triangle: Vec<Vec<f64>> = order.iter().map(|&n| order.iter().map(|&k| matrix[n][k]).collect()).collect();
     for i in 0..count {
         // Rounding may leave a pivot below zero; the ridge is its least value.
         let pivot = triangle[i][i].max(RIDGE * 1e-3).sqrt();

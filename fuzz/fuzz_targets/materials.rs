@@ -1,0 +1,17 @@
+//! Any bytes as section `mATl`.
+#![no_main]
+use libfuzzer_sys::fuzz_target;
+use tsuya::brdf::{Brdf, materials};
+use tsuya::{Budget, Limits};
+
+fuzz_target!(|bytes: &[u8]| {
+    let budget = Budget::new(Limits { memory_bytes: 1 << 24, ..Limits::default() });
+    if let Ok(all) = materials::decode(bytes, &budget) {
+        for named in &all {
+            let value = named.material.evaluate([0.6, 0.0, 0.8], [-0.28, 0.0, 0.96]);
+            assert!(value.iter().all(|v| !v.is_nan() && *v >= 0.0));
+        }
+        // What decodes is what an encoder may write.
+        assert!(materials::encode(&all).is_ok_and(|again| again == bytes));
+    }
+});

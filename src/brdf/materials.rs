@@ -1,0 +1,250 @@
+//! Fitted materials by name, and section `mATl` that holds them.
+
+use super::Brdf;
+use super::dsbrdf::LobeMaterial;
+use super::tuned::TunedMaterial;
+use crate::error::{Error, Result};
+use crate::limits::Budget;
+use std::collections::HashSet;
+
+/// A material that a few hundred bytes describe.
+#[derive(Debug, Clone, PartialEq)]
+pub enum FittedMaterial {
+    /// Lobes of the half angle, as published.
+    Lobes(LobeMaterial),
+    /// The project's own form.
+    Tuned(TunedMaterial),
+}
+
+impl FittedMaterial {
+    /// `dsbrdf` or `tuned`.
+    pub fn form(&self) -> &'static str {
+        match self {
+            FittedMaterial::Lobes(_) => "dsbrdf",
+            FittedMaterial::Tuned(_) => "tuned",
+        }
+    }
+
+    /// The coded material, its name and length apart.
+    pub fn encode(&self) -> Vec<u8> {
+        match self {
+            FittedMaterial::Lobes(material) => material.encode(),
+            FittedMaterial::Tuned(material) => material.encode(),
+        }
+    }
+
+    /// The material as lobes of the half angle: itself, or lobes fitted to it, 18 slices of 3.
+    /// # Errors
+    /// [`Error::Parameter`] where the material's values are not finite.
+    pub fn lobes(&self) -> Result<LobeMaterial> {
+        match self {
+            FittedMaterial::Lobes(material) => Ok(material.clone()),
+            FittedMaterial::Tuned(material) => {
+                // The form is smooth up to the centre of the highlight, which needs no care there.
+                let options = super::dsbrdf::FitOptions { least_theta_h_deg: 0.0, ..Default::default() };
+                super::dsbrdf::fit(&super::Sample::of(material, [60, 36, 9]), &options)
+            }
+        }
+    }
+}
+
+impl Brdf for FittedMaterial {
+    fn evaluate(&self, incoming: [f64; 3], outgoing: [f64; 3]) -> [f64; 3] {
+        match self {
+            FittedMaterial::Lobes(material) => material.evaluate(incoming, outgoing),
+            FittedMaterial::Tuned(material) => material.evaluate(incoming, outgoing),
+        }
+    }
+}
+
+/// A material with its name.
+#[derive(Debug, Clone, PartialEq)]
+pub struct NamedMaterial {
+    /// 1 to 255 bytes of UTF-8, different for each material of a file.
+    pub name: String,
+    /// The material.
+    pub material: FittedMaterial,
+}
+
+const SECTION: &str = "mATl";
+/// Version of the section's layout.
+const VERSION: u8 = 1;
+/// Memory of a decoded material at most: 744 integers and 1280 triples of doubles; 4050 integers and twice as many doubles.
+const TUNED_MEMORY: u64 = 40_000;
+const LOBES_MEMORY: u64 = 100_000;
+
+/// Section `mATl` of materials.
+/// # Errors
+/// [`Error::Parameter`] where a name is empty, longer than 255 bytes or there twice.
+pub fn encode(materials: &[NamedMaterial]) -> Result<Vec<u8>> {
+    let mut bytes = vec![VERSION];
+    bytes.extend_from_slice(&(materials.len() as u32).to_le_bytes());
+    let mut names = HashSet::new();
+    for NamedMaterial { name, material } in materials {
+        let length = u8::try_from(name.len()).ok().filter(|&length| length > 0);
+        let Some(length) = length else {
+            return Err(Error::parameter(format!("material '{name}': a name has 1 to 255 bytes")));
+        };
+        if !names.insert(name) {
+            return Err(Error::parameter(format!("two materials are called '{name}'")));
+        }
+        let coded = material.encode();
+        bytes.push(match material {
+            FittedMaterial::Lobes(_) => 0,
+            FittedMaterial::Tuned(_) => 1,
+        });
+        bytes.push(length);
+        bytes.extend_from_slice(name.as_bytes());
+        let long =
+            u16::try_from(coded.len()).map_err(|_| Error::parameter(format!("material '{name}' is too large")))?;
+        bytes.extend_from_slice(&long.to_le_bytes());
+        bytes.extend_from_slice(&coded);
+    }
+    Ok(bytes)
+}
+
+/// Materials of section `mATl`.
+/// # Errors
+/// [`Error::Format`] where the section breaks a rule of `spec/materials.md`; [`Error::Unsupported`] for another version;
+/// [`Error::Limits`] where the budget ends.
+pub fn decode(bytes: &[u8], budget: &Budget) -> Result<Vec<NamedMaterial>> {
+    let mut reader = Reader { bytes, position: 0 };
+    let [version] = reader.array("version")?;
+    if version != VERSION {
+        return Err(Error::Unsupported(format!("version {version} of section {SECTION}; this build reads {VERSION}")));
+    }
+    let count = u32::from_le_bytes(reader.array("number of materials")?);
+    let mut materials = Vec::new();
+    let mut names = HashSet::new();
+    // Grows with the bytes that are there: each material takes some, or ends the loop.
+    for _ in 0..count {
+        let at = reader.position as u64;
+        let [form, length] = reader.array("form and length of a name")?;
+        let name = std::str::from_utf8(reader.take(length as usize, "name")?)
+            .ok()
+            .filter(|name| !name.is_empty())
+            .ok_or_else(|| Error::format(SECTION, at, "a name is 1 to 255 bytes of UTF-8"))?;
+        let length = u16::from_le_bytes(reader.array("length of a material")?);
+        let coded = reader.take(length as usize, "material")?;
+        let memory = match form {
+            0 => LOBES_MEMORY,
+            1 => TUNED_MEMORY,
+            _ => {
+                return Err(Error::Unsupported(format!("material '{name}' has form {form}; this build reads 0 and 1")));
+            }
+        };
+        budget.charge("materials", memory + 3 * name.len() as u64 + 128)?;
+        if !names.insert(name) {
+            return Err(Error::format(SECTION, at, format!("two materials are called '{name}'")));
+        }
+        let material = match form {
+            0 => LobeMaterial::decode(coded, SECTION).map(FittedMaterial::Lobes),
+            _ => TunedMaterial::decode(coded, SECTION).map(FittedMaterial::Tuned),
+        };
+        let material = material.map_err(|error| match error {
+            Error::Format { message, .. } => Error::format(SECTION, at, format!("material '{name}': {message}")),
+            other => other,
+        })?;
+        materials.push(NamedMaterial { name: name.to_owned(), material });
+    }
+    if reader.position != bytes.len() {
+        return Err(Error::format(SECTION, reader.position as u64, "bytes follow the last material"));
+    }
+    Ok(materials)
+}
+
+struct Reader<'a> {
+    bytes: &'a [u8],
+    position: usize,
+}
+
+impl<'a> Reader<'a> {
+    fn take(&mut self, count: usize, what: &str) -> Result<&'a [u8]> {
+        let end = self.position.saturating_add(count);
+        let taken = self.bytes.get(self.position..end).ok_or_else(|| {
+            Error::format(SECTION, self.position as u64, format!("the section ends within: {what}, {count} bytes"))
+        })?;
+        self.position = end;
+        Ok(taken)
+    }
+    fn array<const N: usize>(&mut self, what: &str) -> Result<[u8; N]> {
+        let taken = self.take(N, what)?;
+        taken.try_into().map_err(|_| Error::format(SECTION, self.position as u64, format!("{what} is missing")))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Limits;
+    use crate::brdf::Sample;
+
+    struct Glossy;
+    impl Brdf for Glossy {
+        fn evaluate(&self, incoming: [f64; 3], outgoing: [f64; 3]) -> [f64; 3] {
+            let angles = crate::brdf::HalfDifference::of(incoming, outgoing);
+            let highlight = 4.0 * (-(angles.theta_h / 0.15).powi(2)).exp() / (0.2 + incoming[2] * outgoing[2]);
+            [0.2 + highlight, 0.1 + highlight, 0.03 + highlight]
+        }
+    }
+
+    fn materials() -> Vec<NamedMaterial> {
+        let samples = Sample::of(&Glossy, [45, 18, 6]);
+        let lobes = super::super::dsbrdf::fit(&samples, &Default::default()).unwrap();
+        let mut all = vec![NamedMaterial { name: "lobes".into(), material: FittedMaterial::Lobes(lobes) }];
+        #[cfg(feature = "encode")]
+        {
+            let tuned = super::super::tuned::fit(&samples, &Default::default()).unwrap();
+            all.push(NamedMaterial { name: "own form \u{8276}".into(), material: FittedMaterial::Tuned(tuned) });
+        }
+        all
+    }
+
+    #[test]
+    fn materials_come_back_and_damage_is_found() {
+        let all = materials();
+        let bytes = encode(&all).unwrap();
+        let budget = || Budget::new(Limits { memory_bytes: 1 << 20, ..Limits::default() });
+        assert!(decode(&bytes, &budget()).unwrap() == all);
+        for cut in 0..bytes.len() {
+            assert!(decode(&bytes[..cut], &budget()).is_err(), "cut at {cut}");
+        }
+        assert!(decode(&[bytes.as_slice(), &[0]].concat(), &budget()).is_err());
+        assert!(matches!(decode(&[&[9], &bytes[1..]].concat(), &budget()), Err(Error::Unsupported(_))));
+        assert!(encode(&[all[0].clone(), all[0].clone()]).is_err());
+        // A count that the bytes don't bear out, and a budget that doesn't suffice.
+        let mut many = bytes.clone();
+        many[1..5].fill(0xff);
+        assert!(matches!(decode(&many, &budget()), Err(Error::Format { .. })));
+        let small = Budget::new(Limits { memory_bytes: 20_000, ..Limits::default() });
+        assert!(matches!(decode(&bytes, &small), Err(Error::Limits { .. })));
+        // Whatever decodes is finite.
+        for at in 5..bytes.len() {
+            let mut damaged = bytes.clone();
+            damaged[at] ^= 1 << (at % 8);
+            for named in decode(&damaged, &budget()).unwrap_or_default() {
+                let value = named.material.evaluate([0.6, 0.0, 0.8], [-0.28, 0.0, 0.96]);
+                assert!(value.iter().all(|v| !v.is_nan() && *v >= 0.0), "{value:?}");
+            }
+        }
+    }
+
+    #[cfg(feature = "encode")]
+    #[test]
+    fn a_tuned_material_is_small_and_close_and_has_lobes() {
+        let all = materials();
+        let tuned = &all[1].material;
+        assert!(tuned.encode().len() <= 256);
+        for (of, most) in [(tuned.clone(), 0.03), (FittedMaterial::Lobes(tuned.lobes().unwrap()), 0.4)] {
+            let samples = Sample::of(&Glossy, [20, 15, 5]);
+            let error = |s: &Sample| {
+                let angles = crate::brdf::HalfDifference { theta_h: s.theta_h, theta_d: s.theta_d, phi_d: 1.2 };
+                let (incoming, outgoing) = angles.directions();
+                let (a, b) = (of.evaluate(incoming, outgoing), Glossy.evaluate(incoming, outgoing));
+                if outgoing[2] > 0.05 && incoming[2] > 0.05 { (a[1].ln_1p() - b[1].ln_1p()).powi(2) } else { 0.0 }
+            };
+            let root_mean_square = (samples.iter().map(error).sum::<f64>() / samples.len() as f64).sqrt();
+            assert!(root_mean_square < most, "{}: {root_mean_square}", of.form());
+        }
+    }
+}
