@@ -1,18 +1,19 @@
 //! Every form that a measured material can be fitted in, by name.
 
-use super::dsbrdf::{self, LobeMaterial};
+use super::dsbrdf;
+use super::materials::FittedMaterial;
 use super::merl::{CellGrid, MerlTable, PHI_D_BINS, THETA_D_BINS, THETA_H_BINS};
 use super::models::{self, ClassicalModel, Form, Objective};
-use super::tuned::{self, TunedMaterial};
+use super::tuned;
 use super::{Brdf, Sample};
 use crate::Result;
 
 /// A form by name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum AnyForm {
-    /// [`TunedMaterial`]: the smallest error for its bytes.
+    /// [`tuned::TunedMaterial`]: the smallest error for its bytes.
     Tuned,
-    /// [`LobeMaterial`]: the lobes of the half angle as published.
+    /// [`dsbrdf::LobeMaterial`]: the lobes of the half angle as published.
     Published,
     /// A classical model.
     Classical(Form),
@@ -51,43 +52,30 @@ pub struct FitSettings {
     pub objective: Objective,
 }
 
-/// A fitted material.
+/// A material fitted in any form.
 #[derive(Debug, Clone, PartialEq)]
-pub enum FittedMaterial {
-    /// Of [`AnyForm::Tuned`].
-    Tuned(TunedMaterial),
-    /// Of [`AnyForm::Published`].
-    Lobes(LobeMaterial),
-    /// Of [`AnyForm::Classical`].
+pub enum Fitted {
+    /// One that files hold.
+    Coded(FittedMaterial),
+    /// A classical model.
     Classical(ClassicalModel),
 }
 
-impl FittedMaterial {
+impl Fitted {
     /// Bytes of the coded material; of a classical model, four a number.
     pub fn bytes(&self) -> usize {
         match self {
-            FittedMaterial::Tuned(material) => material.encode().len(),
-            FittedMaterial::Lobes(material) => material.encode().len(),
-            FittedMaterial::Classical(model) => 4 * model.parameters(),
-        }
-    }
-
-    /// The name of its form.
-    pub fn form(&self) -> &'static str {
-        match self {
-            FittedMaterial::Tuned(_) => AnyForm::Tuned.name(),
-            FittedMaterial::Lobes(_) => AnyForm::Published.name(),
-            FittedMaterial::Classical(model) => model.lobe.name(),
+            Fitted::Coded(material) => material.encode().len(),
+            Fitted::Classical(model) => 4 * model.parameters(),
         }
     }
 }
 
-impl Brdf for FittedMaterial {
+impl Brdf for Fitted {
     fn evaluate(&self, incoming: [f64; 3], outgoing: [f64; 3]) -> [f64; 3] {
         match self {
-            FittedMaterial::Tuned(material) => material.evaluate(incoming, outgoing),
-            FittedMaterial::Lobes(material) => material.evaluate(incoming, outgoing),
-            FittedMaterial::Classical(model) => model.evaluate(incoming, outgoing),
+            Fitted::Coded(material) => material.evaluate(incoming, outgoing),
+            Fitted::Classical(model) => model.evaluate(incoming, outgoing),
         }
     }
 }
@@ -96,26 +84,25 @@ impl Brdf for FittedMaterial {
 ///
 /// # Errors
 /// [`crate::Error::Parameter`] where the table has too few valid cells, or settings are out of range.
-pub fn fit(table: &MerlTable, form: AnyForm, settings: &FitSettings) -> Result<FittedMaterial> {
-    Ok(match form {
-        AnyForm::Tuned => FittedMaterial::Tuned(tuned::fit(&samples(table), &settings.tuned)?),
-        AnyForm::Published => FittedMaterial::Lobes(dsbrdf::fit(&samples(table), &settings.published)?),
-        AnyForm::Classical(form) => FittedMaterial::Classical(models::fit(table, form, settings.objective)?),
-    })
+pub fn fit(table: &MerlTable, form: AnyForm, settings: &FitSettings) -> Result<Fitted> {
+    match form {
+        AnyForm::Classical(form) => Ok(Fitted::Classical(models::fit(table, form, settings.objective)?)),
+        AnyForm::Tuned | AnyForm::Published => fit_samples(&samples(table), form, settings),
+    }
 }
 
 /// Fits samples, such as a plan asks for, in one of the forms that need no table.
 ///
 /// # Errors
 /// [`crate::Error::Parameter`] for a classical model, and as [`fit`].
-pub fn fit_samples(samples: &[Sample], form: AnyForm, settings: &FitSettings) -> Result<FittedMaterial> {
-    match form {
-        AnyForm::Tuned => Ok(FittedMaterial::Tuned(tuned::fit(samples, &settings.tuned)?)),
-        AnyForm::Published => Ok(FittedMaterial::Lobes(dsbrdf::fit(samples, &settings.published)?)),
+pub fn fit_samples(samples: &[Sample], form: AnyForm, settings: &FitSettings) -> Result<Fitted> {
+    Ok(Fitted::Coded(match form {
+        AnyForm::Tuned => FittedMaterial::Tuned(tuned::fit(samples, &settings.tuned)?),
+        AnyForm::Published => FittedMaterial::Lobes(dsbrdf::fit(samples, &settings.published)?),
         AnyForm::Classical(_) => {
-            Err(crate::Error::parameter("samples are fitted in the forms tuned and published only"))
+            return Err(crate::Error::parameter("samples are fitted in the forms tuned and published only"));
         }
-    }
+    }))
 }
 
 /// Some 20,000 of a table's valid cells: every bin of `theta_h`, every fourth of `theta_d` and the last three, every 16th of `phi_d`,
