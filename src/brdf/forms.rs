@@ -4,6 +4,7 @@ use super::dsbrdf;
 use super::materials::FittedMaterial;
 use super::merl::{CellGrid, MerlTable, PHI_D_BINS, THETA_D_BINS, THETA_H_BINS};
 use super::models::{self, ClassicalModel, Form, Objective};
+use super::plan::Plan;
 use super::tuned;
 use super::{Brdf, Sample};
 use crate::Result;
@@ -104,6 +105,18 @@ pub fn fit_samples(samples: &[Sample], form: AnyForm, settings: &FitSettings) ->
         }
     }))
 }
+
+/// Fits a table from its values at a plan's angles only.
+///
+/// # Errors
+/// As [`fit_samples`], and where no angle has a value.
+pub fn fit_planned(table: &MerlTable, plan: &Plan, form: AnyForm, settings: &FitSettings) -> Result<Fitted> {
+    let values = plan.measure(|angles| table.at(angles.half_difference()));
+    fit_samples(&plan.reconstruct(&values, RECONSTRUCTED_BINS)?, form, settings)
+}
+
+/// Bins of `theta_h`, `theta_d` and `phi_d` in which a material is made from a plan's samples before it is fitted.
+const RECONSTRUCTED_BINS: [usize; 3] = [90, 24, 9];
 
 /// Some 20,000 of a table's valid cells: every bin of `theta_h`, every fourth of `theta_d` and the last three, every 16th of `phi_d`,
 /// shifted from row to row.

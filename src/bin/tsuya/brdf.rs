@@ -5,6 +5,7 @@ mod eval;
 mod fit;
 mod font;
 mod material;
+mod plan;
 mod render;
 mod sheet;
 
@@ -21,6 +22,7 @@ pub struct Brdf {
 #[derive(Subcommand)]
 enum Command {
     Fit(fit::Fit),
+    Plan(plan::Plan),
     Convert(convert::Convert),
     Eval(eval::Eval),
     Render(render::Render),
@@ -30,6 +32,7 @@ impl Brdf {
     pub fn run(self) -> Result<()> {
         match self.command {
             Command::Fit(fit) => fit.run(),
+            Command::Plan(plan) => plan.run(),
             Command::Convert(convert) => convert.run(),
             Command::Eval(eval) => eval.run(),
             Command::Render(render) => render.run(),

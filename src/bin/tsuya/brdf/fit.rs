@@ -2,6 +2,7 @@
 
 use super::eval::environment;
 use super::material::{Kind, MODEL_FORMAT, ModelEntry, ModelFile, expand, read_all};
+use super::plan::read_plan;
 use super::sheet;
 use crate::{output, pictures, progress};
 use anyhow::Result;
@@ -17,6 +18,7 @@ use tsuya::brdf::forms::{self, AnyForm, FitSettings, Fitted};
 use tsuya::brdf::materials::NamedMaterial;
 use tsuya::brdf::merl::MerlTable;
 use tsuya::brdf::models::{Form, Objective};
+use tsuya::brdf::plan::Plan;
 use tsuya::brdf::sphere::SphereScenes;
 use tsuya::container::metadata::Metadata;
 
@@ -34,6 +36,10 @@ pub struct Fit {
     output: Option<PathBuf>,
     #[command(flatten)]
     forms: Forms,
+    /// Fits from the values at the angles of this plan only (see tsuya brdf plan); errors are those of the whole table. For the forms
+    /// tuned and published.
+    #[arg(long, value_name = "PLAN")]
+    samples: Option<PathBuf>,
     /// A lat-long picture as the environment of the rendered sphere [default: one of the program's own].
     #[arg(long, value_name = "FILE")]
     environment: Option<PathBuf>,
@@ -153,6 +159,7 @@ impl Fit {
         if self.json && self.output.as_deref().is_some_and(output::is_stream) {
             return Err(Error::parameter("figures and materials can't both go to standard output").into());
         }
+        let plan = self.samples.as_deref().map(read_plan).transpose()?;
         let files = expand(&self.inputs)?;
         let scenes = SphereScenes::new(SPHERE_SIDE, &environment(self.environment.as_deref())?);
         let busy = progress::busy("fitting");
@@ -160,7 +167,7 @@ impl Fit {
         for path in &files {
             for named in read_all(path)? {
                 let table = named.material.into_table();
-                let row = self.fit(named.name, &table, form, &scenes)?;
+                let row = self.fit(named.name, &table, form, plan.as_ref(), &scenes)?;
                 if self.contact_sheet.is_some() {
                     let sweep = self.sweep.map(usize::from);
                     tiles.push(sheet::tile(&row.name, &scenes, &table.smooth(), &row.fitted, sweep));
@@ -189,9 +196,20 @@ impl Fit {
         }
     }
 
-    fn fit(&self, name: String, table: &MerlTable, form: AnyForm, scenes: &SphereScenes) -> Result<Row> {
+    fn fit(
+        &self,
+        name: String,
+        table: &MerlTable,
+        form: AnyForm,
+        plan: Option<&Plan>,
+        scenes: &SphereScenes,
+    ) -> Result<Row> {
         let begun = Instant::now();
-        let fitted = forms::fit(table, form, &self.forms.settings())?;
+        let settings = self.forms.settings();
+        let fitted = match plan {
+            Some(plan) => forms::fit_planned(table, plan, form, &settings)?,
+            None => forms::fit(table, form, &settings)?,
+        };
         let seconds = begun.elapsed().as_secs_f64();
         let report = ErrorReport::of(table, &fitted, scenes);
         Ok(Row { name, bytes: fitted.bytes(), fitted, seconds, report })
