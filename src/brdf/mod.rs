@@ -6,6 +6,8 @@ pub mod dsbrdf;
 pub mod errors;
 pub mod materials;
 #[cfg(feature = "encode")]
+pub mod forms;
+#[cfg(feature = "encode")]
 pub mod merl;
 pub mod models;
 #[cfg(feature = "encode")]

@@ -8,8 +8,9 @@ use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use tsuya::brdf::errors::ErrorReport;
+use tsuya::brdf::forms::{AnyForm, FitSettings, fit};
 use tsuya::brdf::merl::MerlTable;
-use tsuya::brdf::models::{ClassicalModel, Form, Objective, fit, read_published};
+use tsuya::brdf::models::{Form, Objective, read_published};
 use tsuya::brdf::rgl::RglMaterial;
 use tsuya::brdf::sphere::{Environment, SphereScenes, studio};
 
@@ -52,7 +53,7 @@ fn main() -> Result<()> {
                 rows.push(Row {
                     material: name.clone(),
                     form: list.clone(),
-                    bytes: size(&found.model),
+                    bytes: 4 * found.model.parameters(),
                     seconds: 0.0,
                     report,
                 });
@@ -78,22 +79,26 @@ fn main() -> Result<()> {
 }
 
 fn fit_all(name: &str, table: &MerlTable, scenes: &SphereScenes, rows: &mut Vec<Row>) -> Result<()> {
-    for (objective, suffix) in [(Objective::Both, ""), (Objective::Logarithm, "-log")] {
-        for form in Form::ALL {
-            let begun = Instant::now();
-            let model = fit(table, form, objective)?;
-            let seconds = begun.elapsed().as_secs_f64();
-            let report = ErrorReport::of(table, &model, scenes);
-            let form = format!("{}{suffix}", form.name());
-            rows.push(Row { material: name.into(), form, bytes: size(&model), seconds, report });
+    let classical = |objective, suffix| Form::ALL.map(|form| (AnyForm::Classical(form), objective, suffix));
+    let forms = [(AnyForm::Tuned, Objective::Both, ""), (AnyForm::Published, Objective::Both, "")].into_iter();
+    let forms = forms.chain(classical(Objective::Both, "")).chain(classical(Objective::Logarithm, "-log"));
+    for (form, objective, suffix) in forms {
+        if quick() && matches!(form, AnyForm::Classical(_)) {
+            continue;
         }
+        let begun = Instant::now();
+        let fitted = fit(table, form, &FitSettings { objective, ..Default::default() })?;
+        let seconds = begun.elapsed().as_secs_f64();
+        let report = ErrorReport::of(table, &fitted, scenes);
+        let form = format!("{}{suffix}", form.name());
+        rows.push(Row { material: name.into(), form, bytes: fitted.bytes(), seconds, report });
     }
     Ok(())
 }
 
-/// Bytes of a classical model, four a number.
-fn size(model: &ClassicalModel) -> usize {
-    4 * model.parameters()
+/// Whether classical models are left out: the environment has TSUYA_BENCH_QUICK.
+fn quick() -> bool {
+    std::env::var_os("TSUYA_BENCH_QUICK").is_some()
 }
 
 fn print(title: &str, rows: &[Row]) {

@@ -11,7 +11,7 @@ mod sheet;
 use anyhow::Result;
 use clap::{Args, Subcommand};
 
-/// Reads, fits, converts and shows measured materials: MERL tables (.binary), RGL materials (.bsdf), fitted ones.
+/// Reads, fits, converts and shows measured materials: MERL tables (.binary), RGL materials (.bsdf), fitted ones (.tsuya, .json).
 #[derive(Args)]
 pub struct Brdf {
     #[command(subcommand)]
