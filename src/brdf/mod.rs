@@ -13,6 +13,8 @@ pub mod models;
 #[cfg(feature = "encode")]
 mod parallel;
 #[cfg(feature = "encode")]
+pub mod plan;
+#[cfg(feature = "encode")]
 pub mod rgl;
 mod sample;
 #[cfg(feature = "encode")]
