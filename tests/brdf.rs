@@ -58,6 +58,27 @@ fn rgl_to_a_model_to_merl() {
         assert!((sampled[k] / fitted[k] - 1.0).abs() < 0.01, "{sampled:?} {fitted:?}");
         assert!((measured[k] - fitted[k]).abs() < 0.15, "{measured:?} {fitted:?}");
     }
+
+    // In a file of the project's own: small, and nearer.
+    let (tuned, lobes) = (path("felt.tsuya"), path("lobes.tsuya"));
+    let (tuned, lobes) = (text(&tuned), text(&lobes));
+    let own = json(&["brdf", "fit", table, "-o", tuned, "--json"]);
+    assert_eq!(own["form"], "tuned");
+    assert!(own["bytes"].as_u64().unwrap() <= 256 && own["log_rmse"].as_f64().unwrap() < 0.015, "{own}");
+    assert!(own["sphere_psnr_db"]["point"].as_f64().unwrap() > 45.0, "{own}");
+    assert!(own["sphere_psnr_db"]["environment"].as_f64().unwrap() > 45.0, "{own}");
+    assert!(std::fs::metadata(tuned).unwrap().len() < 400);
+    assert!(output(&["verify", tuned, "--deep"]).contains("1 materials decode"));
+    let close = values(tuned);
+    assert!((0..6).all(|k| (close[k] / measured[k] - 1.0).abs() < 0.1), "{close:?} {measured:?}");
+    tsuya(&["brdf", "convert", tuned, "-o", text(&again), "--force"]).code(0);
+    assert!(json(&["brdf", "fit", text(&again), "--json"])["log_rmse"].as_f64().unwrap() < 0.005);
+    tsuya(&["brdf", "convert", table, "-o", lobes, "--form", "published", "--slices", "6"]).code(0);
+    assert!(output(&["info", lobes]).contains("materials: 1 (felt)"));
+    assert!(
+        complaint(1, &["brdf", "convert", table, "-o", text(&path("b.tsuya")), "--form", "ward"]).contains(".json")
+    );
+
     assert!(complaint(2, &["brdf", "convert", model, "-o", table]).contains("--force"));
     let picture = path("ball.png");
     tsuya(&["brdf", "render", model, "-o", text(&picture), "--size", "32", "--sweep", "3"]).code(0);

@@ -66,6 +66,11 @@ impl MerlTable {
         self.cells.get(index).filter(|cell| !cell[0].is_nan()).map(|cell| cell.map(f64::from))
     }
 
+    /// The value of the cell that angles fall into, `None` where it is not valid.
+    pub fn at(&self, angles: HalfDifference) -> Option<[f64; 3]> {
+        self.cell(look_up::cell_of(angles))
+    }
+
     /// Every valid cell that lies above the horizon at its middle, in the file's order.
     pub fn valid_cells<'a>(&'a self, grid: &'a CellGrid) -> impl Iterator<Item = Cell> + 'a {
         self.valid_cells_of_plane(grid, 0..THETA_H_BINS)
@@ -109,7 +114,7 @@ impl Brdf for MerlTable {
         if incoming[2] <= 0.0 || outgoing[2] <= 0.0 {
             return [0.0; 3];
         }
-        self.cell(look_up::cell_of(HalfDifference::of(incoming, outgoing))).unwrap_or([0.0; 3])
+        self.at(HalfDifference::of(incoming, outgoing)).unwrap_or([0.0; 3])
     }
 }
 

@@ -6,10 +6,14 @@ pub mod dsbrdf;
 pub mod errors;
 pub mod materials;
 #[cfg(feature = "encode")]
+pub mod forms;
+#[cfg(feature = "encode")]
 pub mod merl;
 pub mod models;
 #[cfg(feature = "encode")]
 mod parallel;
+#[cfg(feature = "encode")]
+pub mod plan;
 #[cfg(feature = "encode")]
 pub mod rgl;
 mod sample;

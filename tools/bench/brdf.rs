@@ -7,9 +7,11 @@
 use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
-use tsuya::brdf::errors::ErrorReport;
+use tsuya::brdf::errors::{ErrorReport, log_rmse};
+use tsuya::brdf::forms::{AnyForm, FitSettings, fit, fit_planned};
 use tsuya::brdf::merl::MerlTable;
-use tsuya::brdf::models::{ClassicalModel, Form, Objective, fit, read_published};
+use tsuya::brdf::models::{Form, Objective, read_published};
+use tsuya::brdf::plan::{Method, Plan, Population};
 use tsuya::brdf::rgl::RglMaterial;
 use tsuya::brdf::sphere::{Environment, SphereScenes, studio};
 
@@ -52,7 +54,7 @@ fn main() -> Result<()> {
                 rows.push(Row {
                     material: name.clone(),
                     form: list.clone(),
-                    bytes: size(&found.model),
+                    bytes: 4 * found.model.parameters(),
                     seconds: 0.0,
                     report,
                 });
@@ -66,6 +68,7 @@ fn main() -> Result<()> {
         bytes as f64 / 1e6 / f64::max(reading, 1e-9),
         greatest_memory()
     );
+    plans(&merl)?;
     if let Some(folder) = folders.get(1) {
         let mut rows = Vec::new();
         for path in files(folder, "bsdf")? {
@@ -77,23 +80,67 @@ fn main() -> Result<()> {
     Ok(())
 }
 
-fn fit_all(name: &str, table: &MerlTable, scenes: &SphereScenes, rows: &mut Vec<Row>) -> Result<()> {
-    for (objective, suffix) in [(Objective::Both, ""), (Objective::Logarithm, "-log")] {
-        for form in Form::ALL {
-            let begun = Instant::now();
-            let model = fit(table, form, objective)?;
-            let seconds = begun.elapsed().as_secs_f64();
-            let report = ErrorReport::of(table, &model, scenes);
-            let form = format!("{}{suffix}", form.name());
-            rows.push(Row { material: name.into(), form, bytes: size(&model), seconds, report });
+/// Plans made on two thirds of the tables and judged on the others.
+fn plans(merl: &[PathBuf]) -> Result<()> {
+    let mut population = Population::new();
+    for path in merl.iter().enumerate().filter(|(k, _)| k % 3 != 1).map(|(_, path)| path) {
+        population.add(&MerlTable::read(path)?)?;
+    }
+    let judged: Vec<&PathBuf> = merl.iter().enumerate().filter(|(k, _)| k % 3 == 1).map(|(_, path)| path).collect();
+    println!("plans made on {} tables, judged on {}: log RMSE median / mean / worst", population.len(), judged.len());
+    let counts = [8, 11, 16, 18, 32, 64, 128, 200];
+    let methods = [Method::Uniform, Method::Published, Method::Optimal];
+    let mut errors = vec![vec![Vec::new(); methods.len()]; counts.len()];
+    let planned: Vec<Vec<Plan>> = (counts.iter())
+        .map(|&count| methods.iter().map(|&method| population.plan(count, method)).collect::<tsuya::Result<_>>())
+        .collect::<tsuya::Result<_>>()?;
+    for path in judged {
+        let table = MerlTable::read(path)?;
+        for (of_count, found) in planned.iter().zip(&mut errors) {
+            for (plan, found) in of_count.iter().zip(found) {
+                let fitted = fit_planned(&table, plan, AnyForm::Tuned, &FitSettings::default())?;
+                found.push(log_rmse(&table, &fitted));
+            }
         }
+    }
+    println!("samples                   uniform                 published                   optimal");
+    for (count, of_count) in counts.iter().zip(&mut errors) {
+        let cell = |values: &mut Vec<f64>| {
+            values.sort_by(f64::total_cmp);
+            let mean = values.iter().sum::<f64>() / values.len().max(1) as f64;
+            let (median, worst) = (values.get(values.len() / 2), values.last());
+            format!("{:.4} / {mean:.4} / {:.4}", median.unwrap_or(&f64::NAN), worst.unwrap_or(&f64::NAN))
+        };
+        println!(
+            "{count:7}  {}",
+            of_count.iter_mut().map(|values| format!("{:>26}", cell(values))).collect::<String>()
+        );
+    }
+    println!();
+    Ok(())
+}
+
+fn fit_all(name: &str, table: &MerlTable, scenes: &SphereScenes, rows: &mut Vec<Row>) -> Result<()> {
+    let classical = |objective, suffix| Form::ALL.map(|form| (AnyForm::Classical(form), objective, suffix));
+    let forms = [(AnyForm::Tuned, Objective::Both, ""), (AnyForm::Published, Objective::Both, "")].into_iter();
+    let forms = forms.chain(classical(Objective::Both, "")).chain(classical(Objective::Logarithm, "-log"));
+    for (form, objective, suffix) in forms {
+        if quick() && matches!(form, AnyForm::Classical(_)) {
+            continue;
+        }
+        let begun = Instant::now();
+        let fitted = fit(table, form, &FitSettings { objective, ..Default::default() })?;
+        let seconds = begun.elapsed().as_secs_f64();
+        let report = ErrorReport::of(table, &fitted, scenes);
+        let form = format!("{}{suffix}", form.name());
+        rows.push(Row { material: name.into(), form, bytes: fitted.bytes(), seconds, report });
     }
     Ok(())
 }
 
-/// Bytes of a classical model, four a number.
-fn size(model: &ClassicalModel) -> usize {
-    4 * model.parameters()
+/// Whether classical models are left out: the environment has TSUYA_BENCH_QUICK.
+fn quick() -> bool {
+    std::env::var_os("TSUYA_BENCH_QUICK").is_some()
 }
 
 fn print(title: &str, rows: &[Row]) {

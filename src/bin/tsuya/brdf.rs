@@ -5,13 +5,14 @@ mod eval;
 mod fit;
 mod font;
 mod material;
+mod plan;
 mod render;
 mod sheet;
 
 use anyhow::Result;
 use clap::{Args, Subcommand};
 
-/// Reads, fits, converts and shows measured materials: MERL tables (.binary), RGL materials (.bsdf), fitted ones.
+/// Reads, fits, converts and shows measured materials: MERL tables (.binary), RGL materials (.bsdf), fitted ones (.tsuya, .json).
 #[derive(Args)]
 pub struct Brdf {
     #[command(subcommand)]
@@ -21,6 +22,7 @@ pub struct Brdf {
 #[derive(Subcommand)]
 enum Command {
     Fit(fit::Fit),
+    Plan(plan::Plan),
     Convert(convert::Convert),
     Eval(eval::Eval),
     Render(render::Render),
@@ -30,6 +32,7 @@ impl Brdf {
     pub fn run(self) -> Result<()> {
         match self.command {
             Command::Fit(fit) => fit.run(),
+            Command::Plan(plan) => plan.run(),
             Command::Convert(convert) => convert.run(),
             Command::Eval(eval) => eval.run(),
             Command::Render(render) => render.run(),

@@ -84,6 +84,21 @@ pub fn fit(samples: &[Sample], options: &FitOptions) -> Result<TunedMaterial> {
     best.ok_or_else(|| Error::parameter(format!("{} bytes are too few for this material", options.bytes)))
 }
 
+/// Coefficients of red, green and blue of `ln(f + floor)` by plain least squares, not quantised, for a reciprocal material.
+pub(in crate::brdf) fn coefficients(samples: &[Sample], floor: f64) -> [Vec<f64>; 3] {
+    let mut moments = Moments::new(true);
+    for sample in samples {
+        moments.add(&Weighted { sample, weight: 1.0, logarithm: sample.value.map(|f| (f + floor).ln()) });
+    }
+    let (matrix, sides) = moments.finish(degrees(true));
+    let normal = Normal::new(matrix, sides, degrees(true));
+    let [mean, red_blue, green] = [0, 1, 2].map(|c| normal.solution(c));
+    let combine = |signs: [f64; 2]| {
+        (0..mean.len()).map(|n| mean[n] + signs[0] * red_blue[n] + signs[1] * green[n]).collect::<Vec<f64>>()
+    };
+    [combine([1.0, 1.0]), combine([0.0, -2.0]), combine([-1.0, 1.0])]
+}
+
 /// How often a rendered sphere's pixels show a sample's angles.
 fn density(sample: &Sample) -> f64 {
     (2.0 * sample.theta_d).sin() * sample.theta_h.sin() * sample.theta_h.sqrt() * sample.cos_outgoing

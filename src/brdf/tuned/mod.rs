@@ -13,6 +13,8 @@ mod fit;
 mod prior;
 
 #[cfg(feature = "encode")]
+pub(super) use fit::coefficients;
+#[cfg(feature = "encode")]
 pub use fit::{Direction, FitOptions, fit};
 
 use super::Brdf;
@@ -53,6 +55,19 @@ struct Header {
     ceiling: u8,
     /// Half octaves by which the coefficients of the mean and the differences are larger than the format's prior says; 0 to 31.
     gains: [u8; 3],
+}
+
+/// Terms of a reciprocal material.
+#[cfg(feature = "encode")]
+pub(super) const TERMS: usize = 186;
+
+/// The terms of a reciprocal material at the angles (radians) and the cosines of both directions.
+#[cfg(feature = "encode")]
+pub(super) fn terms(theta_h: f64, theta_d: f64, cos_incoming: f64, cos_outgoing: f64) -> Vec<f64> {
+    let [x, y, s] = coordinates(theta_h, theta_d, cos_incoming, cos_outgoing);
+    let (along_x, along_y, along_s) =
+        (chebyshev::<{ DEGREES[0] }>(x), chebyshev::<{ DEGREES[1] }>(y), chebyshev::<{ DEGREES[2] }>(s));
+    degrees(true).iter().map(|&[a, b, m]| along_x[a] * along_y[b] * along_s[m]).collect()
 }
 
 /// A material in the tuned form.

@@ -1,23 +1,26 @@
-//! `tsuya brdf convert`: any material as a MERL table.
+//! `tsuya brdf convert`: any material as a MERL table, or fitted.
 
-use super::material::{Kind, read_one};
+use super::fit::{Forms, write_fitted};
+use super::material::{Kind, Material, Named, read_all, read_one};
 use crate::{output, progress};
 use anyhow::Result;
 use clap::Args;
 use std::path::PathBuf;
 use tsuya::Error;
 
-/// Converts a material to a MERL table (.binary). `tsuya brdf fit` makes fitted forms of tables.
+/// Converts materials: to a MERL table, or to a file of fitted ones. `tsuya brdf fit` does the latter and tells the error.
 #[derive(Args)]
 pub struct Convert {
-    /// A MERL table (.binary), an RGL material (.bsdf) or a fitted material (.json).
+    /// A MERL table (.binary), an RGL material (.bsdf) or fitted materials (.tsuya, .json).
     input: PathBuf,
-    /// The table.
+    /// A MERL table (.binary), or fitted materials (.tsuya, .json).
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
     /// Which material, where the file has several.
     #[arg(long, value_name = "NAME")]
     material: Option<String>,
+    #[command(flatten)]
+    forms: Forms,
     /// Overwrites an existing file.
     #[arg(long)]
     force: bool,
@@ -26,14 +29,37 @@ pub struct Convert {
 impl Convert {
     pub fn run(self) -> Result<()> {
         output::check_free(&self.output, self.force)?;
-        if !output::is_stream(&self.output) && Kind::of(&self.output)? != Kind::Merl {
-            let message = "a converted table's name ends with .binary; for fitted forms there is tsuya brdf fit";
-            return Err(Error::parameter(format!("{}: {message}", self.output.display())).into());
-        }
+        // A table may go to standard output.
+        let kind = if output::is_stream(&self.output) { Kind::Merl } else { Kind::of(&self.output)? };
         let busy = progress::busy("converting");
-        let table = read_one(&self.input, self.material.as_deref())?.material.into_table();
-        let mut bytes = Vec::new();
-        table.write_to(&mut bytes).map_err(|e| Error::io(&self.output, e))?;
+        let bytes = match kind {
+            Kind::Merl => {
+                let table = read_one(&self.input, self.material.as_deref())?.material.into_table();
+                let mut bytes = Vec::new();
+                table.write_to(&mut bytes).map_err(|e| Error::io(&self.output, e))?;
+                bytes
+            }
+            Kind::Models | Kind::Tsuya => {
+                let chosen = match &self.material {
+                    Some(name) => vec![read_one(&self.input, Some(name))?],
+                    None => read_all(&self.input)?,
+                };
+                let form = self.forms.of(Some(&self.output))?;
+                let mut fitted = Vec::new();
+                for Named { name, material } in chosen {
+                    let same = match material {
+                        Material::Fitted(fitted) if self.forms.is_default() => fitted,
+                        other => tsuya::brdf::forms::fit(&other.into_table(), form, &self.forms.settings())?,
+                    };
+                    fitted.push((name, same));
+                }
+                write_fitted(&self.output, fitted)?
+            }
+            Kind::Rgl => {
+                let message = "RGL materials (.bsdf) are read, not written; a table's name ends with .binary";
+                return Err(Error::Unsupported(format!("{}: {message}", self.output.display())).into());
+            }
+        };
         drop(busy);
         output::write(&self.output, &bytes, self.force)
     }

@@ -13,7 +13,7 @@ use tsuya::{Error, Result as TsuyaResult};
 /// Prints a material's BRDF, a row `r,g,b` for each pair of directions.
 #[derive(Args)]
 pub struct Eval {
-    /// A MERL table (.binary), an RGL material (.bsdf) or a fitted material (.json).
+    /// A MERL table (.binary), an RGL material (.bsdf) or a fitted material (.tsuya, .json).
     input: PathBuf,
     /// Rows `wi_x,wi_y,wi_z,wo_x,wo_y,wo_z`: the direction to the light and to the viewer, z along the normal, of any length; - is
     /// standard input. A first row that begins with a letter and rows that begin with # are skipped.

@@ -1,7 +1,8 @@
 //! `tsuya brdf fit`: measured materials as a few numbers, and how far they are then.
 
 use super::eval::environment;
-use super::material::{MODEL_FORMAT, Material, ModelEntry, ModelFile, expand, read_all};
+use super::material::{Kind, MODEL_FORMAT, ModelEntry, ModelFile, expand, read_all};
+use super::plan::read_plan;
 use super::sheet;
 use crate::{output, pictures, progress};
 use anyhow::Result;
@@ -11,10 +12,15 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use tsuya::Error;
-use tsuya::brdf::errors::ErrorReport;
+use tsuya::brdf::dsbrdf::LobeCount;
+use tsuya::brdf::errors::{ErrorReport, SpherePsnr};
+use tsuya::brdf::forms::{self, AnyForm, FitSettings, Fitted};
+use tsuya::brdf::materials::NamedMaterial;
 use tsuya::brdf::merl::MerlTable;
-use tsuya::brdf::models::{self, Form, Objective};
+use tsuya::brdf::models::{Form, Objective};
+use tsuya::brdf::plan::Plan;
 use tsuya::brdf::sphere::SphereScenes;
+use tsuya::container::metadata::Metadata;
 
 /// Width and height of the spheres that errors are measured on.
 const SPHERE_SIDE: usize = 64;
@@ -25,15 +31,15 @@ pub struct Fit {
     /// MERL tables (.binary), RGL materials (.bsdf), folders of them.
     #[arg(required = true, value_name = "IN")]
     inputs: Vec<PathBuf>,
-    /// The fitted materials: .json for classical models.
+    /// The fitted materials: .tsuya, or .json for classical models.
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
-    /// What is fitted: lambert, blinn-phong, cook-torrance-beckmann, cook-torrance-ggx, ward, ashikhmin-shirley, lafortune.
-    #[arg(long, value_name = "FORM", default_value = "cook-torrance-ggx", value_parser = form)]
-    form: Form,
-    /// What the fit of a classical model makes small.
-    #[arg(long, value_enum, default_value_t = Goal::Both)]
-    objective: Goal,
+    #[command(flatten)]
+    forms: Forms,
+    /// Fits from the values at the angles of this plan only (see tsuya brdf plan); errors are those of the whole table. For the forms
+    /// tuned and published.
+    #[arg(long, value_name = "PLAN")]
+    samples: Option<PathBuf>,
     /// A lat-long picture as the environment of the rendered sphere [default: one of the program's own].
     #[arg(long, value_name = "FILE")]
     environment: Option<PathBuf>,
@@ -51,6 +57,33 @@ pub struct Fit {
     json: bool,
 }
 
+/// What is fitted, and how.
+#[derive(Args)]
+pub struct Forms {
+    /// tuned (the least error for its bytes), published (lobes of the half angle), lambert, blinn-phong, cook-torrance-beckmann,
+    /// cook-torrance-ggx, ward, ashikhmin-shirley, lafortune [default: tuned, or cook-torrance-ggx for a .json].
+    #[arg(long, value_name = "FORM", value_parser = form)]
+    form: Option<AnyForm>,
+    /// Form tuned: bytes of a coded material at most.
+    #[arg(long, value_name = "N", default_value_t = 256, value_parser = clap::value_parser!(u16).range(32..=4096))]
+    max_bytes: u16,
+    /// Form published: slices of the difference angle; 18 and 6 are the published ones.
+    #[arg(long, value_name = "N", default_value_t = 18, value_parser = clap::value_parser!(u16).range(1..=90))]
+    slices: u16,
+    /// Form published: lobes of each colour, 1 to 5; 0 chooses by error.
+    #[arg(long, value_name = "K", default_value_t = 3, value_parser = clap::value_parser!(u16).range(0..=5))]
+    lobes: u16,
+    /// Form published: each lobe has an amplitude of its own.
+    #[arg(long)]
+    amplitudes: bool,
+    /// Form published: half angles from here on, in degrees; nearer to the highlight's centre measurements are unreliable. 0 keeps all.
+    #[arg(long, value_name = "DEG", default_value_t = 5.0)]
+    least_theta_h: f64,
+    /// What the fit of a classical model makes small.
+    #[arg(long, value_enum, default_value_t = Goal::Both)]
+    objective: Goal,
+}
+
 #[derive(Clone, Copy, PartialEq, ValueEnum)]
 enum Goal {
     /// Log RMSE over the table's cells.
@@ -61,15 +94,57 @@ enum Goal {
     Both,
 }
 
-fn form(name: &str) -> std::result::Result<Form, String> {
-    let known = || Form::ALL.map(Form::name).join(", ");
-    Form::of_name(name).ok_or_else(|| format!("no such form; there are {}", known()))
+fn form(name: &str) -> std::result::Result<AnyForm, String> {
+    let known = || AnyForm::all().into_iter().map(AnyForm::name).collect::<Vec<_>>().join(", ");
+    AnyForm::of_name(name).ok_or_else(|| format!("no such form; there are {}", known()))
+}
+
+impl Forms {
+    /// The form that was asked for, or that goes with the output; an error where the output can't hold it.
+    pub fn of(&self, output: Option<&Path>) -> tsuya::Result<AnyForm> {
+        let kind = output.filter(|path| !output::is_stream(path)).map(Kind::of).transpose()?;
+        let classical = |form| matches!(form, AnyForm::Classical(_));
+        match (self.form, kind) {
+            (None, Some(Kind::Models)) => Ok(AnyForm::Classical(Form::CookTorranceGgx)),
+            (None, Some(Kind::Tsuya) | None) => Ok(AnyForm::Tuned),
+            (Some(form), Some(Kind::Models)) if classical(form) => Ok(form),
+            (Some(form), Some(Kind::Tsuya)) if !classical(form) => Ok(form),
+            (Some(form), None) => Ok(form),
+            _ => {
+                let message = "the forms tuned and published are written as .tsuya, classical models as .json";
+                Err(Error::parameter(format!("{}: {message}", output.unwrap_or(Path::new("-")).display())))
+            }
+        }
+    }
+
+    /// Whether no form was asked for.
+    pub fn is_default(&self) -> bool {
+        self.form.is_none()
+    }
+
+    pub fn settings(&self) -> FitSettings {
+        let mut settings = FitSettings::default();
+        settings.tuned.bytes = self.max_bytes.into();
+        settings.published.slices = self.slices.into();
+        settings.published.lobes = match self.lobes {
+            0 => LobeCount::ByError,
+            count => LobeCount::Given(count.into()),
+        };
+        settings.published.amplitudes = self.amplitudes;
+        settings.published.least_theta_h_deg = self.least_theta_h;
+        settings.objective = match self.objective {
+            Goal::Log => Objective::Logarithm,
+            Goal::Picture => Objective::Picture,
+            Goal::Both => Objective::Both,
+        };
+        settings
+    }
 }
 
 /// A fitted material and its figures.
-struct Fitted {
+struct Row {
     name: String,
-    material: Material,
+    fitted: Fitted,
     bytes: usize,
     seconds: f64,
     report: ErrorReport,
@@ -80,13 +155,11 @@ impl Fit {
         for path in self.output.iter().chain(&self.contact_sheet) {
             output::check_free(path, self.force)?;
         }
-        if let Some(path) = self.output.as_deref().filter(|path| !ends_with(path, "json") && !output::is_stream(path)) {
-            let message = format!("{}: fitted models are written as .json", path.display());
-            return Err(Error::parameter(message).into());
-        }
+        let form = self.forms.of(self.output.as_deref())?;
         if self.json && self.output.as_deref().is_some_and(output::is_stream) {
             return Err(Error::parameter("figures and materials can't both go to standard output").into());
         }
+        let plan = self.samples.as_deref().map(read_plan).transpose()?;
         let files = expand(&self.inputs)?;
         let scenes = SphereScenes::new(SPHERE_SIDE, &environment(self.environment.as_deref())?);
         let busy = progress::busy("fitting");
@@ -94,12 +167,12 @@ impl Fit {
         for path in &files {
             for named in read_all(path)? {
                 let table = named.material.into_table();
-                let fitted = self.fit(named.name, &table, &scenes)?;
+                let row = self.fit(named.name, &table, form, plan.as_ref(), &scenes)?;
                 if self.contact_sheet.is_some() {
                     let sweep = self.sweep.map(usize::from);
-                    tiles.push(sheet::tile(&fitted.name, &scenes, &table.smooth(), &fitted.material, sweep));
+                    tiles.push(sheet::tile(&row.name, &scenes, &table.smooth(), &row.fitted, sweep));
                 }
-                all.push(fitted);
+                all.push(row);
             }
         }
         drop(busy);
@@ -107,10 +180,11 @@ impl Fit {
             let columns = if self.sweep.is_some() { 1 } else { tiles.len().div_ceil(15) };
             output::write(path, &pictures::png(&sheet::arrange(&tiles, columns))?, self.force)?;
         }
-        let figures: Vec<Value> = all.iter().map(|fitted| self.figures(fitted)).collect();
-        let text = self.table(&all);
+        let figures: Vec<Value> = all.iter().map(|row| figures(row, form)).collect();
+        let text = table(&all, form);
         if let Some(path) = &self.output {
-            output::write(path, &model_file(all)?, self.force)?;
+            let fitted = all.into_iter().map(|row| (row.name, row.fitted)).collect();
+            output::write(path, &write_fitted(path, fitted)?, self.force)?;
         }
         if !self.json {
             let quiet = self.output.as_deref().is_some_and(output::is_stream);
@@ -122,85 +196,103 @@ impl Fit {
         }
     }
 
-    fn fit(&self, name: String, table: &MerlTable, scenes: &SphereScenes) -> Result<Fitted> {
+    fn fit(
+        &self,
+        name: String,
+        table: &MerlTable,
+        form: AnyForm,
+        plan: Option<&Plan>,
+        scenes: &SphereScenes,
+    ) -> Result<Row> {
         let begun = Instant::now();
-        let objective = match self.objective {
-            Goal::Log => Objective::Logarithm,
-            Goal::Picture => Objective::Picture,
-            Goal::Both => Objective::Both,
+        let settings = self.forms.settings();
+        let fitted = match plan {
+            Some(plan) => forms::fit_planned(table, plan, form, &settings)?,
+            None => forms::fit(table, form, &settings)?,
         };
-        let model = models::fit(table, self.form, objective)?;
         let seconds = begun.elapsed().as_secs_f64();
-        let report = ErrorReport::of(table, &model, scenes);
-        Ok(Fitted { name, bytes: 4 * model.parameters(), material: Material::Classical(model), seconds, report })
-    }
-
-    fn figures(&self, fitted: &Fitted) -> Value {
-        let report = &fitted.report;
-        json!({
-            "name": fitted.name,
-            "form": self.form.name(),
-            "bytes": fitted.bytes,
-            "seconds": fitted.seconds,
-            "log_rmse": report.log_rmse,
-            "cosine_rmse": report.cosine_rmse,
-            "albedo_max": report.albedo_max,
-            "reciprocity": report.reciprocity,
-            "sphere_psnr_db": report.sphere_psnr_db,
-        })
-    }
-
-    fn table(&self, all: &[Fitted]) -> String {
-        let width = all.iter().map(|fitted| fitted.name.chars().count()).max().unwrap_or(0).max(8);
-        let mut text = String::new();
-        let _ = writeln!(
-            text,
-            "{:width$}  bytes  log RMSE  cosine RMSE  albedo  point dB  environment dB  seconds",
-            self.form.name()
-        );
-        let mut line = |name: &str, bytes: f64, r: &ErrorReport, seconds: f64| {
-            let psnr = r.sphere_psnr_db;
-            let _ = writeln!(
-                text,
-                "{name:width$} {bytes:6.0}  {:8.4}  {:11.4}  {:6.3}  {:8.2}  {:14.2}  {seconds:7.3}",
-                r.log_rmse, r.cosine_rmse, r.albedo_max, psnr.point, psnr.environment,
-            );
-        };
-        for fitted in all {
-            line(&fitted.name, fitted.bytes as f64, &fitted.report, fitted.seconds);
-        }
-        if all.len() > 1 {
-            let of = |part: f64, value: &dyn Fn(&Fitted) -> f64| {
-                let mut values: Vec<f64> = all.iter().map(value).collect();
-                values.sort_by(f64::total_cmp);
-                values[((values.len() - 1) as f64 * part).round() as usize]
-            };
-            // Worst is the greatest error and the least PSNR.
-            for (name, part) in [("median", 0.5), ("worst", 1.0)] {
-                let report = ErrorReport {
-                    log_rmse: of(part, &|f| f.report.log_rmse),
-                    cosine_rmse: of(part, &|f| f.report.cosine_rmse),
-                    albedo_max: of(part, &|f| f.report.albedo_max),
-                    reciprocity: of(part, &|f| f.report.reciprocity),
-                    sphere_psnr_db: tsuya::brdf::errors::SpherePsnr {
-                        point: of(1.0 - part, &|f| f.report.sphere_psnr_db.point),
-                        environment: of(1.0 - part, &|f| f.report.sphere_psnr_db.environment),
-                    },
-                };
-                line(name, of(part, &|f| f.bytes as f64), &report, of(part, &|f| f.seconds));
-            }
-        }
-        text
+        let report = ErrorReport::of(table, &fitted, scenes);
+        Ok(Row { name, bytes: fitted.bytes(), fitted, seconds, report })
     }
 }
 
-fn model_file(all: Vec<Fitted>) -> Result<Vec<u8>> {
-    let entry = |fitted: Fitted| match fitted.material {
-        Material::Classical(model) => Some(ModelEntry { name: fitted.name, model }),
-        _ => None,
+fn figures(row: &Row, form: AnyForm) -> Value {
+    let report = &row.report;
+    json!({
+        "name": row.name,
+        "form": form.name(),
+        "bytes": row.bytes,
+        "seconds": row.seconds,
+        "log_rmse": report.log_rmse,
+        "cosine_rmse": report.cosine_rmse,
+        "albedo_max": report.albedo_max,
+        "reciprocity": report.reciprocity,
+        "sphere_psnr_db": report.sphere_psnr_db,
+    })
+}
+
+fn table(all: &[Row], form: AnyForm) -> String {
+    let width = all.iter().map(|row| row.name.chars().count()).max().unwrap_or(0).max(18);
+    let mut text = String::new();
+    let heads = "bytes  log RMSE  cosine RMSE  albedo  point dB  environment dB  seconds";
+    let _ = writeln!(text, "{:width$}  {heads}", form.name());
+    let mut line = |name: &str, bytes: f64, r: &ErrorReport, seconds: f64| {
+        let psnr = r.sphere_psnr_db;
+        let _ = writeln!(
+            text,
+            "{name:width$} {bytes:6.0}  {:8.4}  {:11.4}  {:6.3}  {:8.2}  {:14.2}  {seconds:7.3}",
+            r.log_rmse, r.cosine_rmse, r.albedo_max, psnr.point, psnr.environment,
+        );
     };
-    let materials = all.into_iter().filter_map(entry).collect();
-    let file = ModelFile { format: MODEL_FORMAT.into(), materials };
+    for row in all {
+        line(&row.name, row.bytes as f64, &row.report, row.seconds);
+    }
+    if all.len() > 1 {
+        let of = |part: f64, value: &dyn Fn(&Row) -> f64| {
+            let mut values: Vec<f64> = all.iter().map(value).collect();
+            values.sort_by(f64::total_cmp);
+            let at = (values.len() - 1) as f64 * part;
+            0.5 * (values[at.floor() as usize] + values[at.ceil() as usize])
+        };
+        // Worst is the greatest error and the least PSNR.
+        for (name, part) in [("median", 0.5), ("worst", 1.0)] {
+            let report = ErrorReport {
+                log_rmse: of(part, &|row| row.report.log_rmse),
+                cosine_rmse: of(part, &|row| row.report.cosine_rmse),
+                albedo_max: of(part, &|row| row.report.albedo_max),
+                reciprocity: of(part, &|row| row.report.reciprocity),
+                sphere_psnr_db: SpherePsnr {
+                    point: of(1.0 - part, &|row| row.report.sphere_psnr_db.point),
+                    environment: of(1.0 - part, &|row| row.report.sphere_psnr_db.environment),
+                },
+            };
+            line(name, of(part, &|row| row.bytes as f64), &report, of(part, &|row| row.seconds));
+        }
+    }
+    text
+}
+
+/// The bytes of a file of fitted materials: `.tsuya`, or `.json` of classical models (standard output takes what there is).
+pub fn write_fitted(path: &Path, all: Vec<(String, Fitted)>) -> Result<Vec<u8>> {
+    let (mut coded, mut models) = (Vec::new(), Vec::new());
+    for (name, fitted) in all {
+        match fitted {
+            Fitted::Coded(material) => coded.push(NamedMaterial { name, material }),
+            Fitted::Classical(model) => models.push(ModelEntry { name, model }),
+        }
+    }
+    if !coded.is_empty() && !models.is_empty() || !coded.is_empty() && ends_with(path, "json") {
+        let message = "the forms tuned and published are written as .tsuya, classical models as .json";
+        return Err(Error::parameter(format!("{}: {message}", path.display())).into());
+    }
+    if !coded.is_empty() {
+        return Ok(tsuya::encoder::encode_materials(&coded, &Metadata::default())?);
+    }
+    if ends_with(path, "tsuya") {
+        let message = "classical models are written as .json; --form tuned fits them anew";
+        return Err(Error::parameter(format!("{}: {message}", path.display())).into());
+    }
+    let file = ModelFile { format: MODEL_FORMAT.into(), materials: models };
     Ok(format!("{}\n", serde_json::to_string_pretty(&file)?).into_bytes())
 }
 

@@ -1,19 +1,22 @@
 //! Materials out of files of any kind.
 
+use crate::source;
 use anyhow::Result;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use tsuya::brdf::Brdf;
+use tsuya::brdf::forms::Fitted;
 use tsuya::brdf::merl::MerlTable;
 use tsuya::brdf::models::ClassicalModel;
 use tsuya::brdf::rgl::RglMaterial;
+use tsuya::decoder::Selection;
 use tsuya::{Error, Result as TsuyaResult};
 
 /// A material as a file has it.
 pub enum Material {
     Merl(MerlTable),
     Rgl(Box<RglMaterial>),
-    Classical(ClassicalModel),
+    Fitted(Fitted),
 }
 
 /// A material with its name.
@@ -63,7 +66,7 @@ impl Brdf for Material {
         match self {
             Material::Merl(table) => table.evaluate(incoming, outgoing),
             Material::Rgl(material) => material.evaluate(incoming, outgoing),
-            Material::Classical(model) => model.evaluate(incoming, outgoing),
+            Material::Fitted(fitted) => fitted.evaluate(incoming, outgoing),
         }
     }
 }
@@ -86,6 +89,7 @@ pub enum Kind {
     Merl,
     Rgl,
     Models,
+    Tsuya,
 }
 
 impl Kind {
@@ -95,8 +99,9 @@ impl Kind {
             "binary" => Ok(Kind::Merl),
             "bsdf" => Ok(Kind::Rgl),
             "json" => Ok(Kind::Models),
+            "tsuya" => Ok(Kind::Tsuya),
             _ => {
-                let message = "a material's name ends with .binary (MERL), .bsdf (RGL) or .json (fitted models)";
+                let message = "a material's name ends with .binary (MERL), .bsdf (RGL), .tsuya or .json (fitted)";
                 Err(Error::parameter(format!("{}: {message}", path.display())))
             }
         }
@@ -110,6 +115,7 @@ pub fn read_all(path: &Path) -> Result<Vec<Named>> {
         Kind::Merl => named(Material::Merl(MerlTable::read(path)?)),
         Kind::Rgl => named(Material::Rgl(Box::new(RglMaterial::read(path)?))),
         Kind::Models => read_models(path)?,
+        Kind::Tsuya => read_tsuya(path)?,
     })
 }
 
@@ -134,6 +140,15 @@ pub fn read_one(path: &Path, wanted: Option<&str>) -> Result<Named> {
     }
 }
 
+fn read_tsuya(path: &Path) -> Result<Vec<Named>> {
+    let (asset, _) = source::decode(path, Selection::None)?;
+    if asset.materials.is_empty() {
+        return Err(Error::input(path, "the file has no material (section mATl)").into());
+    }
+    let named = asset.materials.into_iter();
+    Ok(named.map(|m| Named { name: m.name, material: Material::Fitted(Fitted::Coded(m.material)) }).collect())
+}
+
 fn read_models(path: &Path) -> Result<Vec<Named>> {
     let size = std::fs::metadata(path).map_err(|e| Error::io(path, e))?.len();
     if size > MOST_MODEL_BYTES {
@@ -148,7 +163,7 @@ fn read_models(path: &Path) -> Result<Vec<Named>> {
     let mut found = Vec::new();
     for entry in file.materials {
         entry.model.check().map_err(|e| wrong(format!("material {}: {e}", entry.name)))?;
-        found.push(Named { name: entry.name, material: Material::Classical(entry.model) });
+        found.push(Named { name: entry.name, material: Material::Fitted(Fitted::Classical(entry.model)) });
     }
     Ok(found)
 }

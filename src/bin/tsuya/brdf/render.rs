@@ -15,7 +15,7 @@ use tsuya::measure::to_display;
 /// Renders a sphere of a material under a point light or in an environment.
 #[derive(Args)]
 pub struct Render {
-    /// A MERL table (.binary), an RGL material (.bsdf) or a fitted material (.json).
+    /// A MERL table (.binary), an RGL material (.bsdf) or a fitted material (.tsuya, .json).
     input: PathBuf,
     /// The picture: .png (sRGB) or .exr (linear).
     #[arg(short, long, value_name = "FILE")]

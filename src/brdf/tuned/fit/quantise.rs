@@ -54,6 +54,19 @@ impl<'a> Normal<'a> {
         Normal { degrees, matrix, order, triangle, sides, solved }
     }
 
+    /// Coefficients of a channel, not quantised.
+    pub(super) fn solution(&self, channel: usize) -> Vec<f64> {
+        let count = self.order.len();
+        let mut x = self.solved[channel].clone();
+        for i in (0..count).rev() {
+            let above: f64 = (i + 1..count).map(|j| self.triangle[i][j] * x[j]).sum();
+            x[i] = (x[i] - above) / self.triangle[i][i];
+        }
+        let mut solution = vec![0.0; count];
+        self.order.iter().zip(x).for_each(|(&n, x)| solution[n] = x);
+        solution
+    }
+
     /// Coefficients of a channel in units of its step, and the gain that suits them.
     pub(super) fn quantise(&self, channel: usize, step: u8) -> (Vec<i32>, u8) {
         let unit = step_size(step) * CHANNEL_STEPS[channel];

@@ -1,0 +1,135 @@
+//! Every form that a measured material can be fitted in, by name.
+
+use super::dsbrdf;
+use super::materials::FittedMaterial;
+use super::merl::{CellGrid, MerlTable, PHI_D_BINS, THETA_D_BINS, THETA_H_BINS};
+use super::models::{self, ClassicalModel, Form, Objective};
+use super::plan::Plan;
+use super::tuned;
+use super::{Brdf, Sample};
+use crate::Result;
+
+/// A form by name.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum AnyForm {
+    /// [`tuned::TunedMaterial`]: the smallest error for its bytes.
+    Tuned,
+    /// [`dsbrdf::LobeMaterial`]: the lobes of the half angle as published.
+    Published,
+    /// A classical model.
+    Classical(Form),
+}
+
+impl AnyForm {
+    /// All of them.
+    pub fn all() -> Vec<AnyForm> {
+        let classical = Form::ALL.into_iter().map(AnyForm::Classical);
+        [AnyForm::Tuned, AnyForm::Published].into_iter().chain(classical).collect()
+    }
+
+    /// Its name.
+    pub fn name(self) -> &'static str {
+        match self {
+            AnyForm::Tuned => "tuned",
+            AnyForm::Published => "published",
+            AnyForm::Classical(form) => form.name(),
+        }
+    }
+
+    /// The form of a name.
+    pub fn of_name(name: &str) -> Option<Self> {
+        Self::all().into_iter().find(|form| form.name() == name)
+    }
+}
+
+/// How to fit, for each kind of form.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct FitSettings {
+    /// Of [`AnyForm::Tuned`].
+    pub tuned: tuned::FitOptions,
+    /// Of [`AnyForm::Published`].
+    pub published: dsbrdf::FitOptions,
+    /// Of [`AnyForm::Classical`].
+    pub objective: Objective,
+}
+
+/// A material fitted in any form.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Fitted {
+    /// One that files hold.
+    Coded(FittedMaterial),
+    /// A classical model.
+    Classical(ClassicalModel),
+}
+
+impl Fitted {
+    /// Bytes of the coded material; of a classical model, four a number.
+    pub fn bytes(&self) -> usize {
+        match self {
+            Fitted::Coded(material) => material.encode().len(),
+            Fitted::Classical(model) => 4 * model.parameters(),
+        }
+    }
+}
+
+impl Brdf for Fitted {
+    fn evaluate(&self, incoming: [f64; 3], outgoing: [f64; 3]) -> [f64; 3] {
+        match self {
+            Fitted::Coded(material) => material.evaluate(incoming, outgoing),
+            Fitted::Classical(model) => model.evaluate(incoming, outgoing),
+        }
+    }
+}
+
+/// Fits a table in a form.
+///
+/// # Errors
+/// [`crate::Error::Parameter`] where the table has too few valid cells, or settings are out of range.
+pub fn fit(table: &MerlTable, form: AnyForm, settings: &FitSettings) -> Result<Fitted> {
+    match form {
+        AnyForm::Classical(form) => Ok(Fitted::Classical(models::fit(table, form, settings.objective)?)),
+        AnyForm::Tuned | AnyForm::Published => fit_samples(&samples(table), form, settings),
+    }
+}
+
+/// Fits samples, such as a plan asks for, in one of the forms that need no table.
+///
+/// # Errors
+/// [`crate::Error::Parameter`] for a classical model, and as [`fit`].
+pub fn fit_samples(samples: &[Sample], form: AnyForm, settings: &FitSettings) -> Result<Fitted> {
+    Ok(Fitted::Coded(match form {
+        AnyForm::Tuned => FittedMaterial::Tuned(tuned::fit(samples, &settings.tuned)?),
+        AnyForm::Published => FittedMaterial::Lobes(dsbrdf::fit(samples, &settings.published)?),
+        AnyForm::Classical(_) => {
+            return Err(crate::Error::parameter("samples are fitted in the forms tuned and published only"));
+        }
+    }))
+}
+
+/// Fits a table from its values at a plan's angles only.
+///
+/// # Errors
+/// As [`fit_samples`], and where no angle has a value.
+pub fn fit_planned(table: &MerlTable, plan: &Plan, form: AnyForm, settings: &FitSettings) -> Result<Fitted> {
+    let values = plan.measure(|angles| table.at(angles.half_difference()));
+    fit_samples(&plan.reconstruct(&values, RECONSTRUCTED_BINS)?, form, settings)
+}
+
+/// Bins of `theta_h`, `theta_d` and `phi_d` in which a material is made from a plan's samples before it is fitted.
+const RECONSTRUCTED_BINS: [usize; 3] = [90, 24, 9];
+
+/// Some 20,000 of a table's valid cells: every bin of `theta_h`, every fourth of `theta_d` and the last three, every 16th of `phi_d`,
+/// shifted from row to row.
+pub fn samples(table: &MerlTable) -> Vec<Sample> {
+    let grid = CellGrid::new();
+    let mut samples = Vec::new();
+    for h in 0..THETA_H_BINS {
+        for d in (0..THETA_D_BINS).filter(|d| (d + h) % 4 == 0 || d + 3 >= THETA_D_BINS) {
+            for p in (2 * d % 16..PHI_D_BINS).step_by(16) {
+                let index = (h * THETA_D_BINS + d) * PHI_D_BINS + p;
+                samples.extend(table.cell(index).and_then(|value| grid.cell(index, value)).map(Sample::from));
+            }
+        }
+    }
+    samples
+}

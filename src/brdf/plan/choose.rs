@@ -1,0 +1,130 @@
+//! Choosing angles.
+
+use super::{MIDDLE_PHI, NOISE};
+use crate::brdf::HalfDifference;
+use std::f64::consts::FRAC_PI_2;
+
+/// Least variance, as a part of the greatest: where all materials agree its inverse would have no bound.
+const VARIANCE_FLOOR: f64 = 0.1;
+/// Slices of `theta_d` at most, as published.
+const MOST_SLICES: usize = 18;
+
+/// As many slices as leave five samples for each, up to the published 18.
+pub(super) fn slices(count: usize) -> usize {
+    ((count as f64 / 5.0).sqrt().round() as usize).clamp(1, MOST_SLICES)
+}
+
+/// Samples along `theta_h` in equal slices of `theta_d`: in equal steps, or where variances are given (one a degree) after equations 10
+/// and 11. Angles lie in the middle of their steps, so that none is at the centre of the highlight or on the horizon.
+pub(super) fn along_theta_h(count: usize, slices: usize, variance: Option<&[f64]>) -> Vec<HalfDifference> {
+    let warp = variance.map(|variance| {
+        let greatest = variance.iter().copied().fold(1e-12, f64::max);
+        let mut sum = 0.0;
+        let mut sums = vec![0.0];
+        for v in variance {
+            sum += 1.0 / v.max(VARIANCE_FLOOR * greatest);
+            sums.push(sum);
+        }
+        sums.into_iter().map(|s| s / sum).collect::<Vec<f64>>()
+    });
+    let mut all = Vec::with_capacity(count);
+    for slice in 0..slices {
+        let steps = count / slices + (slice < count % slices) as usize;
+        for step in 0..steps {
+            let even = (step as f64 + 0.5) / steps as f64;
+            let part = match &warp {
+                None => even,
+                Some(warp) => {
+                    let at = even * (warp.len() - 1) as f64;
+                    let k = (at as usize).min(warp.len() - 2);
+                    warp[k] + (warp[k + 1] - warp[k]) * (at - k as f64)
+                }
+            };
+            let theta_d = (slice as f64 + 0.5) / slices as f64 * FRAC_PI_2;
+            all.push(HalfDifference { theta_h: part * FRAC_PI_2, theta_d, phi_d: MIDDLE_PHI });
+        }
+    }
+    all
+}
+
+/// Bayesian linear design: values are `components . place + noise`, places normal with the given variances.
+pub(super) struct Design<'a> {
+    /// Components at each cell.
+    pub along: &'a [Vec<f64>],
+    /// Variance that the components leave over at each cell.
+    pub left: &'a [f64],
+    /// What squared errors count at each cell.
+    pub weights: &'a [f64],
+    /// Variance along each component.
+    pub variances: &'a [f64],
+}
+
+impl Design<'_> {
+    /// What an error along the components counts, over all cells.
+    fn metric(&self) -> Vec<Vec<f64>> {
+        let count = self.variances.len();
+        let mut metric = vec![vec![0.0; count]; count];
+        for (along, weight) in self.along.iter().zip(self.weights) {
+            for i in 0..count {
+                let scaled = weight * along[i];
+                (0..count).for_each(|j| metric[i][j] += scaled * along[j]);
+            }
+        }
+        metric
+    }
+
+    fn prior(&self) -> Vec<Vec<f64>> {
+        let count = self.variances.len();
+        (0..count).map(|i| (0..count).map(|j| if i == j { self.variances[i] } else { 0.0 }).collect()).collect()
+    }
+
+    /// Cells in the order in which each lowers the expected weighted squared error most. No cell twice.
+    pub(super) fn optimal(&self, count: usize, candidates: &[bool]) -> Vec<usize> {
+        let (metric, mut covariance) = (self.metric(), self.prior());
+        let mut open = candidates.to_vec();
+        let mut chosen = Vec::with_capacity(count);
+        for _ in 0..count {
+            let mut best = (0.0, None);
+            for n in (0..open.len()).filter(|&n| open[n]) {
+                let spread = times(&covariance, &self.along[n]);
+                let variance = dot(&spread, &self.along[n]) + self.left[n] + NOISE;
+                let gain = dot(&times(&metric, &spread), &spread) / variance;
+                if gain > best.0 {
+                    best = (gain, Some(n));
+                }
+            }
+            let Some(n) = best.1 else { break };
+            open[n] = false;
+            chosen.push(n);
+            observe(&mut covariance, &self.along[n], self.left[n]);
+        }
+        chosen
+    }
+
+    /// Log RMSE that is expected after samples with these components and variances.
+    pub(super) fn expected(&self, samples: &[(Vec<f64>, f64)]) -> f64 {
+        let mut covariance = self.prior();
+        samples.iter().for_each(|(along, variance)| observe(&mut covariance, along, *variance));
+        let metric = self.metric();
+        let of_components: f64 = metric.iter().zip(&covariance).map(|(m, c)| dot(m, c)).sum();
+        let of_rest: f64 = self.weights.iter().zip(self.left).map(|(w, l)| w * l).sum();
+        ((of_components + of_rest) / self.along.len().max(1) as f64).max(0.0).sqrt()
+    }
+}
+
+/// The covariance after one more sample.
+fn observe(covariance: &mut [Vec<f64>], along: &[f64], left: f64) {
+    let spread = times(covariance, along);
+    let variance = dot(&spread, along) + left + NOISE;
+    for (row, a) in covariance.iter_mut().zip(&spread) {
+        row.iter_mut().zip(&spread).for_each(|(c, b)| *c -= a * b / variance);
+    }
+}
+
+fn times(matrix: &[Vec<f64>], vector: &[f64]) -> Vec<f64> {
+    matrix.iter().map(|row| dot(row, vector)).collect()
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}

@@ -1,0 +1,219 @@
+//! What is known of a population of materials.
+
+use super::principal::{self, Principal};
+use super::{Angles, Components, FORMAT, Method, NOISE, Plan, choose, dot};
+use crate::brdf::merl::{CellGrid, MerlTable, PHI_D_BINS, THETA_D_BINS, THETA_H_BINS};
+use crate::brdf::tuned::{TERMS, coefficients, terms};
+use crate::brdf::{HalfDifference, Sample};
+use crate::error::{Error, Result};
+
+/// What is added to the BRDF before its logarithm is taken.
+const FLOOR: f64 = 0.003;
+/// Principal components that are kept.
+const COMPONENTS: usize = 40;
+/// No direction of a plan is nearer to the horizon: cosine of 85 degrees.
+const LEAST_COSINE: f64 = 0.087;
+
+/// Materials, gathered one by one, then asked for plans.
+#[derive(Debug)]
+pub struct Population {
+    cells: Vec<usize>,
+    angles: Vec<HalfDifference>,
+    cosines: Vec<[f64; 2]>,
+    rows: Vec<Vec<f64>>,
+    /// Coefficients of each colour of each material.
+    vectors: Vec<Vec<f64>>,
+    /// `ln(f + floor)` at the cells, NaN where there is none; of each colour of each material.
+    logarithms: Vec<Vec<f32>>,
+    /// Sum over materials of what squared errors of the logarithm count at the cells.
+    weights: Vec<f64>,
+}
+
+impl Default for Population {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Population {
+    /// None yet.
+    pub fn new() -> Self {
+        let grid = CellGrid::new();
+        let mut population = Population {
+            cells: vec![],
+            angles: vec![],
+            cosines: vec![],
+            rows: vec![],
+            vectors: vec![],
+            logarithms: vec![],
+            weights: vec![],
+        };
+        for h in (0..THETA_H_BINS).step_by(2) {
+            for d in (1..THETA_D_BINS).step_by(3) {
+                for p in (5..PHI_D_BINS).step_by(10) {
+                    let index = (h * THETA_D_BINS + d) * PHI_D_BINS + p;
+                    let Some(cell) = grid.cell(index, [0.0; 3]) else { continue };
+                    population.cells.push(index);
+                    population.angles.push(cell.angles);
+                    population.cosines.push([cell.cos_incoming, cell.cos_outgoing]);
+                    let angles = cell.angles;
+                    population.rows.push(terms(angles.theta_h, angles.theta_d, cell.cos_incoming, cell.cos_outgoing));
+                }
+            }
+        }
+        population.weights = vec![0.0; population.cells.len()];
+        population
+    }
+
+    /// Number of materials.
+    pub fn len(&self) -> usize {
+        self.vectors.len() / 3
+    }
+
+    /// True before the first material.
+    pub fn is_empty(&self) -> bool {
+        self.vectors.is_empty()
+    }
+
+    /// Adds a material.
+    /// # Errors
+    /// [`Error::Parameter`] where too few cells of the table are valid.
+    pub fn add(&mut self, table: &MerlTable) -> Result<()> {
+        self.add_values(|cell, _| table.cell(cell))
+    }
+
+    /// Adds a material that has values at some cells of a table; the angles are those of the cell's middle.
+    /// # Errors
+    /// [`Error::Parameter`] where it has too few.
+    pub fn add_values(&mut self, value: impl Fn(usize, HalfDifference) -> Option<[f64; 3]>) -> Result<()> {
+        let mut samples = Vec::with_capacity(self.cells.len());
+        let mut logarithms = [0, 1, 2].map(|_| vec![f32::NAN; self.cells.len()]);
+        for (n, &cell) in self.cells.iter().enumerate() {
+            let ([cos_incoming, cos_outgoing], angles) = (self.cosines[n], self.angles[n]);
+            let Some(value) = value(cell, angles) else { continue };
+            samples.push(Sample { theta_h: angles.theta_h, theta_d: angles.theta_d, cos_incoming, cos_outgoing, value });
+            (0..3).for_each(|c| logarithms[c][n] = (value[c] + FLOOR).ln() as f32);
+            let mean = value.iter().sum::<f64>() / 3.0;
+            self.weights[n] += ((mean + FLOOR) * cos_incoming / (1.0 + mean * cos_incoming)).powi(2);
+        }
+        if samples.len() < TERMS {
+            return Err(Error::parameter("a material with so few values can't be part of a population"));
+        }
+        self.vectors.extend(coefficients(&samples, FLOOR));
+        self.logarithms.extend(logarithms);
+        Ok(())
+    }
+
+    /// A plan of `count` samples.
+    /// # Errors
+    /// [`Error::Parameter`] for fewer than 2 materials, or a count of 0 or of more than there are cells.
+    pub fn plan(&self, count: usize, method: Method) -> Result<Plan> {
+        self.plan_of(count, choose::slices(count), method)
+    }
+
+    /// A uniform or published plan of `slices` of `theta_d`, each of `count` samples; for the optimal one only their product counts.
+    /// # Errors
+    /// As [`Population::plan`].
+    pub fn plan_slices(&self, slices: usize, count: usize, method: Method) -> Result<Plan> {
+        self.plan_of(slices.saturating_mul(count), slices.clamp(1, 90), method)
+    }
+
+    fn plan_of(&self, count: usize, slices: usize, method: Method) -> Result<Plan> {
+        if self.len() < 2 {
+            return Err(Error::parameter("a plan takes a population of 2 materials or more"));
+        }
+        if count == 0 || count > self.cells.len() / 4 {
+            return Err(Error::parameter(format!("a plan has 1 to {} samples", self.cells.len() / 4)));
+        }
+        let Principal { mean, components, variances } = principal::components(&self.vectors, COMPONENTS);
+        let along: Vec<Vec<f64>> = self.rows.iter().map(|row| components.iter().map(|c| dot(c, row)).collect()).collect();
+        let left = self.left_over(&mean, &components, &along);
+        let weights: Vec<f64> = self.weights.iter().map(|w| w / self.len() as f64).collect();
+        let design = choose::Design { along: &along, left: &left, weights: &weights, variances: &variances };
+        let candidates: Vec<bool> = (0..self.cells.len())
+            .map(|n| {
+                let valid = self.logarithms.iter().all(|l| !l[n].is_nan());
+                valid && self.cosines[n].iter().all(|&cosine| cosine > LEAST_COSINE)
+            })
+            .collect();
+        let angles_of = |angles: HalfDifference, variance: f64| Angles {
+            theta_h_deg: angles.theta_h.to_degrees(),
+            theta_d_deg: angles.theta_d.to_degrees(),
+            phi_d_deg: angles.phi_d.to_degrees(),
+            variance,
+        };
+        let angles: Vec<Angles> = match method {
+            Method::Optimal => {
+                design.optimal(count, &candidates).into_iter().map(|n| angles_of(self.angles[n], left[n])).collect()
+            }
+            Method::Uniform | Method::Published => {
+                let variance = (method == Method::Published).then(|| self.variance_along_theta_h());
+                let near = |angles: HalfDifference| angles_of(angles, left[self.nearest(angles)]);
+                choose::along_theta_h(count, slices, variance.as_deref()).into_iter().map(near).collect()
+            }
+        };
+        let rows: Vec<(Vec<f64>, f64)> = angles
+            .iter()
+            .filter_map(|a| a.terms().map(|terms| (components.iter().map(|c| dot(c, &terms)).collect(), a.variance)))
+            .collect();
+        let expected_log_rmse = design.expected(&rows);
+        let components = Components { floor: FLOOR, mean, components, variances };
+        Ok(Plan { format: FORMAT.into(), method, materials: self.len(), expected_log_rmse, angles, components })
+    }
+
+    /// Variance of the logarithm over the population at each degree of `theta_h`, over all `theta_d` and `phi_d`.
+    fn variance_along_theta_h(&self) -> Vec<f64> {
+        let mut sums = vec![[0.0f64; 2]; 90];
+        for (n, angles) in self.angles.iter().enumerate() {
+            let values: Vec<f64> = (self.logarithms.iter()).map(|l| l[n] as f64).filter(|l| !l.is_nan()).collect();
+            if values.len() > 1 {
+                let mean = values.iter().sum::<f64>() / values.len() as f64;
+                let variance = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / values.len() as f64;
+                let sum = &mut sums[(angles.theta_h.to_degrees() as usize).min(89)];
+                *sum = [sum[0] + 1.0, sum[1] + variance];
+            }
+        }
+        // Degrees without a cell take the value before them.
+        let first = sums.iter().find(|s| s[0] > 0.0).map_or(1.0, |s| s[1] / s[0]);
+        let mut last = first;
+        let fill = |sum: &[f64; 2]| {
+            if sum[0] > 0.0 {
+                last = sum[1] / sum[0];
+            }
+            last
+        };
+        sums.iter().map(fill).collect()
+    }
+
+    /// Mean squared difference between the logarithms and their part in the components.
+    fn left_over(&self, mean: &[f64], components: &[Vec<f64>], along: &[Vec<f64>]) -> Vec<f64> {
+        let places: Vec<Vec<f64>> = (self.vectors.iter())
+            .map(|vector| {
+                let rest: Vec<f64> = vector.iter().zip(mean).map(|(v, m)| v - m).collect();
+                components.iter().map(|c| dot(c, &rest)).collect()
+            })
+            .collect();
+        (0..self.cells.len())
+            .map(|n| {
+                let middle = dot(mean, &self.rows[n]);
+                let (mut sum, mut count) = (0.0, 0.0);
+                for (place, logarithms) in places.iter().zip(&self.logarithms) {
+                    let logarithm = logarithms[n] as f64;
+                    if !logarithm.is_nan() {
+                        sum += (logarithm - middle - dot(place, &along[n])).powi(2);
+                        count += 1.0;
+                    }
+                }
+                if count > 0.0 { sum / count } else { 1.0 }
+            })
+            .map(|variance: f64| variance.max(NOISE * 0.1))
+            .collect()
+    }
+
+    fn nearest(&self, to: HalfDifference) -> usize {
+        let apart = |a: &HalfDifference| {
+            (a.theta_h.sqrt() - to.theta_h.sqrt()).powi(2) + (a.theta_d - to.theta_d).powi(2) + (a.phi_d - to.phi_d).powi(2)
+        };
+        (0..self.angles.len()).min_by(|&a, &b| apart(&self.angles[a]).total_cmp(&apart(&self.angles[b]))).unwrap_or(0)
+    }
+}
