@@ -5,6 +5,7 @@ mod eval;
 mod fit;
 mod font;
 mod material;
+mod plan;
 mod render;
 mod sheet;
 
@@ -24,6 +25,7 @@ enum Command {
     Convert(convert::Convert),
     Eval(eval::Eval),
     Render(render::Render),
+    Plan(plan::Plan),
 }
 
 impl Brdf {
@@ -33,6 +35,7 @@ impl Brdf {
             Command::Convert(convert) => convert.run(),
             Command::Eval(eval) => eval.run(),
             Command::Render(render) => render.run(),
+            Command::Plan(plan) => plan.run(),
         }
     }
 }
