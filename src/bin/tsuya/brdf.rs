@@ -26,6 +26,7 @@ enum Command {
     Convert(convert::Convert),
     Eval(eval::Eval),
     Render(render::Render),
+    Plan(plan::Plan),
 }
 
 impl Brdf {
@@ -36,6 +37,7 @@ impl Brdf {
             Command::Convert(convert) => convert.run(),
             Command::Eval(eval) => eval.run(),
             Command::Render(render) => render.run(),
+            Command::Plan(plan) => plan.run(),
         }
     }
 }
