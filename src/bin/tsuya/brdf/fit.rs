@@ -2,7 +2,6 @@
 
 use super::eval::environment;
 use super::material::{Kind, MODEL_FORMAT, ModelEntry, ModelFile, expand, read_all};
-use super::plan::read_plan;
 use super::sheet;
 use crate::{output, pictures, progress};
 use anyhow::Result;
@@ -36,10 +35,6 @@ pub struct Fit {
     output: Option<PathBuf>,
     #[command(flatten)]
     forms: Forms,
-    /// Fits from the values at the angles of this plan only (see tsuya brdf plan); errors are those of the whole table. For the forms
-    /// tuned and published.
-    #[arg(long, value_name = "PLAN")]
-    samples: Option<PathBuf>,
     /// A lat-long picture as the environment of the rendered sphere [default: one of the program's own].
     #[arg(long, value_name = "FILE")]
     environment: Option<PathBuf>,
