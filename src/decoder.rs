@@ -1,7 +1,7 @@
 //! From a file back to photographs, mesh and reflectance: the encoder's stages from bottom to top.
 
-use crate::brdf::materials;
 use crate::asset::{Asset, Photograph, View};
+use crate::brdf::materials;
 use crate::container::{Container, Tag, metadata, views};
 use crate::error::{Error, Result};
 use crate::limits::Limits;

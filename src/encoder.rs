@@ -1,7 +1,7 @@
 //! From a capture to a file: the stages in the order of the data's way. [`crate::decoder`] runs them backwards.
 
-use crate::brdf::materials::{self, NamedMaterial};
 use crate::asset::{Component, Photograph, View};
+use crate::brdf::materials::{self, NamedMaterial};
 use crate::capture::Capture;
 use crate::container::views::{self, ViewsSection};
 use crate::container::{SectionCodec, Tag, Writer, metadata, thumbnail};

@@ -51,6 +51,7 @@ fn main() -> Result<()> {
         for (list, fits) in &published {
             if let Some(found) = fits.iter().find(|fit| fit.material == name) {
                 let report = ErrorReport::of(&table, &found.model, &scenes);
+                say(&name, list, &report);
                 rows.push(Row {
                     material: name.clone(),
                     form: list.clone(),
@@ -120,6 +121,12 @@ fn plans(merl: &[PathBuf]) -> Result<()> {
     Ok(())
 }
 
+/// Progress, on standard error.
+fn say(material: &str, form: &str, report: &ErrorReport) {
+    let psnr = report.sphere_psnr_db;
+    eprintln!("{material} {form} {:.4} {:.1} {:.1}", report.log_rmse, psnr.point, psnr.environment);
+}
+
 fn fit_all(name: &str, table: &MerlTable, scenes: &SphereScenes, rows: &mut Vec<Row>) -> Result<()> {
     let classical = |objective, suffix| Form::ALL.map(|form| (AnyForm::Classical(form), objective, suffix));
     let forms = [(AnyForm::Tuned, Objective::Both, ""), (AnyForm::Published, Objective::Both, "")].into_iter();
@@ -133,6 +140,7 @@ fn fit_all(name: &str, table: &MerlTable, scenes: &SphereScenes, rows: &mut Vec<
         let seconds = begun.elapsed().as_secs_f64();
         let report = ErrorReport::of(table, &fitted, scenes);
         let form = format!("{}{suffix}", form.name());
+        say(name, &form, &report);
         rows.push(Row { material: name.into(), form, bytes: fitted.bytes(), seconds, report });
     }
     Ok(())

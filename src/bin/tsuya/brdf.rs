@@ -22,20 +22,20 @@ pub struct Brdf {
 #[derive(Subcommand)]
 enum Command {
     Fit(fit::Fit),
-    Plan(plan::Plan),
     Convert(convert::Convert),
     Eval(eval::Eval),
     Render(render::Render),
+    Plan(plan::Plan),
 }
 
 impl Brdf {
     pub fn run(self) -> Result<()> {
         match self.command {
             Command::Fit(fit) => fit.run(),
-            Command::Plan(plan) => plan.run(),
             Command::Convert(convert) => convert.run(),
             Command::Eval(eval) => eval.run(),
             Command::Render(render) => render.run(),
+            Command::Plan(plan) => plan.run(),
         }
     }
 }

@@ -106,7 +106,8 @@ impl Plan {
     /// # Errors
     /// [`Error::Parameter`] where it isn't JSON of this format, or numbers are out of range.
     pub fn from_json(text: &[u8]) -> Result<Self> {
-        let plan: Plan = serde_json::from_slice(text).map_err(|e| Error::parameter(format!("not a sampling plan: {e}")))?;
+        let plan: Plan =
+            serde_json::from_slice(text).map_err(|e| Error::parameter(format!("not a sampling plan: {e}")))?;
         let wrong = |what: &str| Err(Error::parameter(format!("not a sampling plan of this version: {what}")));
         if plan.format != FORMAT {
             return wrong(&format!("its format is '{}', '{FORMAT}' expected", plan.format));
@@ -117,12 +118,16 @@ impl Plan {
         }
         let sized = of.mean.len() == TERMS && of.components.iter().all(|c| c.len() == TERMS);
         if !sized || of.variances.len() != of.components.len() {
-            return wrong(&format!("mean and components have {TERMS} coefficients each, and each component a variance"));
+            return wrong(&format!(
+                "mean and components have {TERMS} coefficients each, and each component a variance"
+            ));
         }
         let finite = of.mean.iter().chain(of.components.iter().flatten()).all(|x| x.is_finite() && x.abs() < 1e6);
         let positive = |x: &f64| x.is_finite() && *x > 0.0 && *x < 1e12;
         let angles = |a: &Angles| {
-            (0.0..=90.0).contains(&a.theta_h_deg) && (0.0..=90.0).contains(&a.theta_d_deg) && (0.0..=180.0).contains(&a.phi_d_deg)
+            (0.0..=90.0).contains(&a.theta_h_deg)
+                && (0.0..=90.0).contains(&a.theta_d_deg)
+                && (0.0..=180.0).contains(&a.phi_d_deg)
         };
         if !finite || !of.variances.iter().all(positive) || !positive(&of.floor) {
             return wrong("coefficients, variances and floor are finite, the latter two above 0");

@@ -91,7 +91,13 @@ impl Population {
         for (n, &cell) in self.cells.iter().enumerate() {
             let ([cos_incoming, cos_outgoing], angles) = (self.cosines[n], self.angles[n]);
             let Some(value) = value(cell, angles) else { continue };
-            samples.push(Sample { theta_h: angles.theta_h, theta_d: angles.theta_d, cos_incoming, cos_outgoing, value });
+            samples.push(Sample {
+                theta_h: angles.theta_h,
+                theta_d: angles.theta_d,
+                cos_incoming,
+                cos_outgoing,
+                value,
+            });
             (0..3).for_each(|c| logarithms[c][n] = (value[c] + FLOOR).ln() as f32);
             let mean = value.iter().sum::<f64>() / 3.0;
             self.weights[n] += ((mean + FLOOR) * cos_incoming / (1.0 + mean * cos_incoming)).powi(2);
@@ -126,7 +132,8 @@ impl Population {
             return Err(Error::parameter(format!("a plan has 1 to {} samples", self.cells.len() / 4)));
         }
         let Principal { mean, components, variances } = principal::components(&self.vectors, COMPONENTS);
-        let along: Vec<Vec<f64>> = self.rows.iter().map(|row| components.iter().map(|c| dot(c, row)).collect()).collect();
+        let along: Vec<Vec<f64>> =
+            self.rows.iter().map(|row| components.iter().map(|c| dot(c, row)).collect()).collect();
         let left = self.left_over(&mean, &components, &along);
         let weights: Vec<f64> = self.weights.iter().map(|w| w / self.len() as f64).collect();
         let design = choose::Design { along: &along, left: &left, weights: &weights, variances: &variances };
@@ -212,7 +219,9 @@ impl Population {
 
     fn nearest(&self, to: HalfDifference) -> usize {
         let apart = |a: &HalfDifference| {
-            (a.theta_h.sqrt() - to.theta_h.sqrt()).powi(2) + (a.theta_d - to.theta_d).powi(2) + (a.phi_d - to.phi_d).powi(2)
+            (a.theta_h.sqrt() - to.theta_h.sqrt()).powi(2)
+                + (a.theta_d - to.theta_d).powi(2)
+                + (a.phi_d - to.phi_d).powi(2)
         };
         (0..self.angles.len()).min_by(|&a, &b| apart(&self.angles[a]).total_cmp(&apart(&self.angles[b]))).unwrap_or(0)
     }

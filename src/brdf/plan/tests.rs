@@ -7,7 +7,8 @@ struct Made(f64, f64, f64);
 impl Brdf for Made {
     fn evaluate(&self, incoming: [f64; 3], outgoing: [f64; 3]) -> [f64; 3] {
         let angles = HalfDifference::of(incoming, outgoing);
-        let highlight = self.1 * (-(angles.theta_h / self.2).powi(2)).exp() * (1.0 + 3.0 * angles.theta_d.sin().powi(5));
+        let highlight =
+            self.1 * (-(angles.theta_h / self.2).powi(2)).exp() * (1.0 + 3.0 * angles.theta_d.sin().powi(5));
         [self.0 + highlight, 0.6 * self.0 + highlight, 0.3 * self.0 + highlight]
     }
 }

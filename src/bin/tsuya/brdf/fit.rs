@@ -2,7 +2,6 @@
 
 use super::eval::environment;
 use super::material::{Kind, MODEL_FORMAT, ModelEntry, ModelFile, expand, read_all};
-use super::plan::read_plan;
 use super::sheet;
 use crate::{output, pictures, progress};
 use anyhow::Result;
@@ -18,7 +17,7 @@ use tsuya::brdf::forms::{self, AnyForm, FitSettings, Fitted};
 use tsuya::brdf::materials::NamedMaterial;
 use tsuya::brdf::merl::MerlTable;
 use tsuya::brdf::models::{Form, Objective};
-use tsuya::brdf::plan::Plan;
+use tsuya::brdf::plan::Plan as SamplingPlan;
 use tsuya::brdf::sphere::SphereScenes;
 use tsuya::container::metadata::Metadata;
 
@@ -36,10 +35,6 @@ pub struct Fit {
     output: Option<PathBuf>,
     #[command(flatten)]
     forms: Forms,
-    /// Fits from the values at the angles of this plan only (see tsuya brdf plan); errors are those of the whole table. For the forms
-    /// tuned and published.
-    #[arg(long, value_name = "PLAN")]
-    samples: Option<PathBuf>,
     /// A lat-long picture as the environment of the rendered sphere [default: one of the program's own].
     #[arg(long, value_name = "FILE")]
     environment: Option<PathBuf>,
@@ -49,6 +44,9 @@ pub struct Fit {
     /// The contact sheet shows this many steps of a point light that moves from left to right.
     #[arg(long, value_name = "N", requires = "contact_sheet", value_parser = clap::value_parser!(u16).range(1..=64))]
     sweep: Option<u16>,
+    /// Fits from the samples of this plan only (tsuya brdf plan), as if nothing else had been measured.
+    #[arg(long, value_name = "PLAN")]
+    samples: Option<PathBuf>,
     /// Overwrites existing files.
     #[arg(long)]
     force: bool,
@@ -159,7 +157,7 @@ impl Fit {
         if self.json && self.output.as_deref().is_some_and(output::is_stream) {
             return Err(Error::parameter("figures and materials can't both go to standard output").into());
         }
-        let plan = self.samples.as_deref().map(read_plan).transpose()?;
+        let plan = self.samples.as_deref().map(super::plan::read).transpose()?;
         let files = expand(&self.inputs)?;
         let scenes = SphereScenes::new(SPHERE_SIDE, &environment(self.environment.as_deref())?);
         let busy = progress::busy("fitting");
@@ -201,13 +199,13 @@ impl Fit {
         name: String,
         table: &MerlTable,
         form: AnyForm,
-        plan: Option<&Plan>,
+        plan: Option<&SamplingPlan>,
         scenes: &SphereScenes,
     ) -> Result<Row> {
         let begun = Instant::now();
         let settings = self.forms.settings();
         let fitted = match plan {
-            Some(plan) => forms::fit_planned(table, plan, form, &settings)?,
+            Some(plan) => forms::fit_samples(&super::plan::samples(plan, table, form)?, form, &settings)?,
             None => forms::fit(table, form, &settings)?,
         };
         let seconds = begun.elapsed().as_secs_f64();

@@ -1,31 +1,38 @@
-//! `tsuya brdf plan`: what to measure.
+//! `tsuya brdf plan`: what to measure, chosen from a population of measured materials.
 
-use super::material::{expand, read_all};
+use super::material::{Kind, Material, expand, read_all};
 use crate::{output, progress};
 use anyhow::Result;
 use clap::{Args, ValueEnum};
-use serde_json::{Value, json};
-use std::io::Read;
+use serde_json::json;
 use std::path::{Path, PathBuf};
 use tsuya::Error;
+use tsuya::brdf::forms::AnyForm;
+use tsuya::brdf::merl::MerlTable;
 use tsuya::brdf::plan::{self, Population};
+use tsuya::brdf::{Brdf, Sample};
 
-/// Chooses angles to measure from a population of measured materials. `tsuya brdf fit --samples` makes a material of the values there.
+/// A plan of 40 components has 160 kB.
+const MOST_PLAN_BYTES: u64 = 64 << 20;
+/// Bins of `theta_h`, `theta_d` and `phi_d` of a material that is made of a plan's samples.
+const BINS: [usize; 3] = [60, 36, 10];
+
+/// Chooses the angles at which to measure materials like those of a folder.
 #[derive(Args)]
 pub struct Plan {
-    /// A folder of MERL tables (.binary) and RGL materials (.bsdf), or some of those.
+    /// MERL tables (.binary), RGL materials (.bsdf), folders of them: the population.
     #[arg(required = true, value_name = "DIR")]
     inputs: Vec<PathBuf>,
-    /// Pairs of directions to measure.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
-    samples: u32,
-    /// How they are chosen.
+    /// Samples: pairs of directions to measure.
+    #[arg(long, value_name = "N")]
+    samples: usize,
+    /// How angles are chosen.
     #[arg(long, value_enum, default_value_t = Method::Optimal)]
     method: Method,
-    /// The plan; - is standard output.
-    #[arg(short, long, value_name = "JSON")]
+    /// The plan, JSON; tsuya brdf fit --samples takes it.
+    #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
-    /// Overwrites an existing file.
+    /// Overwrites existing files.
     #[arg(long)]
     force: bool,
     /// Prints angles and expected error as JSON.
@@ -33,13 +40,13 @@ pub struct Plan {
     json: bool,
 }
 
-#[derive(Clone, Copy, PartialEq, ValueEnum)]
+#[derive(Clone, Copy, ValueEnum)]
 enum Method {
-    /// Steps of the half angle that shrink where materials vary more, as published.
+    /// Along theta_h by the population's variance (DSBRDF, equations 10 and 11).
     Published,
-    /// Equal steps.
+    /// Along theta_h in equal steps.
     Uniform,
-    /// One after the other, each where it lowers the expected error most.
+    /// Each sample where it lowers the expected error most.
     Optimal,
 }
 
@@ -48,62 +55,95 @@ impl Plan {
         if let Some(path) = &self.output {
             output::check_free(path, self.force)?;
         }
+        if self.json && self.output.as_deref().is_some_and(output::is_stream) {
+            return Err(Error::parameter("figures and the plan can't both go to standard output").into());
+        }
+        let busy = progress::busy("planning");
+        let mut population = Population::new();
+        for path in expand(&self.inputs)? {
+            if !matches!(Kind::of(&path)?, Kind::Merl | Kind::Rgl) {
+                let message = "a population is of measured materials, .binary or .bsdf";
+                return Err(Error::parameter(format!("{}: {message}", path.display())).into());
+            }
+            for named in read_all(&path)? {
+                match named.material {
+                    // Only the cells that are asked for are evaluated, not a whole table.
+                    Material::Rgl(material) => population.add_values(|_, angles| {
+                        let (incoming, outgoing) = angles.directions();
+                        Some(material.reciprocal().evaluate(incoming, outgoing))
+                    })?,
+                    other => population.add(&other.into_table())?,
+                }
+            }
+        }
         let method = match self.method {
             Method::Published => plan::Method::Published,
             Method::Uniform => plan::Method::Uniform,
             Method::Optimal => plan::Method::Optimal,
         };
-        let busy = progress::busy("planning");
-        let mut population = Population::new();
-        for path in expand(&self.inputs)? {
-            for named in read_all(&path)? {
-                population.add(&named.material.into_table())?;
-            }
-        }
-        let plan = population.plan(self.samples as usize, method)?;
+        let plan = population.plan(self.samples, method)?;
         drop(busy);
-        let figures = json!({
-            "method": plan.method,
-            "samples": plan.angles.len(),
-            "materials": plan.materials,
-            "expected_log_rmse": plan.expected_log_rmse,
-            "angles": plan.angles.iter().map(|a| json!([a.theta_h_deg, a.theta_d_deg, a.phi_d_deg])).collect::<Vec<Value>>(),
-        });
-        let to_stream = self.output.as_deref().is_some_and(output::is_stream);
         if let Some(path) = &self.output {
-            output::write(path, plan.to_json()?.as_bytes(), self.force)?;
+            output::write(path, format!("{}\n", plan.to_json()?).as_bytes(), self.force)?;
         }
-        match (self.json, to_stream) {
-            (true, true) => Err(Error::parameter("figures and plan can't both go to standard output").into()),
-            (true, false) => output::say_json(&figures),
-            (false, true) => Ok(()),
-            (false, false) => {
-                let mut text = format!(
-                    "{} samples from {} materials, expected log RMSE {:.4}\n\ntheta_h  theta_d  phi_d (degrees)\n",
-                    plan.angles.len(),
-                    plan.materials,
-                    plan.expected_log_rmse
-                );
-                for a in &plan.angles {
-                    text += &format!("{:7.2}  {:7.2}  {:5.1}\n", a.theta_h_deg, a.theta_d_deg, a.phi_d_deg);
-                }
-                output::say(&text)
-            }
+        if self.json {
+            let angles: Vec<_> = (plan.angles.iter())
+                .map(|a| json!({"theta_h_deg": a.theta_h_deg, "theta_d_deg": a.theta_d_deg, "phi_d_deg": a.phi_d_deg}))
+                .collect();
+            return output::say_json(&json!({
+                "method": plan.method,
+                "materials": plan.materials,
+                "samples": plan.angles.len(),
+                "expected_log_rmse": plan.expected_log_rmse,
+                "angles": angles,
+            }));
         }
+        if self.output.as_deref().is_some_and(output::is_stream) {
+            return Ok(());
+        }
+        let mut text = String::from("theta_h  theta_d    phi_d  degrees\n");
+        for a in &plan.angles {
+            text += &format!("{:7.2}  {:7.2}  {:7.2}\n", a.theta_h_deg, a.theta_d_deg, a.phi_d_deg);
+        }
+        text += &format!("{} samples, from {} materials: ", plan.angles.len(), plan.materials);
+        text += &format!("expected log RMSE {:.4}\n", plan.expected_log_rmse);
+        output::say(&text)
     }
 }
 
-/// A plan of 100,000 angles has some 10 MB.
-const MOST_BYTES: u64 = 64 << 20;
-
 /// Reads a plan.
-pub fn read_plan(path: &Path) -> Result<plan::Plan> {
-    let failed = |e| Error::io(path, e);
-    let mut bytes = Vec::new();
-    let file = std::fs::File::open(path).map_err(failed)?;
-    file.take(MOST_BYTES + 1).read_to_end(&mut bytes).map_err(failed)?;
-    if bytes.len() as u64 > MOST_BYTES {
-        return Err(Error::Limits { what: "sampling plan", asked: bytes.len() as u64, allowed: MOST_BYTES }.into());
+pub fn read(path: &Path) -> Result<plan::Plan> {
+    let size = std::fs::metadata(path).map_err(|e| Error::io(path, e))?.len();
+    if size > MOST_PLAN_BYTES {
+        return Err(Error::Limits { what: "sampling plan", asked: size, allowed: MOST_PLAN_BYTES }.into());
     }
-    Ok(plan::Plan::from_json(&bytes).map_err(|e| Error::input(path, e.to_string()))?)
+    let text = std::fs::read(path).map_err(|e| Error::io(path, e))?;
+    Ok(plan::Plan::from_json(&text).map_err(|e| Error::input(path, e.to_string()))?)
+}
+
+/// What a form is fitted to, when a table is seen at the plan's angles only: the values themselves for lobes along `theta_h`, else the
+/// most probable material.
+pub fn samples(plan: &plan::Plan, table: &MerlTable, form: AnyForm) -> tsuya::Result<Vec<Sample>> {
+    let directions = |a: &plan::Angles| a.half_difference().directions();
+    let values = plan.measure(|a| {
+        let (incoming, outgoing) = directions(a);
+        let value = table.smooth().evaluate(incoming, outgoing);
+        // Where the table has no valid cell it answers 0 for all colours.
+        (incoming[2] > 0.0 && outgoing[2] > 0.0 && value != [0.0; 3]).then_some(value)
+    });
+    if form != AnyForm::Published || plan.method == plan::Method::Optimal {
+        return plan.reconstruct(&values, BINS);
+    }
+    let sample = |(a, value): (&plan::Angles, Option<[f64; 3]>)| {
+        let (incoming, outgoing) = directions(a);
+        let angles = a.half_difference();
+        value.map(|value| Sample {
+            theta_h: angles.theta_h,
+            theta_d: angles.theta_d,
+            cos_incoming: incoming[2],
+            cos_outgoing: outgoing[2],
+            value,
+        })
+    };
+    Ok(plan.angles.iter().zip(values).filter_map(sample).collect())
 }
