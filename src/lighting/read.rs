@@ -46,8 +46,7 @@ pub enum Fisheye {
 pub enum Looks {
     /// To +Z, the middle of a latitude-longitude picture, with +Y up in the picture.
     Ahead,
-    /// To +Y, the zenith, with +Z down in the picture (the picture of someone who tilts the camera up from +Z... and goes on
-    /// looking: the lower edge is what stood ahead).
+    /// To +Y, the zenith, with +Z at the lower edge: the camera was tilted up from [`Looks::Ahead`].
     Up,
 }
 
