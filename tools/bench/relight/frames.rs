@@ -55,7 +55,7 @@ fn relight(criterion: &mut Criterion) {
         let Ok(material) = serde_json::from_str::<JobMaterial>(material) else { return };
         let Ok(material) = material.uniform() else { return };
         let look = Uniform::new(material, taps);
-        let options = EnvironmentOptions { samples: 1, taps, ..EnvironmentOptions::default() };
+        let options = EnvironmentOptions { samples: 1, taps, fast: true, ..EnvironmentOptions::default() };
         let Ok(scene) = Scene::new(&object, &surround, None, options) else { return };
         let mut turn = 0.0f64;
         group.bench_function(name, |b| {
