@@ -2,7 +2,8 @@
 
 use super::merl::{CellGrid, MerlTable, THETA_H_BINS};
 use super::sphere::SphereScenes;
-use super::{Brdf, parallel};
+use super::Brdf;
+use crate::parallel;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::{FRAC_PI_2, PI};
 

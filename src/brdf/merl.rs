@@ -38,7 +38,7 @@ impl MerlTable {
     /// A table of any material, each cell evaluated at its middle. Cells whose directions lie below the horizon there are not valid.
     pub fn of(material: &impl Brdf) -> Self {
         let grid = CellGrid::new();
-        let planes = super::parallel::map(THETA_H_BINS, |plane| {
+        let planes = crate::parallel::map(THETA_H_BINS, |plane| {
             let cell = |within: usize| {
                 let index = plane * THETA_D_BINS * PHI_D_BINS + within;
                 match grid.directions_above(index) {

@@ -11,7 +11,6 @@ pub mod forms;
 pub mod merl;
 pub mod models;
 #[cfg(feature = "encode")]
-mod parallel;
 #[cfg(feature = "encode")]
 pub mod plan;
 #[cfg(feature = "encode")]

@@ -19,7 +19,8 @@ pub use environment::{Environment, studio};
 pub use picture::{exposure, psnr_db};
 
 use super::errors::SpherePsnr;
-use super::{Brdf, parallel};
+use super::Brdf;
+use crate::parallel;
 use crate::image::{Grid, Mask, RgbImage};
 use std::f64::consts::{FRAC_PI_2, PI};
 

@@ -7,7 +7,7 @@ use super::octahedral::{texel_direction, to_square};
 use super::scene::{Object, Point, Scene};
 use super::surround::Surround;
 use crate::lighting::octahedral::solid_angles;
-use glam::{Mat3, Vec3};
+use glam::Vec3;
 use std::f32::consts::PI;
 
 /// Side of the grid that diffuse light is summed over where there is no visibility with a grid of its own.
@@ -36,8 +36,8 @@ pub(super) fn irradiance(object: &Object, surround: &Surround, shadows: bool) ->
     })
 }
 
-/// Radiance towards the camera, diffuse and specular.
-pub(super) fn radiance(scene: &Scene, point: &Point, appearance: &Appearance) -> [Vec3; 2] {
+/// Radiance towards the camera, diffuse and specular; `known` is what [`reflected`] gives, where it is known already.
+pub(super) fn radiance(scene: &Scene, point: &Point, appearance: &Appearance, known: Option<Vec3>) -> [Vec3; 2] {
     let [a, b, c] = point.corners.map(|v| scene.irradiance[v as usize]);
     let mut irradiance = a * point.weights.x + b * point.weights.y + c * point.weights.z;
     let specular = appearance.specular.filter(|_| appearance.specular_scale.max_element() > 0.0);
@@ -63,7 +63,7 @@ pub(super) fn radiance(scene: &Scene, point: &Point, appearance: &Appearance) ->
         }
     }
     if let Some(prepared) = specular {
-        shine += reflected(scene, point, prepared, &frame, outgoing);
+        shine += known.unwrap_or_else(|| reflected(scene, point, prepared));
     }
     [appearance.albedo * irradiance / PI, appearance.specular_scale * shine]
 }
@@ -75,7 +75,9 @@ fn evaluate(prepared: &Prepared, incoming: Vec3, outgoing: Vec3) -> Vec3 {
 
 /// Specular reflection of everything but the distant lights: half vectors drawn from the lobes, each with the light around its own
 /// direction averaged over the solid angle that it stands for.
-fn reflected(scene: &Scene, point: &Point, prepared: &Prepared, frame: &Mat3, outgoing: Vec3) -> Vec3 {
+pub(super) fn reflected(scene: &Scene, point: &Point, prepared: &Prepared) -> Vec3 {
+    let frame = point.frame();
+    let outgoing = frame.transpose() * point.outgoing;
     let occlusion = scene.object.occlusion.filter(|_| scene.options.shadows);
     let count = prepared.taps.len() as f32;
     let mut sum = Vec3::ZERO;
@@ -86,7 +88,7 @@ fn reflected(scene: &Scene, point: &Point, prepared: &Prepared, frame: &Mat3, ou
         if cosine <= 1e-4 || incoming.z <= 0.0 || half.z <= 0.0 {
             continue;
         }
-        let world = *frame * incoming;
+        let world = frame * incoming;
         if scene.options.shadows && point.geometric.dot(world) <= 0.0 {
             continue;
         }

@@ -2,7 +2,7 @@
 //! yardstick of the evaluators; the same every time.
 
 use super::appearance::{Appearance, Look};
-use super::scene::{Object, Point, Relit, draw};
+use super::scene::{Drawn, Object, Point, Relit, draw};
 use crate::asset::Camera;
 use crate::error::{Error, Result};
 use crate::lighting::Environment;
@@ -40,15 +40,16 @@ pub fn reference(
     }
     let occluders = options.shadows.then(|| Occluders::new(object.mesh));
     let light = LightSampler::new(environment);
-    draw(object, camera, options.samples, |point, number| {
+    let drawn = Drawn::new(object, camera, options.samples)?;
+    Ok(draw(object, &drawn, |point, number| {
         let appearance = look.at(point.triangle, point.weights, point.position);
         let free = |direction: Vec3| {
             // Opaque from within: what shines on the far side of the triangle is blocked by the object itself.
             point.geometric.dot(direction) > 0.0
                 && occluders.as_ref().is_none_or(|o| o.free(point.position.to_array(), direction.to_array()))
         };
-        radiance(point, &appearance, &light, options, number, &free)
-    })
+        radiance(point, &appearance, &light, options, number as u64, &free)
+    }))
 }
 
 fn radiance(

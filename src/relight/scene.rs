@@ -1,6 +1,6 @@
 //! An object under light from all around: what every evaluator shares.
 
-use super::appearance::{Appearance, Look};
+use super::appearance::Look;
 use super::cameras::bounds;
 use super::occlusion::Occlusion;
 use super::shadow::ShadowMap;
@@ -34,11 +34,14 @@ pub struct EnvironmentOptions {
     pub samples: u32,
     /// Places of the specular lobe looked at, [`Evaluator::Better`] only.
     pub taps: usize,
+    /// Sums the specular lobe at one of four samples and interpolates it between like normals, [`Evaluator::Better`] only: for pictures
+    /// in motion.
+    pub fast: bool,
 }
 
 impl Default for EnvironmentOptions {
     fn default() -> Self {
-        EnvironmentOptions { evaluator: Evaluator::Better, shadows: true, samples: 2, taps: 24 }
+        EnvironmentOptions { evaluator: Evaluator::Better, shadows: true, samples: 2, taps: 24, fast: false }
     }
 }
 
@@ -140,29 +143,99 @@ impl<'a> Scene<'a> {
 
     /// Renders one picture.
     pub fn render(&self, camera: &Camera, look: &dyn Look) -> Result<Relit> {
-        let shade = |point: &Point, _: u64| {
+        let drawn = Drawn::new(self.object, camera, self.options.samples)?;
+        let fast = self.options.fast && self.options.evaluator == Evaluator::Better;
+        let coarse = fast.then(|| self.coarse(&drawn, look));
+        Ok(draw(self.object, &drawn, |point: &Point, index| {
             let appearance = look.at(point.triangle, point.weights, point.position);
-            match self.options.evaluator {
-                Evaluator::Published => super::published::radiance(self, point, &appearance),
-                Evaluator::Better => super::better::radiance(self, point, &appearance),
+            match (self.options.evaluator, &coarse) {
+                (Evaluator::Published, _) => super::published::radiance(self, point, &appearance),
+                (Evaluator::Better, Some(coarse)) => {
+                    let shine = coarse.between(index % drawn.raster.width, index / drawn.raster.width, point.normal);
+                    super::better::radiance(self, point, &appearance, shine)
+                }
+                (Evaluator::Better, None) => super::better::radiance(self, point, &appearance, None),
             }
-        };
-        draw(self.object, camera, self.options.samples, shade)
+        }))
+    }
+
+    /// Specular reflection of the levels at every second sample of every second row.
+    fn coarse(&self, drawn: &Drawn, look: &dyn Look) -> Coarse {
+        let (width, height) = (drawn.raster.width.div_ceil(2), drawn.raster.height.div_ceil(2));
+        let rows = crate::parallel::map(height, |y| {
+            let at = |x: usize| {
+                // Of the four samples the first that shows the object.
+                let index = (0..4)
+                    .map(|k| {
+                        ((2 * x + k % 2).min(drawn.raster.width - 1), (2 * y + k / 2).min(drawn.raster.height - 1))
+                    })
+                    .map(|(x, y)| y * drawn.raster.width + x)
+                    .find(|&index| drawn.raster.is_covered(index))?;
+                let point = drawn.point(self.object, index);
+                let appearance = look.at(point.triangle, point.weights, point.position);
+                let prepared = appearance.specular.filter(|_| point.normal.dot(point.outgoing) > 0.0)?;
+                Some((point.normal, super::better::reflected(self, &point, prepared)))
+            };
+            (0..width).map(at).collect::<Vec<_>>()
+        });
+        Coarse { width, height, values: rows.concat() }
+    }
+}
+
+/// Normal and specular reflection of every fourth sample, where it shows a shiny object.
+struct Coarse {
+    width: usize,
+    height: usize,
+    values: Vec<Option<(Vec3, Vec3)>>,
+}
+
+impl Coarse {
+    /// Between the four nearest, those with a like normal counting most; `None` where none shows the object.
+    fn between(&self, x: usize, y: usize, normal: Vec3) -> Option<Vec3> {
+        let (column, row) = (x / 2, y / 2);
+        let beside =
+            |at: usize, odd: bool, size: usize| if odd { (at + 1).min(size - 1) } else { at.saturating_sub(1) };
+        let columns = [(column, 0.75), (beside(column, x % 2 == 1, self.width), 0.25)];
+        let rows = [(row, 0.75), (beside(row, y % 2 == 1, self.height), 0.25)];
+        let (mut sum, mut total) = (Vec3::ZERO, 0.0);
+        for (row, share) in rows {
+            for (column, part) in columns {
+                if let Some((other, value)) = self.values[row * self.width + column] {
+                    let weight = share * part * (1e-3 + (normal.dot(other).max(0.0)).powi(32));
+                    sum += weight * value;
+                    total += weight;
+                }
+            }
+        }
+        (total > 0.0).then(|| sum / total)
+    }
+}
+
+/// A mesh drawn with all samples of a picture.
+pub(super) struct Drawn {
+    raster: Raster,
+    centre: Vec3,
+    samples: usize,
+}
+
+impl Drawn {
+    /// Draws the object with `samples` samples of a pixel along each side.
+    pub(super) fn new(object: &Object, camera: &Camera, samples: u32) -> Result<Self> {
+        let fine = finer(camera, samples);
+        check_work(object.mesh, &fine)?;
+        let centre = Vec3::from_array(camera.centre().map(|x| x as f32));
+        Ok(Drawn { raster: rasterise(object.mesh, &fine), centre, samples: samples as usize })
+    }
+
+    fn point(&self, object: &Object, index: usize) -> Point {
+        surface_point(object, &self.raster, index, self.centre)
     }
 }
 
 /// Draws the object, shading each sample; the number that `shade` gets differs from sample to sample.
-pub(super) fn draw(
-    object: &Object,
-    camera: &Camera,
-    samples: u32,
-    shade: impl Fn(&Point, u64) -> [Vec3; 2] + Sync + Send,
-) -> Result<Relit> {
-    let fine = finer(camera, samples);
-    check_work(object.mesh, &fine)?;
-    let raster = rasterise(object.mesh, &fine);
-    let (width, height, n) = (camera.width as usize, camera.height as usize, samples as usize);
-    let centre = Vec3::from_array(camera.centre().map(|x| x as f32));
+pub(super) fn draw(object: &Object, drawn: &Drawn, shade: impl Fn(&Point, usize) -> [Vec3; 2] + Sync + Send) -> Relit {
+    let (raster, n) = (&drawn.raster, drawn.samples);
+    let (width, height) = (raster.width / n, raster.height / n);
     let rows = crate::parallel::map(height, |y| {
         let mut row = vec![([0f32; 3], [0f32; 3], 0f32); width];
         for (x, pixel) in row.iter_mut().enumerate() {
@@ -173,9 +246,9 @@ pub(super) fn draw(
                     continue;
                 }
                 hits += 1;
-                let point = surface_point(object, &raster, index, centre);
+                let point = drawn.point(object, index);
                 if point.normal.dot(point.outgoing) > 0.0 {
-                    let parts = shade(&point, index as u64);
+                    let parts = shade(&point, index);
                     sum = [sum[0] + parts[0], sum[1] + parts[1]];
                 }
             }
@@ -186,11 +259,11 @@ pub(super) fn draw(
         row
     });
     let pixels = rows.concat();
-    Ok(Relit {
+    Relit {
         image: Grid { width, height, data: pixels.iter().map(|p| p.0).collect() },
         diffuse: Grid { width, height, data: pixels.iter().map(|p| p.1).collect() },
         coverage: Grid { width, height, data: pixels.iter().map(|p| p.2).collect() },
-    })
+    }
 }
 
 /// The same view with more pixels.

@@ -103,7 +103,7 @@ pub fn pictures(
         _ => None,
     };
     let renderer = asset.map(Renderer::new).transpose()?;
-    let mut finish = |k: usize, mut relit: Relit| {
+    let mut finish = |k: usize, mut relit: Relit| -> Result<()> {
         if let (Some(asset), Some(renderer)) = (asset, &renderer) {
             add_detail(&mut relit, renderer, asset, &cameras[k])?;
         }
