@@ -92,8 +92,8 @@ impl Surroundings {
         })
     }
 
-    /// The signed spherical distance of every cell's direction to the edge of what the vertex sees, -pi/2 to pi/2. The edge is a chain of great
-    /// arcs between points that bisection finds on the lines between neighbouring cells.
+    /// The signed spherical distance of every cell's direction to the edge of what the vertex sees, -pi/2 to pi/2. The edge is
+    /// a chain of great arcs between points that bisection finds on the lines between neighbouring cells.
     pub fn signed_distances(&self, vertex: usize, grid: &Grid, scratch: &mut Scratch) {
         let Scratch { visible, point_of_pair, edge, links, cosine, nearest, distances } = scratch;
         visible.clear();
