@@ -244,8 +244,9 @@ fn child<'a>(object: &'a mut Map<String, Value>, key: &str) -> Option<&'a mut Ma
 
 /// The fallback's textures lie on the stream's atlas: where a tool moved them, the stream moves along.
 fn fallback_binding(material: &Map<String, Value>) -> Binding {
-    let pbr = material.get("pbrMetallicRoughness");
-    let info = ["baseColorTexture", "metallicRoughnessTexture"].iter().find_map(|key| pbr?.get(key)?.as_object());
+    let pbr = material.get("pbrMetallicRoughness").and_then(Value::as_object);
+    let places = [(pbr, "baseColorTexture"), (pbr, "metallicRoughnessTexture"), (Some(material), "emissiveTexture")];
+    let info = places.into_iter().find_map(|(of, key)| of?.get(key)?.as_object());
     info.map(Binding::of).unwrap_or_default()
 }
 
