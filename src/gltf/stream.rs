@@ -205,7 +205,9 @@ pub fn put(
         let index = match place {
             Some(index) => {
                 let entry = list.get_mut(index)?.as_object_mut()?;
-                ["bufferView", "uri", "levels", "sha256"].iter().for_each(|key| drop(entry.shift_remove(*key)));
+                ["bufferView", "uri", "mimeType", "levels", "sha256"]
+                    .iter()
+                    .for_each(|key| drop(entry.shift_remove(*key)));
                 entry.extend(appearance.as_object()?.clone());
                 index
             }

@@ -87,7 +87,7 @@ fn a_stream_goes_in_and_out_and_the_document_survives() {
     assert_eq!(put(&mut bound, material, &stream, vec![10, 1001], None).unwrap().0, 0);
     let bytes = bound.to_bytes().unwrap();
     let read = parse(&bytes).unwrap();
-    assert_eq!(read.to_bytes().unwrap(), bytes);
+    assert!(read.to_bytes().unwrap() == bytes);
     let taken = take(&read, 0, &no_files).unwrap();
     assert_eq!((&taken.stream, &taken.materials), (&stream, &vec![0]));
     assert_eq!(taken.appearance.levels, [10, 1001]);
@@ -103,7 +103,7 @@ fn a_stream_goes_in_and_out_and_the_document_survives() {
     let lengths = [&again, &original].map(|document| document.binary.as_ref().unwrap().len());
     assert_eq!(lengths[0], lengths[1] + 500);
     put(&mut again, material, &stream, vec![10, 1001], None).unwrap();
-    assert_eq!(again.to_bytes().unwrap(), bytes);
+    assert!(again.to_bytes().unwrap() == bytes);
 
     // A second one beside the document.
     let mut both = read.clone();
@@ -115,7 +115,8 @@ fn a_stream_goes_in_and_out_and_the_document_survives() {
 
     let mut stripped = read;
     remove(&mut stripped).unwrap();
-    assert_eq!(stripped.to_bytes().unwrap(), original.to_bytes().unwrap());
+    assert_eq!(stripped.json, original.json);
+    assert!(stripped.to_bytes().unwrap() == original.to_bytes().unwrap());
 }
 
 #[test]
