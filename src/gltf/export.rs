@@ -136,7 +136,7 @@ fn node(asset: &Asset, title: &str) -> Value {
 }
 
 /// Writes the vertices and triangles; returns the primitive.
-fn write_geometry(document: &mut Document, geometry: &Geometry) -> Result<Value> {
+pub(super) fn write_geometry(document: &mut Document, geometry: &Geometry) -> Result<Value> {
     let count = geometry.positions.len();
     let indices = geometry.triangles.iter().flatten();
     // The largest index of a type is kept free by glTF.
@@ -182,8 +182,8 @@ fn floats<const N: usize>(elements: &[[f32; N]]) -> Vec<u8> {
 fn write_material(document: &mut Document, fallback: &Fallback, name: &str, jpeg_quality: Option<u8>) -> Result<()> {
     let base = push_texture(document, &fallback.base_colour, "base colour", jpeg_quality)?;
     let mut pbr = json!({"baseColorTexture": {"index": base}, "metallicFactor": 0, "roughnessFactor": 1});
+    let mut material = json!({"name": name});
     let mut extensions = Map::new();
-    let mut used = Vec::new();
     if let (Some(roughness), Some(colour)) = (&fallback.metallic_roughness, &fallback.specular_colour) {
         let index = push_texture(document, roughness, "metallic-roughness", None)?;
         pbr["metallicFactor"] = json!(1);
@@ -192,17 +192,20 @@ fn write_material(document: &mut Document, fallback: &Fallback, name: &str, jpeg
         let factor = [fallback.specular_scale; 3];
         let object = json!({"specularColorFactor": factor, "specularColorTexture": {"index": index}});
         extensions.insert("KHR_materials_specular".into(), object);
-        used.push("KHR_materials_specular");
-    } else if fallback.is_unlit {
-        extensions.insert("KHR_materials_unlit".into(), json!({}));
-        used.push("KHR_materials_unlit");
     } else {
+        // Nothing but what is seen: no viewer's light adds a reflection.
         extensions.insert("KHR_materials_specular".into(), json!({"specularFactor": 0}));
-        used.push("KHR_materials_specular");
     }
-    let material = json!({"name": name, "pbrMetallicRoughness": pbr, "extensions": extensions});
+    if fallback.is_unlit {
+        // Shines by itself. KHR_materials_unlit would say the same, but excludes other extensions.
+        pbr = json!({"baseColorFactor": [0, 0, 0, 1], "metallicFactor": 0, "roughnessFactor": 1});
+        material["emissiveTexture"] = json!({"index": base});
+        material["emissiveFactor"] = json!([1, 1, 1]);
+    }
+    material["pbrMetallicRoughness"] = pbr;
+    material["extensions"] = json!(extensions);
     document.list_mut("materials")?.push(material);
-    document.list_mut("extensionsUsed")?.extend(used.into_iter().map(|name| json!(name)));
+    document.list_mut("extensionsUsed")?.push(json!("KHR_materials_specular"));
     Ok(())
 }
 

@@ -85,13 +85,15 @@ pub fn equivalent_lobe(sigma: f64) -> (f64, f64) {
 /// The material whose diffuse albedo is `diffuse`, and whose reflectance at normal incidence is `specular`, as far as there is one.
 ///
 /// How metallic it is follows from both brightnesses, as Khronos' conversion from specular-glossiness does it: a dark diffuse
-/// reflection below a specular one much brighter than 4 % is a metal's. What that leaves open of a dielectric's reflection goes into its
+/// reflection below a specular one much brighter than 4 % is a metal's; below 0.7 it is none. What that leaves open of a dielectric's reflection goes into its
 /// specular colour, so that viewers which know `KHR_materials_specular` show both as they were measured, and others come near.
 pub fn material(diffuse: [f64; 3], specular: [f64; 3], roughness: f64) -> Microfacets {
     let (diffuse, specular) = (diffuse.map(|x| x.clamp(0.0, 1.0)), specular.map(|x| x.clamp(0.0, 1.0)));
     let most = specular.iter().fold(0.0f64, |a, &b| a.max(b));
     let brightness = |c: [f64; 3]| (0.299 * c[0] * c[0] + 0.587 * c[1] * c[1] + 0.114 * c[2] * c[2]).sqrt();
-    let metallic = metalness(brightness(diffuse), brightness(specular), 1.0 - most);
+    // Fits are noisy, and half a metal is neither: only what is clearly one is made of metal.
+    let share = ((metalness(brightness(diffuse), brightness(specular), 1.0 - most) - 0.7) / 0.3).clamp(0.0, 1.0);
+    let metallic = share * share * (3.0 - 2.0 * share);
     let plastic = 1.0 - metallic;
     let base_colour = std::array::from_fn(|c| {
         // Light that the surface reflects doesn't reach its colour.

@@ -205,7 +205,9 @@ pub fn put(
         let index = match place {
             Some(index) => {
                 let entry = list.get_mut(index)?.as_object_mut()?;
-                ["bufferView", "uri", "levels", "sha256"].iter().for_each(|key| drop(entry.shift_remove(*key)));
+                ["bufferView", "uri", "mimeType", "levels", "sha256"]
+                    .iter()
+                    .for_each(|key| drop(entry.shift_remove(*key)));
                 entry.extend(appearance.as_object()?.clone());
                 index
             }
@@ -244,8 +246,9 @@ fn child<'a>(object: &'a mut Map<String, Value>, key: &str) -> Option<&'a mut Ma
 
 /// The fallback's textures lie on the stream's atlas: where a tool moved them, the stream moves along.
 fn fallback_binding(material: &Map<String, Value>) -> Binding {
-    let pbr = material.get("pbrMetallicRoughness");
-    let info = ["baseColorTexture", "metallicRoughnessTexture"].iter().find_map(|key| pbr?.get(key)?.as_object());
+    let pbr = material.get("pbrMetallicRoughness").and_then(Value::as_object);
+    let places = [(pbr, "baseColorTexture"), (pbr, "metallicRoughnessTexture"), (Some(material), "emissiveTexture")];
+    let info = places.into_iter().find_map(|(of, key)| of?.get(key)?.as_object());
     info.map(Binding::of).unwrap_or_default()
 }
 

@@ -87,7 +87,7 @@ fn a_stream_goes_in_and_out_and_the_document_survives() {
     assert_eq!(put(&mut bound, material, &stream, vec![10, 1001], None).unwrap().0, 0);
     let bytes = bound.to_bytes().unwrap();
     let read = parse(&bytes).unwrap();
-    assert_eq!(read.to_bytes().unwrap(), bytes);
+    assert!(read.to_bytes().unwrap() == bytes);
     let taken = take(&read, 0, &no_files).unwrap();
     assert_eq!((&taken.stream, &taken.materials), (&stream, &vec![0]));
     assert_eq!(taken.appearance.levels, [10, 1001]);
@@ -100,9 +100,10 @@ fn a_stream_goes_in_and_out_and_the_document_survives() {
     let material = find_material(&again, &sha256(&stream), None).unwrap();
     put(&mut again, material, &stream[..500], vec![500], None).unwrap();
     assert_eq!(appearances(&again).unwrap().len(), 1);
-    assert_eq!(again.to_bytes().unwrap().len(), bytes.len() - 500);
+    let lengths = [&again, &original].map(|document| document.binary.as_ref().unwrap().len());
+    assert_eq!(lengths[0], lengths[1] + 500);
     put(&mut again, material, &stream, vec![10, 1001], None).unwrap();
-    assert_eq!(again.to_bytes().unwrap(), bytes);
+    assert!(again.to_bytes().unwrap() == bytes);
 
     // A second one beside the document.
     let mut both = read.clone();
@@ -114,7 +115,8 @@ fn a_stream_goes_in_and_out_and_the_document_survives() {
 
     let mut stripped = read;
     remove(&mut stripped).unwrap();
-    assert_eq!(stripped.to_bytes().unwrap(), original.to_bytes().unwrap());
+    assert_eq!(stripped.json, original.json);
+    assert!(stripped.to_bytes().unwrap() == original.to_bytes().unwrap());
 }
 
 #[test]
@@ -176,7 +178,7 @@ fn what_is_wrong_is_said() {
     let error = find_material(&unknown, "", None).unwrap_err().to_string();
     assert!(error.contains("lacquer") && error.contains("other"), "{error}");
     assert!(put(&mut unknown, 2, b"", vec![], None).is_err());
-    unknown.json["extensions"] = json!([]);
+    unknown.json.insert("extensions".into(), json!([]));
     assert!(put(&mut unknown, 0, b"", vec![], None).is_err());
 }
 
@@ -287,7 +289,7 @@ fn the_fallback_reflects_what_was_fitted() {
     let map = |colour: [f32; 3]| Grid::filled(140, 24, colour);
     let (intensity, place) = ([8.0, 6.0, 4.0], [0.0, 0.0, 2.0]);
     let unit = [2.0, 1.5, 1.0];
-    // White board of albedo 0.9 facing a light of intensity 4 x unit at distance 2.
+    // White board of albedo 0.9 facing a light of intensity 4 x unit at distance 2: no unit to be found.
     let view =
         View { name: "a".into(), camera: Default::default(), light: Some(PointLight { position: place, intensity }) };
     let asset = Asset {
@@ -304,7 +306,7 @@ fn the_fallback_reflects_what_was_fitted() {
         ..Asset::default()
     };
     let fallback = bake(&asset, 0.9).unwrap();
-    assert!(fallback.unit.iter().all(|u| (u * 2.0 - 1.0).abs() < 1e-9), "{:?}", fallback.unit);
+    assert!(fallback.unit.iter().all(|u| (u - 1.0).abs() < 1e-9), "{:?}", fallback.unit);
 }
 
 #[test]
