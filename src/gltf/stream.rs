@@ -13,16 +13,10 @@ pub fn sha256(bytes: &[u8]) -> String {
 }
 
 /// How texture coordinates lead to the atlas: the set and the transform of a `textureInfo` object.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct Binding {
     /// `texCoord` and `extensions.KHR_texture_transform`, as in glTF.
     info: Map<String, Value>,
-}
-
-impl Default for Binding {
-    fn default() -> Self {
-        Binding { info: Map::new() }
-    }
 }
 
 impl Binding {

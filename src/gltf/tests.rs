@@ -35,7 +35,7 @@ fn document() -> Document {
         "meshes": [{"primitives": [{}]}],
         "materials": [
             {"name": "lacquer", "pbrMetallicRoughness": {"baseColorTexture": {"index": 0, "unknown": {"kept": true}}}},
-            {"name": "other", "extensions": {"VENDOR_thing": {"deep": [null, 3.14159265358979]}}},
+            {"name": "other", "extensions": {"VENDOR_thing": {"deep": [null, 1.23456789012345]}}},
         ],
         "VENDOR_root": "stays",
     });

@@ -85,7 +85,9 @@ pub struct Export {
 impl Export {
     fn run(self) -> Result<()> {
         let beside = beside(&self.output, self.external)?;
-        for path in [Some(&self.output), beside.as_ref(), self.picture.as_ref()].into_iter().flatten() {
+        // The file itself may be the one beside the GLB.
+        let written = beside.as_ref().filter(|path| !is_same(path, &self.file));
+        for path in [Some(&self.output), written, self.picture.as_ref()].into_iter().flatten() {
             output::check_free(path, self.force)?;
         }
         let stream = read(&self.file)?;
@@ -100,7 +102,7 @@ impl Export {
         let exported = gltf::export(&stream, &asset, &options).with_context(|| name(&self.file))?;
         let measured = self.against.as_ref().map(|capture| self.measure(capture, &exported.fallback)).transpose()?;
         let bytes = exported.document.to_bytes()?;
-        if let Some(path) = &beside {
+        if let Some(path) = written {
             output::write(path, &stream, self.force)?;
         }
         output::write(&self.output, &bytes, self.force)?;
@@ -256,7 +258,8 @@ impl Inject {
         container::verify(&stream[..], limits()).with_context(|| name(&self.stream))?;
         let asset = without_photographs(&self.stream, &stream)?;
         let beside = beside(&self.output, self.external || !document.is_glb())?;
-        for path in [Some(&self.output), beside.as_ref()].into_iter().flatten() {
+        let written = beside.as_ref().filter(|path| !is_same(path, &self.stream));
+        for path in [Some(&self.output), written].into_iter().flatten() {
             output::check_free(path, self.force)?;
         }
         let material = gltf::find_material(&document, &gltf::sha256(&stream), self.material.as_deref())
@@ -272,8 +275,8 @@ impl Inject {
             check_mesh(&document, &[material], &binding, &asset, &files)?;
         }
         let bytes = document.to_bytes()?;
-        if let Some(path) = beside.filter(|path| !is_same(path, &self.stream)) {
-            output::write(&path, &stream, self.force)?;
+        if let Some(path) = written {
+            output::write(path, &stream, self.force)?;
         }
         output::write(&self.output, &bytes, self.force)
     }
