@@ -39,7 +39,7 @@ fn rgl_to_a_model_to_merl() {
         (&report["name"], &report["form"], &report["bytes"]),
         (&"felt".into(), &"cook-torrance-ggx".into(), &32.into())
     );
-    assert!(report["log_rmse"].as_f64().unwrap() < 0.04, "{report}");
+    assert!(report["log_rmse"].as_f64().unwrap() < 0.05, "{report}");
     assert!(report["albedo_max"].as_f64().unwrap() < 1.0, "{report}");
     assert!(report["sphere_psnr_db"]["point"].as_f64().unwrap() > 28.0, "{report}");
     assert!(report["sphere_psnr_db"]["environment"].as_f64().unwrap() > 28.0, "{report}");

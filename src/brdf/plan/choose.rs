@@ -5,7 +5,7 @@ use crate::brdf::HalfDifference;
 use std::f64::consts::FRAC_PI_2;
 
 /// Least variance, as a part of the greatest: where all materials agree its inverse would have no bound.
-const VARIANCE_FLOOR: f64 = 0.1;
+const VARIANCE_FLOOR: f64 = 0.01;
 /// Slices of `theta_d` at most, as published.
 const MOST_SLICES: usize = 18;
 

@@ -1,7 +1,7 @@
 //! What to measure: angles for a budget of samples, chosen from a population of measured materials, and materials out of such samples.
 //!
 //! Three methods. **Uniform**: equal steps of `theta_h` in equal slices of `theta_d`. **Published** (DSBRDF, equations 10 and 11): steps
-//! of `theta_h` that shrink where the materials' logarithms vary more, `theta'_i = 90 deg A_i / A_89` with `A_i = sum 1 / sigma_k^2`.
+//! of `theta_h` that shrink where the materials' `ln(1 + f)` varies more, `theta'_i = 90 deg A_i / A_89` with `A_i = sum 1 / sigma_k^2`.
 //! **Optimal**: one sample after the other, each where it lowers the expected error most (Bayesian A-optimal design, Chaloner and
 //! Verdinelli 1995), given the principal components of the population's logarithms; after Nielsen, Jensen and Ramamoorthi 2015 and Xu
 //! et al. 2016, who choose samples by the condition of such a basis. A plan of any method carries the components, so that
