@@ -1,8 +1,8 @@
 //! How far a fitted material is from the measured one.
 
+use super::Brdf;
 use super::merl::{CellGrid, MerlTable, THETA_H_BINS};
 use super::sphere::SphereScenes;
-use super::Brdf;
 use crate::parallel;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::{FRAC_PI_2, PI};

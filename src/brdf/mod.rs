@@ -4,9 +4,9 @@ mod angles;
 pub mod dsbrdf;
 #[cfg(feature = "encode")]
 pub mod errors;
-pub mod materials;
 #[cfg(feature = "encode")]
 pub mod forms;
+pub mod materials;
 #[cfg(feature = "encode")]
 pub mod merl;
 pub mod models;

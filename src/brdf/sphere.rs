@@ -18,10 +18,10 @@ mod picture;
 pub use environment::{Environment, studio};
 pub use picture::{exposure, psnr_db};
 
-use super::errors::SpherePsnr;
 use super::Brdf;
-use crate::parallel;
+use super::errors::SpherePsnr;
 use crate::image::{Grid, Mask, RgbImage};
+use crate::parallel;
 use std::f64::consts::{FRAC_PI_2, PI};
 
 /// Place of the point light.

@@ -16,6 +16,7 @@ pub mod views;
 mod writer;
 
 pub use reader::Container;
+#[cfg(feature = "encode")]
 pub(crate) use section::push_number;
 pub use section::{Section, SectionCodec};
 pub use stream::{Prefix, SectionStream, read_prefix, read_stream, verify};

@@ -160,6 +160,7 @@ impl Specular {
     }
 
     /// A half vector drawn from the lobes by two uniform numbers.
+    #[cfg(feature = "encode")]
     pub(super) fn sample(&self, u: [f64; 2]) -> DVec3 {
         let mut before = 0.0;
         for (lobe, &share) in self.lobes.iter().zip(&self.shares) {

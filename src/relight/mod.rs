@@ -35,10 +35,10 @@ pub use models::TorranceSparrow;
 pub use occlusion::Occlusion;
 #[cfg(feature = "encode")]
 pub use reference::{ReferenceOptions, reference};
-pub use surround::{DistantLight, Surround, SurroundOptions};
-pub use textures::{AssetLook, Texture, TexturedLook, Textures};
 pub use renderer::Renderer;
 pub use scene::{EnvironmentOptions, Evaluator, Object, Relit, Scene};
+pub use surround::{DistantLight, Surround, SurroundOptions};
+pub use textures::{AssetLook, Texture, TexturedLook, Textures};
 
 use crate::asset::{Asset, Camera, PointLight};
 use crate::error::Result;

@@ -21,7 +21,7 @@ const LEVEL_SIDE: usize = 256;
 /// What is shown: an asset, or a mesh of one material.
 pub enum Subject {
     Asset(Box<Asset>),
-    Mesh { mesh: Mesh, material: JobMaterial, folder: PathBuf, file: PathBuf },
+    Mesh { mesh: Mesh, material: Box<JobMaterial>, folder: PathBuf, file: PathBuf },
 }
 
 impl Subject {
@@ -43,7 +43,7 @@ impl Subject {
                 // A roughness that varies is left out of the material that is the same all over.
                 let varies = textures.roughness.is_some();
                 let roughness = material.roughness.clone().filter(|_| !varies);
-                let base = JobMaterial { roughness, ..material.clone() };
+                let base = JobMaterial { roughness, ..(**material).clone() };
                 let base = if varies { JobMaterial { model: "lambert".into(), ..base } } else { base };
                 let part = |roughness: f64| {
                     let none = || Error::parameter("material: this model has no roughness");
@@ -159,7 +159,7 @@ pub fn subject(job: &Job, folder: &Path, detail: bool) -> Result<Subject> {
         (None, Some(file), Some(material)) => {
             let file = folder.join(file);
             let mesh = mesh::read::read(&file)?;
-            Ok(Subject::Mesh { mesh, material: material.clone(), folder: folder.to_owned(), file })
+            Ok(Subject::Mesh { mesh, material: Box::new(material.clone()), folder: folder.to_owned(), file })
         }
         _ => Err(Error::parameter("a job has either asset, or mesh and material").into()),
     }

@@ -14,8 +14,10 @@ use tsuya::visibility::bake::{BakeOptions, bake};
 fn ball() -> Mesh {
     let (rings, sectors) = (55, 110);
     let vertex = |k: usize| {
-        let (theta, phi) =
-            ((k / sectors) as f32 / (rings - 1) as f32 * 3.14159, (k % sectors) as f32 / sectors as f32 * 6.28318);
+        let (theta, phi) = (
+            (k / sectors) as f32 / (rings - 1) as f32 * std::f32::consts::PI,
+            (k % sectors) as f32 / sectors as f32 * std::f32::consts::TAU,
+        );
         let radius = 1.0 + 0.15 * (5.0 * theta).sin() * (6.0 * phi).sin();
         [radius * theta.sin() * phi.cos(), radius * theta.cos(), radius * theta.sin() * phi.sin()]
     };
