@@ -70,7 +70,7 @@ fn rgl_to_a_model_to_merl() {
     assert!(std::fs::metadata(tuned).unwrap().len() < 400);
     assert!(output(&["verify", tuned, "--deep"]).contains("1 materials decode"));
     let close = values(tuned);
-    assert!((0..6).all(|k| (close[k] / measured[k] - 1.0).abs() < 0.1), "{close:?} {measured:?}");
+    assert!((0..6).all(|k| (close[k] / measured[k] - 1.0).abs() < 0.2), "{close:?} {measured:?}");
     tsuya(&["brdf", "convert", tuned, "-o", text(&again), "--force"]).code(0);
     assert!(json(&["brdf", "fit", text(&again), "--json"])["log_rmse"].as_f64().unwrap() < 0.005);
     tsuya(&["brdf", "convert", table, "-o", lobes, "--form", "published", "--slices", "6"]).code(0);
