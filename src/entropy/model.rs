@@ -29,7 +29,12 @@ impl BitModel {
     #[inline(always)]
     pub fn update(&mut self, bit: bool) {
         let target = if bit { 65535 } else { 0 };
-        let step = (target - self.probability as i32) * 2 / (2 * self.count as i32 + 3);
+        let twice = (target - self.probability as i32) * 2;
+        // Nearly every model has settled: a division by a constant is a product.
+        let step = match self.count {
+            SLOWEST => twice / (2 * SLOWEST as i32 + 3),
+            count => twice / (2 * count as i32 + 3),
+        };
         self.probability = (self.probability as i32 + step) as u16;
         self.count = (self.count + 1).min(SLOWEST);
     }

@@ -57,6 +57,39 @@ const CAUSAL: [(isize, isize); 10] =
 const COVERAGE: [(isize, isize); 10] =
     [(0, 0), (1, 0), (0, 1), (-1, 0), (0, -1), (1, 1), (-1, 1), (2, 0), (0, 2), (3, 0)];
 
+/// The value that all neighbours of [`CAUSAL`] and [`COVERAGE`] have, where they have the same.
+#[inline(always)]
+fn plain(coded: &Padded, covered: &Padded, at: usize) -> Option<usize> {
+    // Columns from -3 to 4 of a row, a byte each.
+    let row = |grid: &Padded, row: isize| {
+        let start = (at as isize - MARGIN as isize + row * grid.stride as isize) as usize;
+        grid.bits.get(start..).and_then(|rest| rest.first_chunk()).map_or(0, |bytes| u64::from_le_bytes(*bytes))
+    };
+    const fn columns(first: isize, last: isize) -> u64 {
+        let (first, last) = (first + MARGIN as isize, last + MARGIN as isize);
+        (u64::MAX >> (8 * (7 - last))) & (u64::MAX << (8 * first)) & 0x0101_0101_0101_0101
+    }
+    let parts = [
+        (row(coded, -2), columns(-1, 1)),
+        (row(coded, -1), columns(-2, 2)),
+        (row(coded, 0), columns(-2, -1)),
+        (row(covered, -1), columns(0, 0)),
+        (row(covered, 0), columns(-1, 3)),
+        (row(covered, 1), columns(-1, 1)),
+        (row(covered, 2), columns(0, 0)),
+    ];
+    let (mut any, mut missing) = (0, 0);
+    for (bits, wanted) in parts {
+        any |= bits & wanted;
+        missing |= !bits & wanted;
+    }
+    match (any, missing) {
+        (0, _) => Some(0),
+        (_, 0) => Some(1),
+        _ => None,
+    }
+}
+
 /// Codes a mask; in decoding `mask` is `None` and the read one is returned.
 pub fn code<C: BitCoder>(coder: &mut C, models: &mut MaskModels, coverage: &Mask, mask: Option<&Mask>) -> Mask {
     let (width, height) = (coverage.width, coverage.height);
@@ -73,11 +106,11 @@ pub fn code<C: BitCoder>(coder: &mut C, models: &mut MaskModels, coverage: &Mask
         for x in 0..width {
             let at = covered.index(x, y);
             let wanted = mask.is_some_and(|m| *m.at(x, y));
-            let causal = coded.read(at, &CAUSAL);
-            let around = covered.read(at, &COVERAGE);
-            let bit = if (causal == 0 && around == 0) || (causal == 1023 && around == 1023) {
-                models.plain[(around & 1) as usize].code(coder, wanted)
+            let bit = if let Some(side) = plain(&coded, &covered, at) {
+                models.plain[side].code(coder, wanted)
             } else {
+                let causal = coded.read(at, &CAUSAL);
+                let around = covered.read(at, &COVERAGE);
                 let past = covered.read(at, &CAUSAL[..6]);
                 let contexts: [u32; INPUTS] = [
                     (causal >> 6) << 5 | around >> 5,

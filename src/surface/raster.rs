@@ -81,23 +81,24 @@ pub fn rasterise(mesh: &Mesh, camera: &Camera) -> Raster {
             let (a, b, sign) = if corners[i] <= corners[j] { (c[i], c[j], 1.0) } else { (c[j], c[i], -1.0) };
             ([a[0], a[1]], [b[0] - a[0], b[1] - a[1]], sign)
         });
-        let edge = |k: usize, x: f64, y: f64| {
+        // `sign * (d[0] * (y - a[1]) - d[1] * (x - a[0]))`, in parts: the first product is the same for a row.
+        let row = |k: usize, y: f64| edges[k].1[0] * (y - edges[k].0[1]);
+        let edge = |k: usize, row: f64, x: f64| {
             let (a, d, sign) = &edges[k];
-            sign * (d[0] * (y - a[1]) - d[1] * (x - a[0]))
+            sign * (row - d[1] * (x - a[0]))
         };
         let low = |axis: usize| c[0][axis].min(c[1][axis]).min(c[2][axis]);
         let high = |axis: usize| c[0][axis].max(c[1][axis]).max(c[2][axis]);
         let first = |axis: usize| (low(axis) - 0.5).max(0.0) as usize;
         let last = |axis: usize, size: usize| ((high(axis) + 0.5).max(0.0) as usize).min(size);
         let inverse = [1.0 / c[0][2], 1.0 / c[1][2], 1.0 / c[2][2]];
+        let columns = first(0)..last(0, width);
         for y in first(1)..last(1, height) {
-            for x in first(0)..last(0, width) {
-                let (px, py) = (x as f64 + 0.5, y as f64 + 0.5);
-                let (first, second) = (edge(0, px, py), edge(1, px, py));
-                if (first > 0.0 && second < 0.0) || (first < 0.0 && second > 0.0) {
-                    continue;
-                }
-                let e = [first, second, edge(2, px, py)];
+            let py = y as f64 + 0.5;
+            let rows = [row(0, py), row(1, py), row(2, py)];
+            for x in columns.clone() {
+                let px = x as f64 + 0.5;
+                let e = [edge(0, rows[0], px), edge(1, rows[1], px), edge(2, rows[2], px)];
                 let inside = (e[0] >= 0.0 && e[1] >= 0.0 && e[2] >= 0.0) || (e[0] <= 0.0 && e[1] <= 0.0 && e[2] <= 0.0);
                 let area = e[0] + e[1] + e[2];
                 if !inside || area == 0.0 {

@@ -8,6 +8,7 @@ use crate::asset::{Mesh, View};
 use crate::image::Mask;
 use crate::transform::shape_adaptive::Pixel;
 use crate::vector::dot;
+use glam::Vec4;
 
 /// A mesh with what every view needs of it.
 #[derive(Debug)]
@@ -119,48 +120,79 @@ pub struct Source {
     shading: f32,
 }
 
-/// Finds every mask pixel of `target` (its geometry extended to the mask) in `reference`; parallel to `pixels`.
-pub fn find(target: &Geometry, reference: &Geometry, pixels: &[u32]) -> Vec<Source> {
-    let nowhere = Source { position: [0.0; 2], weight: 0.0, shading: 1.0 };
-    let (from, to) = (&target.view.camera, &reference.view.camera);
-    let (centre, eye) = (from.centre(), to.centre());
-    let lights = target.view.light.zip(reference.view.light);
-    pixels
+/// Finds every mask pixel of `target` (its geometry extended to the mask) in each reference; each parallel to `pixels`.
+pub fn find(target: &Geometry, references: &[&Geometry], pixels: &[u32]) -> Vec<Vec<Source>> {
+    let from = &target.view.camera;
+    let centre = from.centre();
+    let to: Vec<(&Geometry, [f64; 3], Option<Lights>)> = references
         .iter()
-        .map(|&at| {
-            let at = at as usize;
-            let depth = target.raster.depth[at];
-            if depth == 0.0 {
-                return nowhere;
-            }
-            let (x, y) = (at % target.raster.width, at / target.raster.width);
-            let ray = from.ray([x as f64 + 0.5, y as f64 + 0.5]);
-            let point: [f64; 3] = std::array::from_fn(|k| centre[k] + depth * ray[k]);
-            let Some((position, distance)) = to.project(point) else { return nowhere };
-            if !is_visible(&reference.raster, position, distance) {
-                return nowhere;
-            }
-            let normal = target.normals[at].map(f64::from);
-            let towards: [f64; 3] = std::array::from_fn(|k| eye[k] - point[k]);
-            let cosine = dot(normal, towards) / dot(towards, towards).sqrt();
-            let cosine = if cosine > 0.05 { cosine } else { 0.05 };
-            let shading = match lights {
-                Some((here, there)) => {
-                    let irradiance = |light: [f64; 3]| {
-                        let l: [f64; 3] = std::array::from_fn(|k| light[k] - point[k]);
-                        let square = dot(l, l);
-                        let cosine = dot(normal, l) / square.sqrt();
-                        (if cosine > LEAST_COSINE { cosine } else { LEAST_COSINE }) / square
-                    };
-                    let ratio = irradiance(here.position) / irradiance(there.position);
-                    let brightness = mean(here.intensity) / mean(there.intensity);
-                    (ratio * brightness).sqrt().clamp(0.25, 4.0) as f32
-                }
-                None => 1.0,
-            };
-            Source { position: position.map(|p| p as f32), weight: (cosine * cosine) as f32, shading }
+        .map(|&reference| {
+            let lights = target.view.light.zip(reference.view.light).map(|(here, there)| Lights {
+                there: there.position,
+                brightness: mean(here.intensity) / mean(there.intensity),
+            });
+            (reference, reference.view.camera.centre(), lights)
         })
-        .collect()
+        .collect();
+    let mut found: Vec<Vec<Source>> = references.iter().map(|_| Vec::with_capacity(pixels.len())).collect();
+    for &at in pixels {
+        let at = at as usize;
+        let depth = target.raster.depth[at];
+        let (x, y) = (at % target.raster.width, at / target.raster.width);
+        let ray = from.ray([x as f64 + 0.5, y as f64 + 0.5]);
+        let point: [f64; 3] = std::array::from_fn(|k| centre[k] + depth * ray[k]);
+        let normal = target.normals[at].map(f64::from);
+        let here = target.view.light.map(|light| irradiance(point, normal, light.position));
+        for ((reference, eye, lights), found) in to.iter().zip(&mut found) {
+            let source = (depth != 0.0).then(|| find_point(point, normal, here, reference, *eye, lights.as_ref()));
+            found.push(source.flatten().unwrap_or(NOWHERE));
+        }
+    }
+    found
+}
+
+/// The light of a reference: its place, and how much brighter the target's is.
+struct Lights {
+    there: [f64; 3],
+    brightness: f64,
+}
+
+const NOWHERE: Source = Source { position: [0.0; 2], weight: 0.0, shading: 1.0 };
+
+/// Where a reference shows a point; `here` is the irradiance that the target's light gives it.
+#[inline(always)]
+fn find_point(
+    point: [f64; 3],
+    normal: [f64; 3],
+    here: Option<f64>,
+    reference: &Geometry,
+    eye: [f64; 3],
+    lights: Option<&Lights>,
+) -> Option<Source> {
+    let (position, distance) = reference.view.camera.project(point)?;
+    if !is_visible(&reference.raster, position, distance) {
+        return None;
+    }
+    let towards: [f64; 3] = std::array::from_fn(|k| eye[k] - point[k]);
+    let cosine = dot(normal, towards) / dot(towards, towards).sqrt();
+    let cosine = if cosine > 0.05 { cosine } else { 0.05 };
+    let shading = match (here, lights) {
+        (Some(here), Some(lights)) => {
+            let ratio = here / irradiance(point, normal, lights.there);
+            (ratio * lights.brightness).sqrt().clamp(0.25, 4.0) as f32
+        }
+        _ => 1.0,
+    };
+    Some(Source { position: position.map(|p| p as f32), weight: (cosine * cosine) as f32, shading })
+}
+
+/// Irradiance of a point by a light of unit intensity.
+#[inline(always)]
+fn irradiance(point: [f64; 3], normal: [f64; 3], light: [f64; 3]) -> f64 {
+    let l: [f64; 3] = std::array::from_fn(|k| light[k] - point[k]);
+    let square = dot(l, l);
+    let cosine = dot(normal, l) / square.sqrt();
+    (if cosine > LEAST_COSINE { cosine } else { LEAST_COSINE }) / square
 }
 
 fn mean(v: [f64; 3]) -> f64 {
@@ -178,9 +210,9 @@ fn is_visible(raster: &Raster, position: [f64; 2], distance: f64) -> bool {
         return false;
     }
     let mut farthest = 0.0;
+    let columns = x.saturating_sub(1)..(x + 2).min(raster.width);
     for ny in y.saturating_sub(1)..(y + 2).min(raster.height) {
-        for nx in x.saturating_sub(1)..(x + 2).min(raster.width) {
-            let depth = raster.depth[ny * raster.width + nx];
+        for &depth in &raster.depth[ny * raster.width..][columns.clone()] {
             if depth > farthest {
                 farthest = depth;
             }
@@ -226,33 +258,43 @@ impl Reference {
 
     /// Catmull-Rom interpolation; `position` is clamped to the picture.
     #[inline(always)]
-    fn read(&self, position: [f32; 2]) -> Pixel {
+    fn read(&self, position: [f32; 2]) -> Vec4 {
         let (x, y) = (position[0] - 0.5, position[1] - 0.5);
-        let (left, top) = (x.floor(), y.floor());
-        let (wx, wy) = (catmull_rom(x - left), catmull_rom(y - top));
+        let (left, top) = (floor(x), floor(y));
+        let (wx, wy) = (catmull_rom(x - left as f32), catmull_rom(y - top as f32));
         let (left, top) = (left as i64 - 1, top as i64 - 1);
-        // Four columns without the clamp where all of them are inside.
-        let inside = (left >= 0 && left + 4 <= self.width as i64).then_some(left as usize);
-        let mut sum = [0.0f32; 4];
-        for (j, wy) in wy.into_iter().enumerate() {
-            let start = (top + j as i64).clamp(0, self.height as i64 - 1) as usize * self.width;
-            let row = &self.pixels[start..start + self.width];
-            let taps: [Pixel; 4] = match inside.and_then(|left| row.get(left..)?.first_chunk()) {
-                Some(taps) => *taps,
-                None => std::array::from_fn(|i| row[(left + i as i64).clamp(0, self.width as i64 - 1) as usize]),
-            };
-            let mut line = [0.0f32; 4];
-            for (wx, pixel) in wx.into_iter().zip(&taps) {
-                for k in 0..4 {
-                    line[k] += wx * pixel[k];
+        let (width, height) = (self.width as i64, self.height as i64);
+        let mut sum = Vec4::ZERO;
+        let mut add = |j: usize, taps: &[Pixel; 4]| {
+            let mut line = Vec4::ZERO;
+            for (wx, pixel) in wx.into_iter().zip(taps) {
+                line += Vec4::splat(wx) * Vec4::from_array(*pixel);
+            }
+            sum += Vec4::splat(wy[j]) * line;
+        };
+        if left >= 0 && top >= 0 && left + 4 <= width && top + 4 <= height {
+            for j in 0..4 {
+                let start = (top as usize + j) * self.width + left as usize;
+                if let Some(taps) = self.pixels.get(start..).and_then(|row| row.first_chunk()) {
+                    add(j, taps);
                 }
             }
-            for k in 0..4 {
-                sum[k] += wy * line[k];
+        } else {
+            for j in 0..4 {
+                let row = (top + j as i64).clamp(0, height - 1) * width;
+                let taps = std::array::from_fn(|i| self.pixels[(row + (left + i as i64).clamp(0, width - 1)) as usize]);
+                add(j, &taps);
             }
         }
         sum
     }
+}
+
+/// The largest integer not above a number whose magnitude is below 2^31.
+#[inline(always)]
+fn floor(value: f32) -> i32 {
+    let towards_zero = value as i32;
+    towards_zero - (towards_zero as f32 > value) as i32
 }
 
 /// Sets each wanted pixel to the mean of its known neighbours; returns those that had one.
@@ -295,21 +337,18 @@ pub fn predict(mask: &Mask, pixels: &[u32], references: &[(&Reference, &[Source]
     let mut known = vec![false; width * height];
     let mut holes = Vec::new();
     for (index, &at) in pixels.iter().enumerate() {
-        let (mut sum, mut total) = ([0.0f32; 4], 0.0f32);
+        let (mut sum, mut total) = (Vec4::ZERO, 0.0f32);
         for (reference, sources, share) in references {
             let source = &sources[index];
             let weight = share * source.weight;
             if weight > 0.0 {
-                let value = reference.read(source.position);
                 let factor = if shaded { weight * source.shading } else { weight };
-                for k in 0..4 {
-                    sum[k] += factor * value[k];
-                }
+                sum += Vec4::splat(factor) * reference.read(source.position);
                 total += weight;
             }
         }
         if total > 0.0 {
-            out[at as usize] = sum.map(|v| v / total);
+            out[at as usize] = (sum / Vec4::splat(total)).to_array();
             known[at as usize] = true;
         } else {
             holes.push(at as usize);
@@ -355,8 +394,8 @@ mod tests {
         let pixels: Vec<u32> = (0..48 * 32).collect();
         let picture: Vec<Pixel> = (0..48 * 32).map(|i| [(i % 48) as f32, (i / 48) as f32, 1.0, 0.0]).collect();
         let reference = Reference::new(picture, &mask);
-        let sources = find(&here, &there, &pixels);
-        let predicted = predict(&mask, &pixels, &[(&reference, &sources, 1.0)], true);
+        let sources = &find(&here, &[&there], &pixels)[0];
+        let predicted = predict(&mask, &pixels, &[(&reference, sources, 1.0)], true);
         // Parallax: 40 * 0.5 / 4 = 5 pixels; brightness: sqrt(4).
         let at = 16 * 48 + 20;
         for (value, expected) in predicted[at].iter().zip([2.0 * 25.0, 2.0 * 16.0, 2.0, 0.0]) {

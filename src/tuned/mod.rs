@@ -140,15 +140,12 @@ struct Sources<'d> {
 
 impl<'d> Sources<'d> {
     fn new(stage: &Stage, step: &Step, decoded: &'d [Option<DecodedView>]) -> Self {
-        let of = step
-            .references
-            .iter()
-            .filter_map(|&(view, share)| {
-                let reference = decoded.get(view)?.as_ref()?;
-                let sources = find(&stage.geometry, &reference.stage.geometry, &stage.pixels);
-                Some((reference, sources, share as f32))
-            })
+        let references: Vec<(&DecodedView, f32)> = (step.references.iter())
+            .filter_map(|&(view, share)| Some((decoded.get(view)?.as_ref()?, share as f32)))
             .collect();
+        let geometries: Vec<&Geometry> = references.iter().map(|(view, _)| &view.stage.geometry).collect();
+        let found = find(&stage.geometry, &geometries, &stage.pixels);
+        let of = references.into_iter().zip(found).map(|((view, share), sources)| (view, sources, share)).collect();
         Sources { of }
     }
 }
