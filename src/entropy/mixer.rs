@@ -4,6 +4,7 @@
 //! the order written, so every platform reaches the same probabilities (normative, `spec/entropy.md`).
 
 use super::BitCoder;
+use glam::Vec4;
 use std::sync::LazyLock;
 
 /// `2^20 / (1 + e^(-k / 4))`, k = 0..=48, rounded. Part of the format.
@@ -98,21 +99,27 @@ impl Mixer {
     #[inline(always)]
     pub fn probability(&self, contexts: &[u32; INPUTS], selectors: &[u32; SELECTORS]) -> u32 {
         let tables = &*TABLES;
-        let inputs: [f32; INPUTS] =
-            std::array::from_fn(|k| tables.stretch[self.slots[k][contexts[k] as usize].probability_12()]);
-        self.mix(tables, &inputs, selectors).0
+        self.mix(tables, self.inputs(tables, contexts), selectors).0
+    }
+
+    /// Log-odds that each context predicts.
+    #[inline(always)]
+    fn inputs(&self, tables: &Tables, contexts: &[u32; INPUTS]) -> [Vec4; 2] {
+        let input = |k: usize| tables.stretch[self.slots[k][contexts[k] as usize].probability_12()];
+        [Vec4::new(input(0), input(1), input(2), input(3)), Vec4::new(input(4), input(5), input(6), input(7))]
     }
 
     #[inline(always)]
-    fn mix(&self, tables: &Tables, inputs: &[f32; INPUTS], selectors: &[u32; SELECTORS]) -> (u32, [u32; SELECTORS]) {
+    fn mix(&self, tables: &Tables, inputs: [Vec4; 2], selectors: &[u32; SELECTORS]) -> (u32, [u32; SELECTORS]) {
         let mut sum = 0.0;
-        let each = std::array::from_fn(|s| {
+        let mut each = [0; SELECTORS];
+        for s in 0..SELECTORS {
             let weights = &self.weights[s][selectors[s] as usize];
-            let lanes: [f32; 4] = std::array::from_fn(|k| weights[k] * inputs[k] + weights[k + 4] * inputs[k + 4]);
-            let odds = (lanes[0] + lanes[2]) + (lanes[1] + lanes[3]);
+            let lanes = Vec4::from_slice(&weights[..4]) * inputs[0] + Vec4::from_slice(&weights[4..]) * inputs[1];
+            let odds = (lanes.x + lanes.z) + (lanes.y + lanes.w);
             sum += odds;
-            squash(tables, odds)
-        });
+            each[s] = squash(tables, odds);
+        }
         (squash(tables, sum * (1.0 / SELECTORS as f32)), each)
     }
 
@@ -126,9 +133,8 @@ impl Mixer {
         bit: bool,
     ) -> bool {
         let tables = &*TABLES;
-        let inputs: [f32; INPUTS] =
-            std::array::from_fn(|k| tables.stretch[self.slots[k][contexts[k] as usize].probability_12()]);
-        let (probability, each) = self.mix(tables, &inputs, selectors);
+        let inputs = self.inputs(tables, contexts);
+        let (probability, each) = self.mix(tables, inputs, selectors);
         let bit = coder.bit(probability, bit);
         let target = if bit { 65536.0 } else { 0.0 };
         for s in 0..SELECTORS {
@@ -136,8 +142,8 @@ impl Mixer {
             let step = *rate * ((target - each[s] as f32) * (1.0 / 65536.0));
             *rate += DECAY * (SLOW - *rate);
             let weights = &mut self.weights[s][selectors[s] as usize];
-            for k in 0..INPUTS {
-                weights[k] += step * inputs[k];
+            for (half, input) in weights.chunks_exact_mut(4).zip(inputs) {
+                (Vec4::from_slice(half) + Vec4::splat(step) * input).write_to_slice(half);
             }
         }
         for k in 0..INPUTS {

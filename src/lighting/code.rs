@@ -179,7 +179,7 @@ fn parse_head(bytes: &[u8]) -> Option<Head> {
 /// Codes one level: channels green, red - green, blue - green. In decoding there are no `pixels`.
 fn code_level<C: BitCoder>(coder: &mut C, head: &Head, pixels: Option<&[Pixel]>) -> Vec<Pixel> {
     let plan = Plan::new(&Mask::filled(head.size, head.size, true));
-    let target = pixels.map(|pixels| plan.forward(pixels));
+    let target = pixels.map(|pixels| plan.forward(pixels.to_vec()));
     let target = target.as_ref().map(|target| (&target[..], coefficients::Choice { lambda: LAMBDA }));
     let quantiser = Quantiser { step: head.step, shrink: SHRINK };
     let coefficients = coefficients::code(coder, &mut Models::default(), &plan, &quantiser, None, target);

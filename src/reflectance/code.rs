@@ -56,7 +56,7 @@ pub fn encode(
         let pixels: Vec<Pixel> = (0..mask.data.len())
             .map(|i| std::array::from_fn(|k| planes.get(k).map_or(0.0, |plane: &Grid<i32>| plane.data[i] as f32)))
             .collect();
-        let target = plan.forward(&pixels);
+        let target = plan.forward(pixels);
         let target = Some((&target[..], coefficients::Choice { lambda }));
         let quantiser = Quantiser { step, shrink: SHRINK };
         let coefficients = coefficients::code(&mut coder, &mut Models::default(), &plan, &quantiser, None, target);

@@ -143,9 +143,9 @@ impl Plan {
 
     /// Coefficients of all bands, parallel to [`Plan::bands`]; positions outside a band's mask are 0.
     /// `pixels` is row-major, of the mask's size; values outside the mask are ignored.
-    pub fn forward(&self, pixels: &[Pixel]) -> Vec<Vec<Pixel>> {
+    pub fn forward(&self, pixels: Vec<Pixel>) -> Vec<Vec<Pixel>> {
         let mut coefficients = Vec::with_capacity(self.bands.len());
-        let mut low = pixels.to_vec();
+        let mut low = pixels;
         let mut line = Vec::new();
         for level in &self.levels {
             let half = level.width.div_ceil(2);
@@ -323,7 +323,7 @@ mod tests {
             let (mask, pixels) = blob(width, height, 0.1);
             let plan = Plan::new(&mask);
             assert_eq!(plan.bands().iter().map(|b| b.mask.count()).sum::<usize>(), mask.count());
-            let back = plan.inverse(&plan.forward(&pixels));
+            let back = plan.inverse(&plan.forward(pixels.clone()));
             for i in (0..width * height).filter(|&i| mask.data[i]) {
                 for k in 0..4 {
                     assert!((back[i][k] - pixels[i][k]).abs() < 1e-3, "{width} x {height}, pixel {i}");
@@ -340,7 +340,7 @@ mod tests {
             values.iter().zip(&mask.data).filter(|(_, m)| **m).map(|(v, _)| (v[0] as f64).powi(2)).sum()
         };
         let bands = |pixels: &[Pixel]| -> Vec<f64> {
-            plan.forward(pixels).iter().zip(plan.bands()).map(|(c, b)| energy(c, &b.mask)).collect()
+            plan.forward(pixels.to_vec()).iter().zip(plan.bands()).map(|(c, b)| energy(c, &b.mask)).collect()
         };
         let smooth = bands(&pixels);
         let finest: f64 = smooth[smooth.len() - 3..].iter().sum();

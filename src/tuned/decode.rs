@@ -1,14 +1,13 @@
 //! Streams to photographs: all views, or some with what they are predicted from.
 
 use super::header::{CodedStep, Header};
-use super::picture::{self, Signal};
+use super::picture;
 use super::{DecodedView, Scene, order, run_waves};
 use crate::asset::{Mesh, Photograph, View};
 use crate::error::{Error, Result};
-use crate::image::{Mask, RgbImage};
+use crate::image::RgbImage;
 use crate::limits::Budget;
 use crate::surface::raster;
-use crate::transform::shape_adaptive::Pixel;
 use std::borrow::Cow;
 
 /// Upper bounds of what one view takes: for each pixel, and for each pixel and component, while it is worked on and while
@@ -45,7 +44,7 @@ impl Pictures<'_> {
         index: usize,
         streams: &[u8],
         decoded: &[Option<DecodedView>],
-    ) -> Result<(Vec<Signal>, Mask, DecodedView)> {
+    ) -> Result<DecodedView> {
         let coded = &self.header.steps[index];
         let mut rest = streams;
         let mut parts = Vec::with_capacity(coded.lengths.len());
@@ -126,8 +125,8 @@ pub fn decode(
     charge(&order, &steps, mesh, views, &wanted, header.coding.components.len() as u64, budget)?;
     let results = run_waves(&order, &steps, views.len(), |index, decoded| {
         let streams = streams[index].as_deref().unwrap_or_default();
-        let (signals, mask, view) = pictures.decode(index, streams, decoded)?;
-        let photograph = wanted(order[index].view).then(|| to_photograph(header, white, &signals, mask));
+        let view = pictures.decode(index, streams, decoded)?;
+        let photograph = wanted(order[index].view).then(|| to_photograph(header, white, &view));
         Ok((photograph, view))
     })?;
     let mut photographs: Vec<Option<Photograph>> = vec![None; views.len()];
@@ -137,17 +136,13 @@ pub fn decode(
     Ok(photographs)
 }
 
-/// Linear radiance of decoded signals, one for each component.
-pub(super) fn to_photograph<S: AsRef<[Pixel]>>(
-    header: &Header,
-    white: [f64; 3],
-    signals: impl IntoIterator<Item = S>,
-    mask: Mask,
-) -> Photograph {
+/// Linear radiance of a decoded view.
+pub(super) fn to_photograph(header: &Header, white: [f64; 3], view: &DecodedView) -> Photograph {
     let white = white.map(|w| w as f32);
-    let images = (header.coding.components.iter().zip(signals))
+    let mask = &view.stage.mask;
+    let images = (header.coding.components.iter().zip(&view.references))
         .map(|(coding, signal)| {
-            let data = (signal.as_ref().iter().zip(&mask.data))
+            let data = (signal.pixels().iter().zip(&mask.data))
                 .map(|(&pixel, &inside)| {
                     if !inside {
                         return [0.0; 3];
@@ -163,5 +158,5 @@ pub(super) fn to_photograph<S: AsRef<[Pixel]>>(
             RgbImage { width: mask.width, height: mask.height, data }
         })
         .collect();
-    Photograph { mask, images }
+    Photograph { mask: mask.clone(), images }
 }

@@ -82,8 +82,7 @@ impl<'a> ViewDecoder<'a> {
     /// A view that is kept.
     pub fn kept(&self, view: usize) -> Option<Photograph> {
         let kept = self.decoded.get(view)?.as_ref()?;
-        let signals = kept.references.iter().map(|reference| reference.pixels());
-        Some(to_photograph(&self.pictures.header, self.pictures.white, signals, kept.stage.mask.clone()))
+        Some(to_photograph(&self.pictures.header, self.pictures.white, kept))
     }
 
     /// Decodes one of the [`ViewDecoder::missing`] steps, all before it decoded, from its streams.
@@ -105,12 +104,13 @@ impl<'a> ViewDecoder<'a> {
         self.make_room("views being decoded", working)?;
         let result = self.pictures.decode(step, streams, &self.decoded);
         self.budget.release(working);
-        let (signals, mask, decoded) = result?;
+        let decoded = result?;
+        let photograph = to_photograph(&self.pictures.header, self.pictures.white, &decoded);
         if self.is_reference[view] && self.decoded[view].is_none() {
             self.make_room("decoded views", self.kept_bytes(view))?;
             self.decoded[view] = Some(decoded);
         }
-        Ok(to_photograph(&self.pictures.header, self.pictures.white, &signals, mask))
+        Ok(photograph)
     }
 
     fn bytes(&self, view: usize, each: [u64; 2]) -> u64 {

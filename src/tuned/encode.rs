@@ -124,9 +124,9 @@ impl<'a> Encoder<'a> {
                     .map(|(c, m)| if *m { coding.rotate(to_signal(*c, white, coding.signed)) } else { [0.0; 4] })
                     .collect()
             };
-            let (streams, signals, view) =
+            let (streams, view) =
                 picture::encode(&scene, (step, scale), &header.coding, &target.mask, signal, decoded, quality.lambda);
-            let photograph = to_photograph(&header, self.white, &signals, target.mask.clone());
+            let photograph = to_photograph(&header, self.white, &view);
             Ok(((streams, photograph), view))
         })?;
         let mut photographs: Vec<Photograph> = vec![Photograph::default(); self.views.len()];

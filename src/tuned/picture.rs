@@ -23,7 +23,7 @@ pub struct Streams {
     pub components: Vec<Vec<u8>>,
 }
 
-/// Codes a view: its streams, the decoded signals, and what later views need.
+/// Codes a view: its streams, and the view as the decoder has it.
 #[cfg(feature = "encode")]
 pub fn encode(
     scene: &Scene,
@@ -33,14 +33,14 @@ pub fn encode(
     signals: impl Fn(usize) -> Signal + Sync + Send,
     decoded: &[Option<DecodedView>],
     lambda: f32,
-) -> (Streams, Vec<Signal>, DecodedView) {
+) -> (Streams, DecodedView) {
     let mut coder = crate::entropy::RangeEncoder::new();
     let (stage, mask_models) = stage(scene, step, coding, &mut coder, Some(wanted_mask), decoded);
     let mask = coder.finish();
     let parts = code_components(&stage, step, coding, decoded, |index, predicted, mut models| {
         let component = &coding.components[index];
         let mut coder = crate::entropy::RangeEncoder::new();
-        let target = stage.plan.forward(&signals(index));
+        let target = stage.plan.forward(signals(index));
         let target = Some((&target[..], coefficients::Choice { lambda }));
         let quantiser = component.quantiser(scale);
         let decoded = coefficients::code(&mut coder, &mut models, &stage.plan, &quantiser, predicted, target);
@@ -48,8 +48,8 @@ pub fn encode(
     });
     let (components, parts): (Vec<_>, Vec<_>) = parts.into_iter().unzip();
     let (streams, signals): (Vec<_>, Vec<Signal>) = parts.into_iter().unzip();
-    let view = decoded_view(stage, &signals, ViewModels { mask: mask_models, components });
-    (Streams { mask, components: streams }, signals, view)
+    let view = decoded_view(stage, signals, ViewModels { mask: mask_models, components });
+    (Streams { mask, components: streams }, view)
 }
 
 /// Decodes a view from the stream of its mask and of each component.
@@ -60,7 +60,7 @@ pub fn decode(
     mask: &[u8],
     components: &[&[u8]],
     decoded: &[Option<DecodedView>],
-) -> (Vec<Signal>, Mask, DecodedView) {
+) -> DecodedView {
     let (stage, mask_models) = stage(scene, step, coding, &mut RangeDecoder::new(mask), None, decoded);
     let parts = code_components(&stage, step, coding, decoded, |index, predicted, mut models| {
         let component = &coding.components[index];
@@ -70,9 +70,7 @@ pub fn decode(
         (models, finish(&stage, component, &decoded))
     });
     let (components, signals): (Vec<_>, Vec<Signal>) = parts.into_iter().unzip();
-    let mask = stage.mask.clone();
-    let view = decoded_view(stage, &signals, ViewModels { mask: mask_models, components });
-    (signals, mask, view)
+    decoded_view(stage, signals, ViewModels { mask: mask_models, components })
 }
 
 /// Draws the view and codes its mask.
@@ -112,7 +110,7 @@ fn code_components<T: Send>(
             sources.of.iter().map(|(view, sources, share)| (&view.references[index], &sources[..], *share)).collect();
         let predicted = (!references.is_empty()).then(|| {
             let shaded = coding.components[index].shaded;
-            stage.plan.forward(&predict(&stage.mask, &stage.pixels, &references, shaded))
+            stage.plan.forward(predict(&stage.mask, &stage.pixels, &references, shaded))
         });
         code(index, predicted.as_deref(), models)
     })
@@ -132,8 +130,8 @@ fn finish(stage: &Stage, coding: &ComponentCoding, coefficients: &[Signal]) -> S
     signal
 }
 
-fn decoded_view(mut stage: Stage, signals: &[Signal], models: ViewModels) -> DecodedView {
-    let references = signals.iter().map(|signal| Reference::new(signal.clone(), &stage.mask)).collect();
+fn decoded_view(mut stage: Stage, signals: Vec<Signal>, models: ViewModels) -> DecodedView {
+    let references = signals.into_iter().map(|signal| Reference::new(signal, &stage.mask)).collect();
     stage.geometry.keep_as_reference();
     (stage.plan, stage.pixels) = Default::default();
     DecodedView { stage, references, models }
