@@ -11,6 +11,7 @@ use obvhs::triangle::Triangle;
 /// A mesh made ready for ray casting.
 pub struct Occluders {
     hierarchy: CwBvh,
+    /// In the order of the hierarchy's leaves.
     triangles: Vec<Triangle>,
     /// Distance that shadow rays keep from the surface they start on.
     bias: f64,
@@ -40,6 +41,7 @@ impl Occluders {
             .map(|&[a, b, c]| Triangle { v0: vertex(a).into(), v1: vertex(b).into(), v2: vertex(c).into() })
             .collect();
         let hierarchy = build_cwbvh_from_tris(&triangles, BvhBuildParams::medium_build(), &mut Default::default());
+        let triangles = hierarchy.primitive_indices.iter().map(|&k| triangles[k as usize]).collect();
         Occluders { hierarchy, triangles, bias: 2e-4 * diagonal(mesh) }
     }
     /// Whether the segment between a surface point and a camera is free. The point's own surroundings do not block it.
@@ -50,23 +52,22 @@ impl Occluders {
             return true;
         }
         let (origin, direction) = (point.map(|x| x as f32), direction.map(|x| x as f32));
-        let bias = self.bias as f32;
-        // The bias applies in the intersection: the hierarchy's `t` starts at zero.
-        let ray = Ray::new(origin.into(), direction.into(), 0.0, distance as f32);
-        self.hierarchy.ray_traverse_miss(ray, |ray, id| {
-            let t = self.triangles[self.hierarchy.primitive_indices[id] as usize].intersect(ray);
-            if t > bias { t } else { f32::INFINITY }
-        })
+        self.misses(Ray::new(origin.into(), direction.into(), 0.0, distance as f32), self.bias as f32)
     }
     /// Whether a ray from a surface point leaves the object. The point's own surroundings do not block it.
     pub fn free(&self, point: [f32; 3], direction: [f32; 3]) -> bool {
-        if self.triangles.is_empty() {
-            return true;
-        }
-        let bias = self.bias as f32;
-        let ray = Ray::new_inf(point.into(), direction.into());
+        self.free_beyond(self.bias as f32, point, direction)
+    }
+    /// Whether a ray leaves the object, whatever it meets nearer than `bias`.
+    #[inline]
+    pub fn free_beyond(&self, bias: f32, point: [f32; 3], direction: [f32; 3]) -> bool {
+        self.triangles.is_empty() || self.misses(Ray::new_inf(point.into(), direction.into()), bias)
+    }
+    /// The bias applies in the intersection: the hierarchy's `t` starts at zero.
+    #[inline]
+    fn misses(&self, ray: Ray, bias: f32) -> bool {
         self.hierarchy.ray_traverse_miss(ray, |ray, id| {
-            let t = self.triangles[self.hierarchy.primitive_indices[id] as usize].intersect(ray);
+            let t = self.triangles[id].intersect(ray);
             if t > bias { t } else { f32::INFINITY }
         })
     }
@@ -78,14 +79,12 @@ impl Occluders {
         let (origin, direction) = (camera.centre(), camera.ray(pixel));
         let ray = Ray::new_inf(origin.map(|x| x as f32).into(), direction.map(|x| x as f32).into());
         let mut hit = RayHit::none();
-        let found = self.hierarchy.ray_traverse(ray, &mut hit, |ray, id| {
-            self.triangles[self.hierarchy.primitive_indices[id] as usize].intersect(ray)
-        });
+        let found = self.hierarchy.ray_traverse(ray, &mut hit, |ray, id| self.triangles[id].intersect(ray));
         if !found {
             return None;
         }
         let triangle = self.hierarchy.primitive_indices[hit.primitive_id as usize];
-        let t = &self.triangles[triangle as usize];
+        let t = &self.triangles[hit.primitive_id as usize];
         let corners = [t.v0.to_array(), t.v1.to_array(), t.v2.to_array()].map(|p| p.map(|x| x as f64));
         let (barycentric, depth) = intersect(corners, origin, direction);
         Some(SurfaceHit { triangle, barycentric, depth })

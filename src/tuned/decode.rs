@@ -39,12 +39,7 @@ impl Pictures<'_> {
     }
 
     /// Decodes a step of the order from its streams, one after the other; `decoded` holds what it needs.
-    pub fn decode(
-        &self,
-        index: usize,
-        streams: &[u8],
-        decoded: &[Option<DecodedView>],
-    ) -> Result<DecodedView> {
+    pub fn decode(&self, index: usize, streams: &[u8], decoded: &[Option<DecodedView>]) -> Result<DecodedView> {
         let coded = &self.header.steps[index];
         let mut rest = streams;
         let mut parts = Vec::with_capacity(coded.lengths.len());

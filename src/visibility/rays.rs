@@ -2,17 +2,12 @@
 
 use crate::asset::Mesh;
 use crate::lighting::octahedral;
-use crate::surface::visibility::diagonal;
-use obvhs::BvhBuildParams;
-use obvhs::cwbvh::{CwBvh, builder::build_cwbvh_from_tris};
-use obvhs::ray::Ray;
+use crate::surface::visibility::{Occluders, diagonal};
 use obvhs::triangle::Triangle;
 
 /// A mesh made ready for rays from its own vertices.
 pub struct Surroundings {
-    hierarchy: CwBvh,
-    /// In the order of the hierarchy's leaves.
-    triangles: Vec<Triangle>,
+    occluders: Occluders,
     positions: Vec<[f32; 3]>,
     /// Unit normals of the triangles at each vertex, one list after the other.
     normals: Vec<[f32; 3]>,
@@ -33,18 +28,15 @@ impl Surroundings {
     /// Builds the hierarchy. With `ground_up` an endless plane across that direction closes the lower half of the world.
     /// Triangles and vertices must be finite, corners inside the vertex list.
     pub fn new(mesh: &Mesh, ground_up: Option<[f64; 3]>) -> Self {
-        let triangles: Vec<Triangle> = (mesh.triangles.iter())
+        let mut count = vec![0u32; mesh.positions.len() + 1];
+        let of_triangle: Vec<[f32; 3]> = (mesh.triangles.iter())
             .map(|corners| {
                 let [v0, v1, v2] = corners.map(|v| mesh.positions[v as usize].into());
-                Triangle { v0, v1, v2 }
+                Triangle { v0, v1, v2 }.compute_normal().to_array()
             })
             .collect();
-        let hierarchy = build_cwbvh_from_tris(&triangles, BvhBuildParams::medium_build(), &mut Default::default());
-        let mut count = vec![0u32; mesh.positions.len() + 1];
-        let of_triangle: Vec<[f32; 3]> = triangles.iter().map(|t| t.compute_normal().to_array()).collect();
         let usable = |k: usize| of_triangle[k] != [0.0; 3];
-        for (k, corners) in mesh.triangles.iter().enumerate().filter(|(k, _)| usable(*k)) {
-            debug_assert!(k < triangles.len());
+        for (_, corners) in mesh.triangles.iter().enumerate().filter(|(k, _)| usable(*k)) {
             corners.iter().for_each(|&v| count[v as usize + 1] += 1);
         }
         for v in 1..count.len() {
@@ -59,8 +51,7 @@ impl Surroundings {
             }
         }
         Surroundings {
-            triangles: hierarchy.primitive_indices.iter().map(|&k| triangles[k as usize]).collect(),
-            hierarchy,
+            occluders: Occluders::new(mesh),
             positions: mesh.positions.clone(),
             normals,
             first_normal: count,
@@ -85,11 +76,7 @@ impl Surroundings {
         if !around.is_empty() && around.iter().all(|n| dot(n) < BELOW) {
             return false;
         }
-        let ray = Ray::new_inf(self.positions[vertex].into(), direction.into());
-        self.hierarchy.ray_traverse_miss(ray, |ray, id| {
-            let t = self.triangles[id].intersect(ray);
-            if t > self.bias { t } else { f32::INFINITY }
-        })
+        self.occluders.free_beyond(self.bias, self.positions[vertex], direction)
     }
 
     /// The signed spherical distance of every cell's direction to the edge of what the vertex sees, -pi/2 to pi/2. The edge is
