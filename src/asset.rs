@@ -4,6 +4,7 @@ use crate::brdf::materials::NamedMaterial;
 use crate::image::{Grid, Mask, RgbImage};
 use crate::lighting::Light;
 use crate::visibility::Visibility;
+use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 
 /// Triangle mesh in world coordinates (the capture's unit). Triangles are counter-clockwise seen from outside.
@@ -79,6 +80,23 @@ pub struct View {
     pub camera: Camera,
     /// Its light, where known.
     pub light: Option<PointLight>,
+}
+
+/// The turn, a unit quaternion x, y, z, w, that brings what is up in the photographs to +y; `None` where it is there but for
+/// cameras that look a little down or up.
+pub fn upright(views: &[View]) -> Option<[f32; 4]> {
+    let up: DVec3 = views.iter().map(|view| -DVec3::from_array(view.camera.rotation[1])).sum();
+    let up = up.try_normalize().filter(|up| up.y < 0.7)?;
+    Some(DQuat::from_rotation_arc(up, DVec3::Y).normalize().as_quat().normalize().to_array())
+}
+
+/// Metres for one unit of world length, after the metadata's key `units`; 1 for units that are not metric or not known.
+pub fn metres(metadata: &serde_json::Map<String, serde_json::Value>) -> f64 {
+    match metadata.get("units").and_then(serde_json::Value::as_str) {
+        Some("mm") => 0.001,
+        Some("cm") => 0.01,
+        _ => 1.0,
+    }
 }
 
 /// What a set of photographs shows of the object.

@@ -11,6 +11,8 @@ use crate::tuned::header::{Header, PREFIX_BYTES};
 use crate::{Budget, lighting, mesh, paper, tuned, visibility};
 use std::io::{Read, Seek};
 
+pub mod arriving;
+
 /// Which photographs to decode.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub enum Selection {
@@ -166,15 +168,15 @@ pub fn paper_photographs(
     views: &[View],
     wanted: impl Fn(usize) -> bool,
 ) -> Vec<Option<Photograph>> {
-    let photograph = |(index, view): (usize, &View)| {
-        wanted(index).then(|| {
-            let raster = raster::rasterise(mesh, &view.camera);
-            decoded.photograph(index, view, |x, y| {
-                let at = y * raster.width + x;
-                let [b, c] = raster.barycentric[at].map(f64::from);
-                raster.is_covered(at).then_some((raster.triangle[at], [1.0 - b - c, b, c]))
-            })
-        })
-    };
-    views.iter().enumerate().map(photograph).collect()
+    let wanted = |(index, view): (usize, &View)| wanted(index).then(|| paper_photograph(decoded, mesh, view, index));
+    views.iter().enumerate().map(wanted).collect()
+}
+
+fn paper_photograph(decoded: &paper::Decoded, mesh: &crate::asset::Mesh, view: &View, index: usize) -> Photograph {
+    let raster = raster::rasterise(mesh, &view.camera);
+    decoded.photograph(index, view, |x, y| {
+        let at = y * raster.width + x;
+        let [b, c] = raster.barycentric[at].map(f64::from);
+        raster.is_covered(at).then_some((raster.triangle[at], [1.0 - b - c, b, c]))
+    })
 }

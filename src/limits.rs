@@ -50,6 +50,10 @@ impl Budget {
         let bytes = count.saturating_mul(size as u64);
         self.charge(what, bytes)
     }
+    /// Bytes that are left.
+    pub fn left(&self) -> u64 {
+        self.left.load(Ordering::Relaxed)
+    }
     /// Gives back what was charged for something that is freed again.
     pub fn release(&self, bytes: u64) {
         self.left.fetch_add(bytes, Ordering::Relaxed);

@@ -3,6 +3,7 @@
 //! A section's inline header and its entry in the directory are the same bytes ([`Section`]), so that a file is read either
 //! from its start, section by section ([`SectionStream`]), or by its directory at the end ([`Container`]).
 
+pub mod arriving;
 #[cfg(feature = "encode")]
 pub mod edit;
 pub mod metadata;
@@ -14,7 +15,9 @@ pub mod thumbnail;
 pub mod views;
 #[cfg(feature = "encode")]
 mod writer;
+mod zstd_frame;
 
+pub use arriving::{Arrival, Arriving};
 pub use reader::Container;
 #[cfg(feature = "encode")]
 pub(crate) use section::push_number;

@@ -55,23 +55,10 @@ impl<R: Read + Seek> Container<R> {
             return Err(Error::format("file", length, "ends within its first 12 bytes"));
         };
         check_file_header(&head)?;
-        let Some(trailer_at) = length.checked_sub(TRAILER_BYTES as u64).filter(|at| *at >= FILE_HEADER_BYTES as u64)
-        else {
-            return Err(Error::format("file", length, "ends before its directory"));
-        };
-        let trailer = container.read_at(trailer_at, TRAILER_BYTES as u64)?;
-        let Some((directory_length, end_signature)) = trailer.split_first_chunk::<4>() else {
-            return Err(Error::format("file", trailer_at, "no trailer"));
-        };
-        if *end_signature != END_SIGNATURE {
-            return Err(Error::format("file", trailer_at + 4, "end signature missing: the file is cut or extended"));
-        }
-        let directory_length = u32::from_le_bytes(*directory_length) as u64;
-        let longest = 4 + 10 + MAX_SECTIONS * SECTION_HEADER_BYTES.end() + 4;
-        let directory_at = trailer_at.checked_sub(directory_length).filter(|at| *at >= FILE_HEADER_BYTES as u64);
-        let Some(directory_at) = directory_at.filter(|_| directory_length <= longest) else {
-            return Err(Error::format("file", trailer_at, format!("directory of {directory_length} bytes can't be")));
-        };
+        let trailer_at = length.saturating_sub(TRAILER_BYTES as u64);
+        let trailer = container.read_at(trailer_at, length - trailer_at)?;
+        let directory_at = directory_place(&trailer, length)?;
+        let directory_length = trailer_at - directory_at;
         container.budget.charge("directory", directory_length)?;
         let directory = container.read_at(directory_at, directory_length)?;
         container.sections = parse_directory(&head, &directory, directory_at)?;
@@ -156,6 +143,23 @@ impl<R: Read + Seek> Container<R> {
         self.budget.charge("part of a section", length)?;
         self.read_at(section.offset + section.header_bytes() + offset, length)
     }
+}
+
+/// Where the directory begins in a file of `length` bytes that ends in `trailer`.
+pub(super) fn directory_place(trailer: &[u8], length: u64) -> Result<u64> {
+    let trailer_at = length.checked_sub(TRAILER_BYTES as u64).filter(|at| *at >= FILE_HEADER_BYTES as u64);
+    let Some((trailer_at, (directory_length, end_signature))) = trailer_at.zip(trailer.split_first_chunk::<4>()) else {
+        return Err(Error::format("file", length, "ends before its directory"));
+    };
+    if *end_signature != END_SIGNATURE {
+        return Err(Error::format("file", trailer_at + 4, "end signature missing: the file is cut or extended"));
+    }
+    let directory_length = u32::from_le_bytes(*directory_length) as u64;
+    let longest = 4 + 10 + MAX_SECTIONS * SECTION_HEADER_BYTES.end() + 4;
+    let directory_at = trailer_at.checked_sub(directory_length).filter(|at| *at >= FILE_HEADER_BYTES as u64);
+    directory_at
+        .filter(|_| directory_length <= longest)
+        .ok_or_else(|| Error::format("file", trailer_at, format!("directory of {directory_length} bytes can't be")))
 }
 
 /// Sections of a directory that stands at `directory_at`, tag and checksum included. They must fill the file up to it.

@@ -1,6 +1,7 @@
 //! Section headers: the same bytes before the section and in the directory.
 
 use super::tags::{Tag, bounds, known};
+use super::zstd_frame::{Refusal, decompress};
 use crate::limits::Budget;
 use crate::{Error, Result};
 
@@ -126,27 +127,23 @@ impl Section {
         }
         let wrong = |message: &str| Error::format(self.tag, self.header_bytes(), message);
         budget.charge("decompressed section", self.decoded)?;
-        match zstd::zstd_safe::find_frame_compressed_size(&stored) {
-            Ok(size) if size == stored.len() => {}
-            _ => return Err(wrong("must be exactly one zstd frame")),
-        }
         let length = usize::try_from(self.decoded).map_err(|_| wrong("longer than this machine's memory"))?;
-        let mut decoded = Vec::new();
-        decoded.try_reserve_exact(length).map_err(|_| Error::Limits {
-            what: "decompressed section",
-            asked: self.decoded,
-            allowed: 0,
+        let decoded = decompress(&stored, length).map_err(|refusal| match refusal {
+            Refusal::NotOneFrame => wrong("must be exactly one zstd frame"),
+            Refusal::Length => wrong("does not decompress to as many bytes as its header says"),
+            Refusal::Damaged(message) => wrong(&format!("zstd: {message}")),
+            Refusal::Memory => Error::Limits { what: "decompressed section", asked: self.decoded, allowed: 0 },
         })?;
-        let mut decompressor = zstd::bulk::Decompressor::new().map_err(|e| Error::io("-", e))?;
-        let produced = decompressor.decompress_to_buffer(&stored, &mut decoded);
-        match produced {
-            Ok(produced) if produced == length => {}
-            Ok(_) => return Err(wrong("decompresses to fewer bytes than its header says")),
-            Err(error) => return Err(wrong(&format!("zstd: {error}"))),
-        }
         budget.release(stored.len() as u64);
         Ok(decoded)
     }
+}
+
+/// Bytes of the directory of these sections, tag and checksum included.
+pub(crate) fn directory_length(sections: &[Section]) -> u64 {
+    let mut count = Vec::new();
+    push_number(&mut count, sections.len() as u64);
+    4 + count.len() as u64 + sections.iter().map(Section::header_bytes).sum::<u64>() + 4
 }
 
 /// LEB128: seven bits a byte from the lowest on, the high bit says that more follow.

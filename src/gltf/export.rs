@@ -2,14 +2,14 @@
 
 use super::document::{Document, percent_encoded};
 use super::fallback::{Fallback, bake};
-use super::geometry::{Geometry, charts, split};
+use super::geometry::charts;
 use super::levels;
 use super::stream::{push_view, put, sha256};
-use crate::asset::Asset;
+use crate::asset::{Asset, metres, upright};
 use crate::error::{Error, Result};
 use crate::image::Grid;
 use crate::limits::Limits;
-use glam::{DQuat, DVec3};
+use crate::surface::split::{Geometry, split};
 use serde_json::{Map, Value, json};
 
 /// bufferView targets.
@@ -117,18 +117,11 @@ pub fn export(stream: &[u8], asset: &Asset, options: &ExportOptions) -> Result<E
 
 /// The node: turned so that what is up in the photographs is up in glTF (+Y), scaled to metres.
 fn node(asset: &Asset, title: &str) -> Value {
-    let up: DVec3 = asset.views.iter().map(|view| -DVec3::from_array(view.camera.rotation[1])).sum();
     let mut node = json!({"name": title, "mesh": 0});
-    // Cameras look a little down or up; only a scene that lies on another side is turned.
-    if let Some(up) = up.try_normalize().filter(|up| up.y < 0.7) {
-        let turn = DQuat::from_rotation_arc(up, DVec3::Y).normalize().as_quat().normalize();
-        node["rotation"] = json!(turn.to_array());
+    if let Some(turn) = upright(&asset.views) {
+        node["rotation"] = json!(turn);
     }
-    let scale = match asset.metadata.get("units").and_then(Value::as_str) {
-        Some("mm") => 0.001,
-        Some("cm") => 0.01,
-        _ => 1.0,
-    };
+    let scale = metres(&asset.metadata);
     if scale != 1.0 {
         node["scale"] = json!([scale, scale, scale]);
     }

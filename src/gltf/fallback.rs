@@ -4,14 +4,12 @@ use super::geometry::charts;
 use super::metallic_roughness::{Microfacets, equivalent_lobe, material};
 use crate::asset::Asset;
 use crate::error::{Error, Result};
-use crate::image::{Grid, Mask};
+use crate::image::Grid;
 use crate::reflectance::torrance_sparrow::SIGMA_RANGE;
 use crate::relight::bounds;
-use crate::surface::atlas::{bilinear_taps, dilate, rasterise_atlas};
+use crate::surface::atlas::{bilinear_taps, fill_unused, rasterise_atlas};
 use std::f64::consts::PI;
 
-/// Rings of texels filled around the charts, for the filters of viewers.
-const RINGS: usize = 8;
 /// Widths for which the equivalent of a lobe is computed; between them it is interpolated.
 const LOBES: usize = 96;
 
@@ -46,8 +44,7 @@ pub fn bake(asset: &Asset, white_albedo: f64) -> Result<Fallback> {
     }
     let filled = |map: &Grid<[f32; 3]>| {
         let mut map = map.clone();
-        dilate(&mut map, &mask, RINGS);
-        fill_rest(&mut map, &mask);
+        fill_unused(&mut map, &mask);
         map
     };
     let unit = if maps.relightable { unit(asset, white_albedo) } else { asset.white.map(|w| 1.0 / w.max(1e-12)) };
@@ -127,14 +124,6 @@ fn unit(asset: &Asset, white_albedo: f64) -> [f64; 3] {
         boards.sort_by(f64::total_cmp);
         boards.get(boards.len() / 2).map_or(1.0, |board| white_albedo / PI / board)
     })
-}
-
-/// Gives texels that no ring reached the mean colour, so that the smallest mip levels keep it.
-fn fill_rest(map: &mut Grid<[f32; 3]>, mask: &Mask) {
-    let used: Vec<[f32; 3]> = map.data.iter().zip(&mask.data).filter(|(_, m)| **m).map(|(x, _)| *x).collect();
-    let mean = |c: usize| (used.iter().map(|x| x[c] as f64).sum::<f64>() / used.len().max(1) as f64) as f32;
-    let mean = std::array::from_fn(mean);
-    map.data.iter_mut().filter(|x| x.iter().all(|v| *v == 0.0)).for_each(|x| *x = mean);
 }
 
 /// [`equivalent_lobe`] of every width that fits give.

@@ -1,11 +1,11 @@
 use super::appearance::Source;
 use super::export::write_geometry;
-use super::geometry::split;
 use super::metallic_roughness::material;
 use super::*;
 use crate::asset::{Asset, Chart, Charts, Mesh, PointLight, ReflectanceMaps, View};
 use crate::brdf::Brdf;
 use crate::image::Grid;
+use crate::surface::split::split;
 use crate::{Budget, Error, Limits, Result};
 use serde_json::{Value, json};
 

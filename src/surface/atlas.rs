@@ -207,6 +207,19 @@ fn nearest(corners: &[[f64; 2]; 3], point: [f64; 2]) -> ([f64; 3], f64) {
     best
 }
 
+/// Rings of texels that [`fill_unused`] fills around the charts, for the filters of viewers.
+const RINGS: usize = 8;
+
+/// Fills a texture outside `mask` for renderers: from the neighbours, and where that does not reach with the mean colour, so that the
+/// smallest mip levels keep it.
+pub fn fill_unused(map: &mut Grid<[f32; 3]>, mask: &Mask) {
+    dilate(map, mask, RINGS);
+    let used: Vec<[f32; 3]> = map.data.iter().zip(&mask.data).filter(|(_, m)| **m).map(|(x, _)| *x).collect();
+    let mean = |c: usize| (used.iter().map(|x| x[c] as f64).sum::<f64>() / used.len().max(1) as f64) as f32;
+    let mean = std::array::from_fn(mean);
+    map.data.iter_mut().filter(|x| x.iter().all(|v| *v == 0.0)).for_each(|x| *x = mean);
+}
+
 /// Fills texels outside `mask` from their neighbours, `rings` times: for GPU textures, whose filters reach further than bilinear.
 pub fn dilate(image: &mut Grid<[f32; 3]>, mask: &Mask, rings: usize) {
     let (width, height) = (image.width, image.height);

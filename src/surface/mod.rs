@@ -7,6 +7,7 @@ pub mod charts;
 mod layout;
 pub mod patches;
 pub mod raster;
+pub mod split;
 pub mod texels;
 #[cfg(feature = "encode")]
 pub mod visibility;

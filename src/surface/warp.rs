@@ -8,18 +8,23 @@ use crate::asset::{Mesh, View};
 use crate::image::Mask;
 use crate::transform::shape_adaptive::Pixel;
 use crate::vector::dot;
+use std::borrow::Cow;
 
 /// A mesh with what every view needs of it.
 #[derive(Debug)]
 pub struct Surface<'a> {
-    mesh: &'a Mesh,
+    mesh: Cow<'a, Mesh>,
     normals: Vec<[f64; 3]>,
 }
 
 impl<'a> Surface<'a> {
     /// Prepares a mesh.
-    pub fn new(mesh: &'a Mesh) -> Self {
-        Surface { mesh, normals: raster::vertex_normals(mesh) }
+    pub fn new(mesh: Cow<'a, Mesh>) -> Self {
+        Surface { normals: raster::vertex_normals(&mesh), mesh }
+    }
+    /// The mesh.
+    pub fn mesh(&self) -> &Mesh {
+        &self.mesh
     }
 }
 
@@ -44,7 +49,7 @@ const LEAST_COSINE: f64 = 0.05;
 impl Geometry {
     /// Draws the surface into a view.
     pub fn new(surface: &Surface, view: &View) -> Self {
-        let raster = raster::rasterise(surface.mesh, &view.camera);
+        let raster = raster::rasterise(&surface.mesh, &view.camera);
         let normals = (raster.triangle.iter().zip(&raster.barycentric))
             .map(|(&triangle, b)| {
                 if triangle == raster::NO_TRIANGLE {
@@ -59,6 +64,11 @@ impl Geometry {
             })
             .collect();
         Geometry { view: view.clone(), raster, normals }
+    }
+
+    /// Frees what only a view that is being decoded needs: a reference is asked for its depths alone.
+    pub fn keep_as_reference(&mut self) {
+        (self.normals, self.raster.triangle, self.raster.barycentric) = Default::default();
     }
 
     /// Gives the mask's pixels that miss the mesh the mean depth and normal of their neighbours, ring by ring.
@@ -224,6 +234,11 @@ impl Reference {
         Reference { width, height, pixels }
     }
 
+    /// The picture; beyond its mask a few rings of filled pixels.
+    pub fn pixels(&self) -> &[Pixel] {
+        &self.pixels
+    }
+
     /// Catmull-Rom interpolation; `position` is clamped to the picture.
     #[inline(always)]
     fn read(&self, position: [f32; 2]) -> Pixel {
@@ -348,7 +363,7 @@ mod tests {
             },
             light: Some(PointLight { position: [0.0, 0.0, 0.0], intensity: [intensity; 3] }),
         };
-        let surface = Surface::new(&mesh);
+        let surface = Surface::new(Cow::Borrowed(&mesh));
         let (here, there) = (Geometry::new(&surface, &view(0.5, 4.0)), Geometry::new(&surface, &view(0.0, 1.0)));
         let mask = here.raster.coverage();
         assert_eq!(mask.count(), 48 * 32);

@@ -54,7 +54,7 @@ pub enum Orientation {
 }
 
 /// Everything about the transform that follows from the mask alone.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct Plan {
     width: usize,
     height: usize,

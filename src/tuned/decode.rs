@@ -2,20 +2,64 @@
 
 use super::header::{CodedStep, Header};
 use super::picture::{self, Signal};
-use super::{Scene, order, run_waves};
+use super::{DecodedView, Scene, order, run_waves};
 use crate::asset::{Mesh, Photograph, View};
 use crate::error::{Error, Result};
 use crate::image::{Mask, RgbImage};
 use crate::limits::Budget;
 use crate::surface::raster;
+use crate::transform::shape_adaptive::Pixel;
+use std::borrow::Cow;
 
 /// Upper bounds of what one view takes: for each pixel, and for each pixel and component, while it is worked on and while
 /// later views need it; and the adaptive state of a component.
-const WORKING: [u64; 2] = [96, 160];
-const KEPT: [u64; 2] = [48, 16];
-const STATE: u64 = 300_000;
+pub(super) const WORKING: [u64; 2] = [96, 160];
+pub(super) const KEPT: [u64; 2] = [12, 16];
+pub(super) const STATE: u64 = 300_000;
 /// A photograph that is handed out: its mask, and each component.
-const PHOTOGRAPH: [u64; 2] = [1, 12];
+pub(super) const PHOTOGRAPH: [u64; 2] = [1, 12];
+
+/// What all pictures of a file are decoded with.
+#[derive(Debug)]
+pub(super) struct Pictures<'a> {
+    pub header: Cow<'a, Header>,
+    pub scene: Scene<'a>,
+    pub white: [f64; 3],
+}
+
+impl Pictures<'_> {
+    /// Compares the checksum of a step's streams.
+    pub fn check(&self, index: usize, streams: &[u8]) -> Result<()> {
+        let coded = &self.header.steps[index];
+        if crc32fast::hash(streams) == coded.checksum {
+            return Ok(());
+        }
+        let name = &self.scene.views[coded.step.view].name;
+        let message = format!("checksum of view {name} does not match: the file is damaged");
+        Err(Error::format("PLAN", coded.offset, message))
+    }
+
+    /// Decodes a step of the order from its streams, one after the other; `decoded` holds what it needs.
+    pub fn decode(
+        &self,
+        index: usize,
+        streams: &[u8],
+        decoded: &[Option<DecodedView>],
+    ) -> Result<(Vec<Signal>, Mask, DecodedView)> {
+        let coded = &self.header.steps[index];
+        let mut rest = streams;
+        let mut parts = Vec::with_capacity(coded.lengths.len());
+        for &length in &coded.lengths {
+            let (part, after) = rest.split_at_checked(length as usize).ok_or_else(|| {
+                Error::format("PLAN", coded.offset, "a view's streams are shorter than the head says")
+            })?;
+            parts.push(part);
+            rest = after;
+        }
+        let step = (&coded.step, coded.scale);
+        Ok(picture::decode(&self.scene, step, &self.header.coding, parts[0], &parts[1..], decoded))
+    }
+}
 
 /// Charges what decoding `steps` takes and checks that drawing each view is bounded work.
 fn charge(
@@ -61,6 +105,8 @@ pub fn decode(
     mut read: impl FnMut(&CodedStep) -> Result<Option<Vec<u8>>>,
     budget: &Budget,
 ) -> Result<Vec<Option<Photograph>>> {
+    let scene = Scene::new(Cow::Borrowed(mesh), Cow::Borrowed(views));
+    let pictures = Pictures { header: Cow::Borrowed(header), scene, white };
     let order = header.order();
     let mut streams: Vec<Option<Vec<u8>>> = vec![None; order.len()];
     let mut present = vec![false; views.len()];
@@ -72,34 +118,16 @@ pub fn decode(
             continue;
         }
         let Some(bytes) = read(coded)? else { continue };
-        if crc32fast::hash(&bytes) != coded.checksum {
-            let name = &views[step.view].name;
-            return Err(Error::format(
-                "PLAN",
-                coded.offset,
-                format!("checksum of view {name} does not match: the file is damaged"),
-            ));
-        }
+        pictures.check(index, &bytes)?;
         streams[index] = Some(bytes);
         present[step.view] = true;
         steps.push(index);
     }
     charge(&order, &steps, mesh, views, &wanted, header.coding.components.len() as u64, budget)?;
-    let scene = Scene::new(mesh, views);
     let results = run_waves(&order, &steps, views.len(), |index, decoded| {
-        let coded = &header.steps[index];
-        let mut rest = streams[index].as_deref().unwrap_or_default();
-        let mut parts = Vec::with_capacity(coded.lengths.len());
-        for &length in &coded.lengths {
-            let (part, after) = rest.split_at_checked(length as usize).ok_or_else(|| {
-                Error::format("PLAN", coded.offset, "a view's streams are shorter than the head says")
-            })?;
-            parts.push(part);
-            rest = after;
-        }
-        let step = (&coded.step, coded.scale);
-        let (signals, mask, view) = picture::decode(&scene, step, &header.coding, parts[0], &parts[1..], decoded);
-        let photograph = wanted(coded.step.view).then(|| to_photograph(header, white, &signals, mask));
+        let streams = streams[index].as_deref().unwrap_or_default();
+        let (signals, mask, view) = pictures.decode(index, streams, decoded)?;
+        let photograph = wanted(order[index].view).then(|| to_photograph(header, white, &signals, mask));
         Ok((photograph, view))
     })?;
     let mut photographs: Vec<Option<Photograph>> = vec![None; views.len()];
@@ -109,12 +137,17 @@ pub fn decode(
     Ok(photographs)
 }
 
-/// Linear radiance of decoded signals.
-pub(super) fn to_photograph(header: &Header, white: [f64; 3], signals: &[Signal], mask: Mask) -> Photograph {
+/// Linear radiance of decoded signals, one for each component.
+pub(super) fn to_photograph<S: AsRef<[Pixel]>>(
+    header: &Header,
+    white: [f64; 3],
+    signals: impl IntoIterator<Item = S>,
+    mask: Mask,
+) -> Photograph {
     let white = white.map(|w| w as f32);
     let images = (header.coding.components.iter().zip(signals))
         .map(|(coding, signal)| {
-            let data = (signal.iter().zip(&mask.data))
+            let data = (signal.as_ref().iter().zip(&mask.data))
                 .map(|(&pixel, &inside)| {
                     if !inside {
                         return [0.0; 3];

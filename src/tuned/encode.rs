@@ -8,6 +8,7 @@ use super::{ComponentCoding, MaskCoding, PlaneCoding, Scene, order, run_waves};
 use crate::asset::{Component, Mesh, Photograph, View};
 use crate::error::Result;
 use crate::image::Mask;
+use std::borrow::Cow;
 
 /// What does not depend on the quality: made once, used by every trial of the rate control.
 #[derive(Debug)]
@@ -109,7 +110,7 @@ impl<'a> Encoder<'a> {
     /// Codes all views.
     pub fn encode(&self, quality: &Quality) -> Result<EncodedPlanes> {
         let coding = PlaneCoding { components: self.component_codings(quality), masks: self.masks };
-        let scene = Scene::new(self.mesh, self.views);
+        let scene = Scene::new(Cow::Borrowed(self.mesh), Cow::Borrowed(self.views));
         let white = self.white.map(|w| w as f32);
         let all: Vec<usize> = (0..self.order.len()).collect();
         let mut header = Header { coding, steps: Vec::new() };

@@ -6,6 +6,7 @@
 #[cfg(feature = "encode")]
 pub mod colour;
 pub mod decode;
+pub mod decoder;
 #[cfg(feature = "encode")]
 pub mod encode;
 pub mod header;
@@ -20,6 +21,7 @@ use crate::residual::mask::MaskModels;
 use crate::surface::warp::{Geometry, Reference, Source, Surface, find};
 use crate::transform::shape_adaptive::{Pixel, Plan};
 use order::Step;
+use std::borrow::Cow;
 
 /// How one component's pictures are coded.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -85,7 +87,7 @@ pub struct PlaneCoding {
 #[derive(Debug)]
 pub struct Scene<'a> {
     surface: Surface<'a>,
-    views: &'a [View],
+    views: Cow<'a, [View]>,
 }
 
 /// A view made ready: where its pixels are and what they see.
@@ -119,7 +121,7 @@ pub struct DecodedView {
 
 impl<'a> Scene<'a> {
     /// A mesh seen by views.
-    pub fn new(mesh: &'a Mesh, views: &'a [View]) -> Self {
+    pub fn new(mesh: Cow<'a, Mesh>, views: Cow<'a, [View]>) -> Self {
         Scene { surface: Surface::new(mesh), views }
     }
 

@@ -134,12 +134,17 @@ pub fn waves(order: &[Step], steps: &[usize]) -> Vec<Vec<usize>> {
 
 /// The steps that decoding `wanted` views takes, in coding order. Indices into `order`.
 pub fn closure(order: &[Step], wanted: impl Fn(usize) -> bool) -> Vec<usize> {
+    closure_without(order, wanted, |_| false)
+}
+
+/// [`closure`] where some views are `known` already.
+pub fn closure_without(order: &[Step], wanted: impl Fn(usize) -> bool, known: impl Fn(usize) -> bool) -> Vec<usize> {
     let mut needed = std::collections::HashSet::new();
     let mut steps: Vec<usize> = (0..order.len())
         .rev()
         .filter(|&index| {
             let step = &order[index];
-            let take = wanted(step.view) || needed.contains(&step.view);
+            let take = (wanted(step.view) || needed.contains(&step.view)) && !known(step.view);
             if take {
                 needed.extend(step.needs());
             }

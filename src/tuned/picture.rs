@@ -132,7 +132,9 @@ fn finish(stage: &Stage, coding: &ComponentCoding, coefficients: &[Signal]) -> S
     signal
 }
 
-fn decoded_view(stage: Stage, signals: &[Signal], models: ViewModels) -> DecodedView {
+fn decoded_view(mut stage: Stage, signals: &[Signal], models: ViewModels) -> DecodedView {
     let references = signals.iter().map(|signal| Reference::new(signal.clone(), &stage.mask)).collect();
+    stage.geometry.keep_as_reference();
+    (stage.plan, stage.pixels) = Default::default();
     DecodedView { stage, references, models }
 }

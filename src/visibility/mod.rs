@@ -68,6 +68,14 @@ impl Visibility {
     pub fn error(&self) -> VisibilityError {
         self.error
     }
+    /// For each cell of the grid, row by row, the mean and then one value for each term.
+    pub fn bases(&self) -> &[f32] {
+        &self.bases
+    }
+    /// For each vertex one integer for each term.
+    pub fn all_weights(&self) -> &[i8] {
+        &self.weights
+    }
     /// Weights of a vertex, [`Visibility::terms`] of them; none for a vertex that there is not.
     pub fn weights(&self, vertex: usize) -> &[i8] {
         let terms = self.terms();

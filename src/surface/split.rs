@@ -1,0 +1,91 @@
+//! The mesh as renderers want it: one vertex for each corner that differs, with normal, tangent and texture coordinate.
+
+use super::raster::vertex_normals;
+use crate::asset::{Charts, Mesh};
+use crate::vector::{cross, dot};
+use std::collections::HashMap;
+
+/// Vertices in the order in which the triangles name them.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Geometry {
+    /// Positions in the world of the mesh.
+    pub positions: Vec<[f32; 3]>,
+    /// Smooth unit normals.
+    pub normals: Vec<[f32; 3]>,
+    /// Direction of growing u, and the sign with which normal x tangent is the direction up in the picture.
+    pub tangents: Vec<[f32; 4]>,
+    /// Atlas coordinates, 0 to 1, v downwards.
+    pub coordinates: Vec<[f32; 2]>,
+    /// For each vertex its number in the mesh.
+    pub sources: Vec<u32>,
+    /// Triangles of these vertices.
+    pub triangles: Vec<[u32; 3]>,
+}
+
+/// Vertices and smooth normals of a mesh without an atlas.
+pub fn whole(mesh: &Mesh) -> Geometry {
+    Geometry {
+        positions: mesh.positions.clone(),
+        normals: vertex_normals(mesh).iter().map(|normal| unit_or(*normal, || [0.0; 3]).map(|x| x as f32)).collect(),
+        tangents: Vec::new(),
+        coordinates: Vec::new(),
+        sources: (0..mesh.positions.len() as u32).collect(),
+        triangles: mesh.triangles.clone(),
+    }
+}
+
+/// Splits the vertices where charts meet.
+pub fn split(mesh: &Mesh, charts: &Charts) -> Geometry {
+    let smooth = vertex_normals(mesh);
+    let mut geometry = Geometry::default();
+    let mut number: HashMap<(u32, u32), u32> = HashMap::new();
+    let size = [charts.width as f64, charts.height as f64];
+    for (index, corners) in mesh.triangles.iter().enumerate() {
+        let chart = charts.chart_of_triangle[index];
+        let facing = charts.charts[chart as usize].facing;
+        let at = charts.corners(mesh, index);
+        let triangle = std::array::from_fn(|k| {
+            let vertex = corners[k];
+            *number.entry((vertex, chart)).or_insert_with(|| {
+                let normal = unit_or(smooth[vertex as usize], || face_normal(mesh, corners));
+                geometry.positions.push(mesh.positions[vertex as usize]);
+                geometry.normals.push(normal.map(|x| x as f32));
+                geometry.tangents.push(tangent(normal, facing));
+                geometry.sources.push(vertex);
+                geometry.coordinates.push(std::array::from_fn(|c| (at[k][c] / size[c]).clamp(0.0, 1.0) as f32));
+                geometry.positions.len() as u32 - 1
+            })
+        });
+        geometry.triangles.push(triangle);
+    }
+    geometry
+}
+
+fn face_normal(mesh: &Mesh, corners: &[u32; 3]) -> [f64; 3] {
+    let [a, b, c] = corners.map(|v| mesh.positions[v as usize].map(f64::from));
+    cross([b[0] - a[0], b[1] - a[1], b[2] - a[2]], [c[0] - a[0], c[1] - a[1], c[2] - a[2]])
+}
+
+/// The vector at unit length; where it has none, of another one; up where neither has.
+fn unit_or(v: [f64; 3], other: impl FnOnce() -> [f64; 3]) -> [f64; 3] {
+    let unit = |v: [f64; 3]| {
+        let length = dot(v, v).sqrt();
+        (length > 1e-12).then(|| v.map(|x| x / length))
+    };
+    unit(v).or_else(|| unit(other())).unwrap_or([0.0, 0.0, 1.0])
+}
+
+/// The chart's u direction in the tangent plane. Charts are never mirrored: u x v is outward, and v goes down in the picture.
+fn tangent(normal: [f64; 3], facing: u8) -> [f32; 4] {
+    let axis = [1, 2, 0][(facing / 2).min(2) as usize];
+    let sign = if facing.is_multiple_of(2) { 1.0 } else { -1.0 };
+    let mut along = [0.0; 3];
+    along[axis] = sign;
+    let lift = dot(along, normal);
+    let flat: [f64; 3] = std::array::from_fn(|k| along[k] - lift * normal[k]);
+    let least = (0..3).min_by(|&a, &b| normal[a].abs().total_cmp(&normal[b].abs())).unwrap_or(0);
+    let mut any = [0.0; 3];
+    any[least] = 1.0;
+    let [x, y, z] = unit_or(flat, || cross(normal, any)).map(|x| x as f32);
+    [x, y, z, -1.0]
+}

@@ -1,0 +1,144 @@
+//! Views one at a time, in any order: what others are predicted from is kept, so that a view mostly costs no other.
+
+use super::decode::{KEPT, PHOTOGRAPH, Pictures, STATE, WORKING, to_photograph};
+use super::header::{CodedStep, Header};
+use super::order::{self, Step};
+use super::{DecodedView, Scene};
+use crate::asset::{Mesh, Photograph, View};
+use crate::error::{Error, Result};
+use crate::limits::Budget;
+use crate::surface::raster;
+use std::borrow::Cow;
+use std::sync::Arc;
+
+/// Decodes the views of a file one at a time.
+///
+/// Whoever calls asks for the steps that a view still takes ([`ViewDecoder::missing`]), gets their streams, and has them
+/// decoded in that order. Decoded views that others need stay, within the budget; those used longest ago go first.
+#[derive(Debug)]
+pub struct ViewDecoder<'a> {
+    pictures: Pictures<'a>,
+    order: Vec<Step>,
+    /// Whether a later step needs the view.
+    is_reference: Vec<bool>,
+    decoded: Vec<Option<DecodedView>>,
+    /// When each view was last asked for.
+    used: Vec<u64>,
+    clock: u64,
+    budget: Arc<Budget>,
+}
+
+impl<'a> ViewDecoder<'a> {
+    /// A decoder of the views of `header`, none of them decoded. `white` is the white board's radiance.
+    pub fn new(
+        header: Cow<'a, Header>,
+        mesh: Cow<'a, Mesh>,
+        views: Cow<'a, [View]>,
+        white: [f64; 3],
+        budget: Arc<Budget>,
+    ) -> Self {
+        let order = header.order();
+        let count = views.len();
+        let mut is_reference = vec![false; count];
+        order.iter().flat_map(Step::needs).for_each(|view| is_reference[view] = true);
+        ViewDecoder {
+            pictures: Pictures { scene: Scene::new(mesh, views), header, white },
+            order,
+            is_reference,
+            decoded: (0..count).map(|_| None).collect(),
+            used: vec![0; count],
+            clock: 0,
+            budget,
+        }
+    }
+
+    /// The head of the section.
+    pub fn header(&self) -> &Header {
+        &self.pictures.header
+    }
+
+    /// The steps that `view` still takes, in coding order, its own last; none where it is kept. What it is predicted from
+    /// is not given up before another view is asked for.
+    /// # Errors
+    /// [`Error::Parameter`] for a view that there is not.
+    pub fn missing(&mut self, view: usize) -> Result<Vec<usize>> {
+        if view >= self.decoded.len() {
+            let count = self.decoded.len();
+            return Err(Error::parameter(format!("view {view} does not exist: the file has {count} views")));
+        }
+        self.clock += 1;
+        for index in order::closure(&self.order, |v| v == view) {
+            self.used[self.order[index].view] = self.clock;
+        }
+        let kept = |v: usize| self.decoded[v].is_some();
+        Ok(order::closure_without(&self.order, |v| v == view, kept))
+    }
+
+    /// Where a step's streams lie.
+    pub fn coded(&self, step: usize) -> Option<&CodedStep> {
+        self.pictures.header.steps.get(step)
+    }
+
+    /// A view that is kept.
+    pub fn kept(&self, view: usize) -> Option<Photograph> {
+        let kept = self.decoded.get(view)?.as_ref()?;
+        let signals = kept.references.iter().map(|reference| reference.pixels());
+        Some(to_photograph(&self.pictures.header, self.pictures.white, signals, kept.stage.mask.clone()))
+    }
+
+    /// Decodes one of the [`ViewDecoder::missing`] steps, all before it decoded, from its streams.
+    /// # Errors
+    /// [`Error::Format`] where the streams are damaged; [`Error::Limits`] where the memory for the view and those it is predicted
+    /// from is not there; [`Error::Parameter`] where a view it needs is not decoded.
+    pub fn decode(&mut self, step: usize, streams: &[u8]) -> Result<Photograph> {
+        let Some(Step { view, .. }) = self.order.get(step) else {
+            return Err(Error::parameter(format!("step {step} does not exist")));
+        };
+        let view = *view;
+        if self.order[step].needs().any(|needed| self.decoded[needed].is_none()) {
+            return Err(Error::parameter(format!("view {view} is predicted from views that are not decoded")));
+        }
+        self.pictures.check(step, streams)?;
+        raster::check_work(self.pictures.scene.surface.mesh(), &self.pictures.scene.views[view].camera)?;
+        let working =
+            self.bytes(view, WORKING).saturating_add(self.bytes(view, PHOTOGRAPH)).saturating_add(self.state());
+        self.make_room("views being decoded", working)?;
+        let result = self.pictures.decode(step, streams, &self.decoded);
+        self.budget.release(working);
+        let (signals, mask, decoded) = result?;
+        if self.is_reference[view] && self.decoded[view].is_none() {
+            self.make_room("decoded views", self.kept_bytes(view))?;
+            self.decoded[view] = Some(decoded);
+        }
+        Ok(to_photograph(&self.pictures.header, self.pictures.white, &signals, mask))
+    }
+
+    fn bytes(&self, view: usize, each: [u64; 2]) -> u64 {
+        let camera = &self.pictures.scene.views[view].camera;
+        let components = self.pictures.header.coding.components.len() as u64;
+        (camera.width as u64 * camera.height as u64).saturating_mul(each[0] + each[1] * components)
+    }
+    fn state(&self) -> u64 {
+        STATE * self.pictures.header.coding.components.len() as u64
+    }
+    fn kept_bytes(&self, view: usize) -> u64 {
+        self.bytes(view, KEPT).saturating_add(self.state())
+    }
+
+    /// Charges `bytes`, giving up views that were not asked for of late where they are needed for that.
+    fn make_room(&mut self, what: &'static str, bytes: u64) -> Result<()> {
+        loop {
+            let charged = self.budget.charge(what, bytes);
+            let oldest = (0..self.decoded.len())
+                .filter(|&view| self.decoded[view].is_some() && self.used[view] < self.clock)
+                .min_by_key(|&view| self.used[view]);
+            match (charged, oldest) {
+                (Err(_), Some(view)) => {
+                    self.decoded[view] = None;
+                    self.budget.release(self.kept_bytes(view));
+                }
+                (charged, _) => return charged,
+            }
+        }
+    }
+}

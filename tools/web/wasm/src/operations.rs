@@ -1,0 +1,268 @@
+//! What can be asked of a file.
+
+use crate::facts;
+use crate::output::{Output, half};
+use serde_json::{Value, json};
+use tsuya::asset::Photograph;
+use tsuya::brdf::{Brdf, HalfDifference};
+use tsuya::container::Arrival;
+use tsuya::decoder::arriving::{ArrivingFile, ViewProgress};
+use tsuya::image::{Grid, Mask};
+use tsuya::surface::atlas::{fill_unused, rasterise_atlas};
+use tsuya::surface::split;
+use tsuya::{Error, Result};
+
+/// How an operation ended.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub enum Status {
+    /// The outputs hold what was asked for.
+    Here = 0,
+    /// The first output lists ranges that must arrive first.
+    Missing = 1,
+    /// The first output says what is wrong.
+    Error = 2,
+    /// A part is done; call again.
+    Again = 3,
+}
+
+pub type Answer = (Status, Vec<Output>);
+
+/// Half angles, difference angles and azimuths of a material's table.
+const MATERIAL: [usize; 3] = [90, 30, 36];
+
+/// Runs an operation by its number.
+pub fn run(file: &mut ArrivingFile, operation: u32, argument: u32, flags: u32) -> Result<Answer> {
+    match operation {
+        0 => Ok(found(file.open()?, |opened| {
+            let mut description = facts::opened(&opened);
+            merge(&mut description["facts"], facts::sections(file.sections()));
+            (description, Vec::new())
+        })),
+        1 => mesh(file),
+        2 => reflectance(file),
+        3 => Ok(found(file.visibility()?, |visibility| match visibility {
+            None => (Value::Null, Vec::new()),
+            Some(v) => (
+                json!({
+                    "size": v.size(), "terms": v.terms(), "groups": v.groups(), "ground": v.has_ground(),
+                    "rmsErrorRad": v.error().rms_radians, "wrongSigns": v.error().wrong_signs,
+                    "arrays": [["bases", "f32"], ["weights", "i8"]],
+                }),
+                vec![Output::Floats(v.bases().to_vec()), Output::Weights(v.all_weights().to_vec())],
+            ),
+        })),
+        4 => Ok(found(file.light()?, |light| match light {
+            None => (Value::Null, Vec::new()),
+            Some(light) => {
+                let lobe = |lobe: &tsuya::lighting::SphericalGaussian| {
+                    let numbers = lobe.axis.into_iter().chain([lobe.sharpness]).chain(lobe.amplitude);
+                    numbers.map(|x| x as f32).collect::<Vec<f32>>()
+                };
+                let mut outputs = vec![Output::Floats(light.diffuse.iter().flat_map(lobe).collect())];
+                let levels = light.levels.iter().map(|level| {
+                    outputs.push(Output::Colours(level.cells().to_vec()));
+                    json!({"sharpness": level.sharpness(), "size": level.size()})
+                });
+                let levels: Vec<Value> = levels.collect();
+                let arrays = (0..levels.len()).map(|k| json!([["levels", k, "cells"], "f32"]));
+                let arrays: Vec<Value> = std::iter::once(json!(["lobes", "f32"])).chain(arrays).collect();
+                (json!({"levels": levels, "arrays": arrays}), outputs)
+            }
+        })),
+        5 => Ok(found(file.materials()?, |materials| {
+            let mut outputs = Vec::new();
+            let list = materials.iter().map(|named| {
+                outputs.push(Output::Floats(table(&named.material)));
+                json!({"name": named.name, "form": named.material.form(), "size": MATERIAL})
+            });
+            let list: Vec<Value> = list.collect();
+            let arrays: Vec<Value> = (0..list.len()).map(|k| json!([["materials", k, "values"], "f32"])).collect();
+            (json!({"materials": list, "arrays": arrays}), outputs)
+        })),
+        6 => view(file, argument as usize, flags),
+        7 => Ok(found(file.verify()?, |()| (Value::Null, Vec::new()))),
+        8 => Ok(match file.missing_for(argument as usize)? {
+            ranges if ranges.is_empty() => (Status::Here, vec![Output::Text("null".into())]),
+            ranges => missing(ranges),
+        }),
+        9 => Ok((Status::Here, vec![Output::Text(facts::sections(file.sections()).to_string())])),
+        other => Err(Error::parameter(format!("operation {other} does not exist"))),
+    }
+}
+
+/// The answer of a result; `None` stands for a file that is not open.
+pub fn answer<T>(result: Option<Result<T>>, right: impl FnOnce(T) -> Answer) -> Answer {
+    let error = match result {
+        Some(Ok(value)) => return right(value),
+        Some(Err(error)) => error,
+        None => Error::parameter("the file is closed"),
+    };
+    let kind = match &error {
+        Error::Io { .. } => "io",
+        Error::Format { .. } | Error::Input { .. } => "format",
+        Error::Unsupported(_) => "unsupported",
+        Error::Limits { .. } => "limits",
+        Error::Parameter(_) => "parameter",
+        _ => "internal",
+    };
+    let (section, offset) = match &error {
+        Error::Format { section, offset, .. } => (Some(section.clone()), Some(*offset)),
+        _ => (None, None),
+    };
+    let text = json!({"kind": kind, "message": error.to_string(), "section": section, "offset": offset});
+    (Status::Error, vec![Output::Text(text.to_string())])
+}
+
+fn missing(ranges: Vec<std::ops::Range<u64>>) -> Answer {
+    let ranges: Vec<[u64; 2]> = ranges.into_iter().map(|range| [range.start, range.end]).collect();
+    (Status::Missing, vec![Output::Text(json!(ranges).to_string())])
+}
+
+fn found<T>(arrival: Arrival<T>, describe: impl FnOnce(T) -> (Value, Vec<Output>)) -> Answer {
+    match arrival {
+        Arrival::Missing(ranges) => missing(ranges),
+        Arrival::Here(value) => {
+            let (description, arrays) = describe(value);
+            let text = Output::Text(description.to_string());
+            (Status::Here, std::iter::once(text).chain(arrays).collect())
+        }
+    }
+}
+
+fn merge(into: &mut Value, more: Value) {
+    if let (Value::Object(into), Value::Object(more)) = (into, more) {
+        into.extend(more);
+    }
+}
+
+fn mesh(file: &mut ArrivingFile) -> Result<Answer> {
+    let mesh = match file.mesh()? {
+        Arrival::Here(Some(mesh)) => mesh,
+        Arrival::Here(None) => return Ok((Status::Here, vec![Output::Text("null".into())])),
+        Arrival::Missing(ranges) => return Ok(missing(ranges)),
+    };
+    Ok(found(file.charts()?, |charts| {
+        let vertices = match charts {
+            Some(charts) if charts.width > 0 && charts.height > 0 => split::split(&mesh, &charts),
+            _ => split::whole(&mesh),
+        };
+        let description = json!({
+            "sourceVertexCount": mesh.positions.len(),
+            "arrays": [["positions", "f32"], ["normals", "f32"], ["tangents", "f32"], ["uvs", "f32"], ["indices", "u32"],
+                ["sourceVertices", "u32"]],
+        });
+        let arrays = vec![
+            Output::Colours(vertices.positions),
+            Output::Colours(vertices.normals),
+            Output::Pixels(vertices.tangents),
+            Output::Coordinates(vertices.coordinates),
+            Output::Triangles(vertices.triangles),
+            Output::Integers(vertices.sources),
+        ];
+        (description, arrays)
+    }))
+}
+
+fn reflectance(file: &mut ArrivingFile) -> Result<Answer> {
+    let (mesh, charts) = match (file.mesh()?, file.charts()?) {
+        (Arrival::Missing(ranges), _) | (_, Arrival::Missing(ranges)) => return Ok(missing(ranges)),
+        (Arrival::Here(mesh), Arrival::Here(charts)) => (mesh, charts),
+    };
+    let (maps, mesh, charts) = match (file.reflectance()?, mesh, charts) {
+        (Arrival::Missing(ranges), _, _) => return Ok(missing(ranges)),
+        (Arrival::Here(Some(maps)), Some(mesh), Some(charts)) => (maps, mesh, charts),
+        _ => return Ok((Status::Here, vec![Output::Text("null".into())])),
+    };
+    let mask = rasterise_atlas(&mesh, &charts)?.mask();
+    let texels = mask.data.len();
+    let filled = |map: &Grid<[f32; 3]>| {
+        let mut map = map.clone();
+        fill_unused(&mut map, &mask);
+        map.data
+    };
+    if maps.diffuse.data.len() != texels {
+        return Err(Error::format("RFLC", 0u8, "the map is not of the atlas' size"));
+    }
+    let diffuse = filled(&maps.diffuse);
+    let diffuse = diffuse.iter().zip(&mask.data).map(|([r, g, b], used)| [*r, *g, *b, *used as u8 as f32]).collect();
+    let mut arrays = vec![Output::Pixels(diffuse)];
+    let mut names = vec![json!(["diffuse", "f32"])];
+    if maps.specular.data.len() == texels && maps.sigma.data.len() == texels {
+        let specular = filled(&maps.specular);
+        let sigma = filled(&maps.sigma.map(|&sigma| [sigma; 3]));
+        let both = specular.iter().zip(&sigma).map(|([r, g, b], [sigma, ..])| [*r, *g, *b, *sigma]);
+        arrays.push(Output::Pixels(both.collect()));
+        names.push(json!(["specular", "f32"]));
+    }
+    let description = json!({
+        "width": mask.width, "height": mask.height, "relightable": maps.relightable, "specular": null, "arrays": names,
+    });
+    Ok((Status::Here, std::iter::once(Output::Text(description.to_string())).chain(arrays).collect()))
+}
+
+/// Bit 0 of `flags` asks for half floats, bits 1 to 3 for the components.
+fn view(file: &mut ArrivingFile, index: usize, flags: u32) -> Result<Answer> {
+    let photograph = match file.view(index)? {
+        Arrival::Missing(ranges) => return Ok(missing(ranges)),
+        Arrival::Here(ViewProgress::Again) => return Ok((Status::Again, Vec::new())),
+        Arrival::Here(ViewProgress::NoPictures) => {
+            return Err(Error::parameter("the file has no photographs"));
+        }
+        Arrival::Here(ViewProgress::Done(photograph)) => photograph,
+    };
+    let components = match file.open()? {
+        Arrival::Here(opened) => opened.capture.components.clone(),
+        Arrival::Missing(ranges) => return Ok(missing(ranges)),
+    };
+    let Photograph { mask, images } = photograph;
+    let mut names = vec![json!(["mask", "u8"])];
+    let mut arrays = vec![Output::Bytes(mask.data.iter().map(|&inside| inside as u8).collect())];
+    for (component, image) in components.iter().zip(&images) {
+        if flags >> (1 + *component as u32) & 1 == 0 {
+            continue;
+        }
+        let (kind, pixels) = match flags & 1 {
+            0 => ("f32", Output::Pixels(pixels(&image.data, &mask, |x| x, 1.0))),
+            _ => {
+                let pixels: Vec<[u16; 4]> = pixels(&image.data, &mask, half, half(1.0));
+                ("f16", Output::Halves(pixels.into_flattened()))
+            }
+        };
+        names.push(json!([["images", component], kind]));
+        arrays.push(pixels);
+    }
+    let description = json!({"index": index, "width": mask.width, "height": mask.height, "images": {}, "arrays": names});
+    Ok((Status::Here, std::iter::once(Output::Text(description.to_string())).chain(arrays).collect()))
+}
+
+/// Colours with the mask as fourth channel.
+fn pixels<T: Copy + Default>(colours: &[[f32; 3]], mask: &Mask, number: impl Fn(f32) -> T, one: T) -> Vec<[T; 4]> {
+    let pixel = |(colour, inside): (&[f32; 3], &bool)| match inside {
+        true => [number(colour[0]), number(colour[1]), number(colour[2]), one],
+        false => [T::default(); 4],
+    };
+    colours.iter().zip(&mask.data).map(pixel).collect()
+}
+
+/// BRDF values over half angles, difference angles and azimuths, red, green, blue.
+fn table(material: &impl Brdf) -> Vec<f32> {
+    use std::f64::consts::{FRAC_PI_2, PI};
+    let [half_angles, difference_angles, azimuths] = MATERIAL;
+    let mut values = Vec::with_capacity(half_angles * difference_angles * azimuths * 3);
+    for h in 0..half_angles {
+        for d in 0..difference_angles {
+            for p in 0..azimuths {
+                let angles = HalfDifference {
+                    theta_h: (h as f64 / half_angles as f64).powi(2) * FRAC_PI_2,
+                    theta_d: d as f64 / difference_angles as f64 * FRAC_PI_2,
+                    phi_d: p as f64 / azimuths as f64 * PI,
+                };
+                let (incoming, outgoing) = angles.directions();
+                let above = incoming[2] > 0.0 && outgoing[2] > 0.0;
+                let value = if above { material.evaluate(incoming, outgoing) } else { [0.0; 3] };
+                values.extend(value.map(|x| x as f32));
+            }
+        }
+    }
+    values
+}
