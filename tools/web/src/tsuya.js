@@ -73,7 +73,7 @@ class File {
   }
 
   async open(source, options) {
-    const { facts, views, order } = await this.#run("open", { source, options }, null);
+    const { facts, views, order } = await this.#run("open", { source, options });
     Object.assign(this, { facts, views, order });
   }
 

@@ -198,16 +198,18 @@ export class Stage {
     camera.matrixWorldAutoUpdate = false;
     const target = new WebGLRenderTarget(width, height, { type: FloatType, generateMipmaps: false });
     const values = new Float32Array(width * height * 4);
-    do {
+    const draw = () => {
       this.renderer.setRenderTarget(target);
       this.renderer.clear();
       this.renderer.render(this.scene, camera);
+    };
+    draw();
+    while (appearance && !appearance.complete) {
       this.renderer.setRenderTarget(null);
-      await new Promise((resolve) => setTimeout(resolve));
-    } while (appearance && (!appearance.complete || appearance.arrived.length));
-    this.renderer.setRenderTarget(target);
-    this.renderer.clear();
-    this.renderer.render(this.scene, camera);
+      await new Promise((resolve) => setTimeout(resolve, 5));
+      appearance.upload(this.renderer);
+    }
+    draw();
     this.renderer.readRenderTargetPixels(target, 0, 0, width, height, values);
     this.renderer.setRenderTarget(null);
     target.dispose();
