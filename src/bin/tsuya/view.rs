@@ -25,7 +25,7 @@ pub struct View {
     /// Writes page and file into this folder, for any web server, and ends.
     #[arg(long, value_name = "DIR", conflicts_with_all = ["port", "no_open"])]
     export: Option<PathBuf>,
-    /// Takes the page's files from this folder, as tools/web/build makes it, instead of those within the program.
+    /// Takes the page's files from this folder, as tools/web/viewer/build makes it, instead of those within the program.
     #[arg(long, value_name = "DIR")]
     assets: Option<PathBuf>,
     /// With --export: writes into a folder that is not empty.

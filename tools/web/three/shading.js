@@ -196,6 +196,8 @@ Sight sightOf(vec3 point, vec3 eye) {
         confidences[found] = confidence;
       }
       found++;
+      // At a captured camera that view alone.
+      if (seen[0] < 1e-6) break;
     } else if (sight == CUT && found == 0) {
       s.cut = true;
     }
@@ -334,7 +336,10 @@ void main() {
   vec3 point = perspective ? eye + vDepth * (rays * vec3(gl_FragCoord.xy, 1.0)) : vPoint;
   vec3 normal = normalize(vNormal);
   Maps maps = mapsAt(vAtlas);
-  Sight sight = sightOf(point, eye);
+  Sight sight;
+  sight.count = 0;
+  sight.cut = false;
+  if (showResidual || cutByMasks) sight = sightOf(point, eye);
   if (sight.cut && cutByMasks) discard;
   Geometry underCapture = geometryOf(point, normal, eye, captureLight);
   Parts captured = modelOf(maps, underCapture);

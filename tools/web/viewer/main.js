@@ -174,6 +174,7 @@ function refresh() {
   element("exposure").value = String(state.stops);
   document.querySelector('[data-act="screenshot"]').disabled = !state.model;
   document.querySelector('[data-act="reset"]').disabled = !state.model;
+  showStatus();
   if (state.model && !element("facts").hidden) showFacts(element("facts").firstElementChild, factsOf(state.model));
   stage.invalidate();
 }

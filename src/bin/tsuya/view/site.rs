@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use tsuya::gltf::{self, Document, EXTENSION};
 use tsuya::{Budget, Error};
 
-/// The page as `tools/web/build` makes it; empty in a program that was built without it.
+/// The page as `tools/web/viewer/build` makes it; empty in a program that was built without it.
 #[derive(rust_embed::RustEmbed)]
 #[folder = "tools/web/dist"]
 #[allow_missing = true]
@@ -59,8 +59,8 @@ impl Site {
         };
         if !files.contains_key(FIRST) {
             let message = match assets {
-                Some(folder) => format!("{}: has no {FIRST}; tools/web/build makes the page in tools/web/dist", folder.display()),
-                None => "this program was built without the viewer's page: run tools/web/build and build it again, or name the page's folder \
+                Some(folder) => format!("{}: has no {FIRST}; tools/web/viewer/build makes the page in tools/web/dist", folder.display()),
+                None => "this program was built without the viewer's page: run tools/web/build and tools/web/viewer/build, and build it again, or name the page's folder \
                          with --assets"
                     .into(),
             };

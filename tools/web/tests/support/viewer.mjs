@@ -2,9 +2,8 @@
 
 import { spawn, spawnSync } from "node:child_process";
 import { mkdtempSync, readFileSync, rmSync } from "node:fs";
-import { createServer } from "node:http";
 import { tmpdir } from "node:os";
-import { extname, join, normalize } from "node:path";
+import { join } from "node:path";
 import { fileURLToPath } from "node:url";
 import { chromium } from "playwright-core";
 import { FloatType } from "three";
@@ -35,29 +34,10 @@ export function view(file) {
   });
 }
 
-const TYPES = { ".html": "text/html", ".js": "text/javascript", ".css": "text/css", ".json": "application/json", ".wasm": "application/wasm" };
-
-/** A plain web server of a folder, which knows no ranges. */
-export function serve(path) {
-  const server = createServer(({ url }, answer) => {
-    const name = normalize(decodeURIComponent(url.split("?")[0])).replace(/\/$/, "/index.html");
-    try {
-      const bytes = readFileSync(join(path, name));
-      answer.writeHead(200, { "Content-Type": TYPES[extname(name)] ?? "application/octet-stream", "Content-Length": bytes.length });
-      answer.end(bytes);
-    } catch {
-      answer.writeHead(404).end();
-    }
-  });
-  return new Promise((resolve) => {
-    server.listen(0, "127.0.0.1", () => resolve({ address: `http://127.0.0.1:${server.address().port}/`, end: () => server.close() }));
-  });
-}
-
 let context = null;
 
 /** A page at an address, and what it complains of. */
-export async function open(address, viewport = { width: 360, height: 300 }) {
+export async function open(address, viewport = { width: 220, height: 180 }) {
   context ??= await chromium.launchPersistentContext(at("profile"), {
     executablePath: process.env.CHROMIUM ?? "/usr/bin/chromium",
     headless: true,
@@ -79,7 +59,11 @@ export async function open(address, viewport = { width: 360, height: 300 }) {
   });
   await page.goto(address);
   await page.waitForFunction(() => window.tsuyaViewer);
-  await page.evaluate(() => window.tsuyaViewer.opened);
+  const message = await page.evaluate(async () => {
+    await window.tsuyaViewer.opened;
+    return window.tsuyaViewer.state.model ? null : document.getElementById("message").innerText;
+  });
+  if (message !== null) throw new Error(message);
   return { page, complaints };
 }
 
