@@ -159,10 +159,10 @@ export class Appearance extends EventDispatcher {
       .replace("OCCLUSION_ASSIGNMENTS", names.map((name, k) => `vOcclusion[${k}] = ${name};`).join("\n"));
     const material = new ShaderMaterial({
       name: "TsuyaAppearance",
-      defines: { COMPONENTS: this.kinds.length, VISIBILITY: terms },
+      // Shaders without the environment compile faster.
+      defines: { COMPONENTS: this.kinds.length, VISIBILITY: terms, ENVIRONMENT: 0 },
       vertexShader,
-      // The environment declares where the eye is.
-      fragmentShader: reflectance + residual + environment + fragment.replace("uniform vec3 eye;\n", ""),
+      fragmentShader: `uniform vec3 eye;\n${reflectance}${residual}\n#if ENVIRONMENT\n${environment}\n#endif\n${fragment}`,
       toneMapped: false,
       uniforms: {
         ...this.maps,
@@ -281,6 +281,10 @@ export class Appearance extends EventDispatcher {
     uniforms.lightCount.value = lights.length;
     this.shadowMaps.update(renderer, uniforms, lights, this.shadows && lights.length > 0);
     uniforms.selfShadows.value = this.shadows;
+    if (Boolean(around) !== Boolean(this.material.defines.ENVIRONMENT)) {
+      this.material.defines.ENVIRONMENT = Number(Boolean(around));
+      this.material.needsUpdate = true;
+    }
     if (around) {
       const rotation = new Matrix4().makeRotationY(turn ?? 0).premultiply(fromWorld);
       // A white board in a radiance of 1 all around is white.
@@ -355,7 +359,8 @@ export class Appearance extends EventDispatcher {
     });
     this.bound.forEach((mesh) => this.carryVisibility(mesh, vectors));
     const material = this.makeMaterial(vectors);
-    for (const key of ["defines", "vertexShader"]) this.material[key] = material[key];
+    this.material.defines.VISIBILITY = vectors;
+    this.material.vertexShader = material.vertexShader;
     material.dispose();
     this.material.uniforms.visibilityBases.value = visibilityTexture(visibility, vectors);
     this.material.uniforms.visibilitySize.value = visibility.size;

@@ -14,7 +14,6 @@ export const environment = /* glsl */ `
 uniform vec4 lobeAxis[LOBES];
 uniform vec3 lobeAmplitude[LOBES];
 uniform int lobeCount;
-uniform vec3 eye;
 #if VISIBILITY > 0
 varying vec4 vOcclusion[VISIBILITY];
 uniform sampler2DArray visibilityBases;

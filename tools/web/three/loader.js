@@ -169,6 +169,6 @@ export class TsuyaAppearance {
 /** What went wrong, with a reason. */
 function explained(error) {
   if (error instanceof AppearanceError) return error;
-  const reason = { format: "damaged", unsupported: "version", io: "missing" }[error.kind] ?? "damaged";
+  const reason = { format: "damaged", unsupported: "version", io: "missing" }[error.kind] ?? "unsupported";
   return new AppearanceError(reason, error.message, error);
 }

@@ -277,7 +277,6 @@ varying vec3 vNormal;
 varying vec2 vAtlas;
 varying float vDepth;
 
-uniform vec3 eye;
 /** From a pixel to its ray in the stream's world, depth 1. */
 uniform mat3 rays;
 uniform bool perspective;
@@ -344,6 +343,7 @@ void main() {
   Geometry underCapture = geometryOf(point, normal, eye, captureLight);
   Parts captured = modelOf(maps, underCapture);
   vec3 sum = vec3(0.0);
+#if ENVIRONMENT
   if (lighting == 2) {
     Parts around = environmentOf(point, normal, maps);
     if (showResidual && kinds[0] != 1) {
@@ -353,7 +353,9 @@ void main() {
     }
     if (showDiffuse) sum += around.diffuse;
     if (showSpecular) sum += around.specular;
-  } else {
+  } else
+#endif
+  {
     vec3 values[2] = vec3[2](vec3(0.0), vec3(0.0));
     int count = lighting == 0 ? 1 : lightCount;
     for (int j = 0; j < count; j++) {

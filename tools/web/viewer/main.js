@@ -91,6 +91,7 @@ function replace(model) {
   const before = state.model;
   state.model = model;
   state.captured = -1;
+  state.environments = { ...ENVIRONMENTS };
   stage.show(model.root, model);
   before?.dispose();
   if (model.appearance) {
@@ -99,8 +100,15 @@ function replace(model) {
   } else {
     offerLights(null);
   }
-  stage.surround(state.environments[state.light] ?? ENVIRONMENTS.studio);
+  surround();
   refresh();
+}
+
+/** Light for materials of three.js' own, where one is shown. */
+function surround() {
+  const { appearance } = state.model ?? {};
+  if (appearance?.file.views.length || appearance?.atlasSize) return;
+  stage.surround(state.environments[state.light] ?? ENVIRONMENTS.studio);
 }
 
 function follow(appearance) {
@@ -114,6 +122,7 @@ function follow(appearance) {
 /** Takes a model's appearance into the page. */
 function adopt(model) {
   const { appearance } = model;
+  state.light = `${CAPTURE}0`;
   offerLights(appearance);
   stage.home = model.first;
   stage.reset();
@@ -203,9 +212,8 @@ function setLayer(layer) {
 function setLight(light) {
   state.light = light;
   element("light").value = light;
-  const around = state.environments[light];
-  if (around) stage.surround(around);
-  if (around && state.layer === "residual") state.layer = "photograph";
+  surround();
+  if (state.environments[light] && state.layer === "residual") state.layer = "photograph";
   refresh();
 }
 
