@@ -227,3 +227,86 @@ fn thumbnails_have_bounded_sides() {
         assert!(thumbnail::decode(wide).is_err());
     }
 }
+
+/// Gives what is asked for, in small and overlapping pieces, until an operation has it.
+fn arrive<T>(file: &mut Arriving, bytes: &[u8], mut what: impl FnMut(&mut Arriving) -> Result<Arrival<T>>) -> (T, usize) {
+    let mut given = 0;
+    loop {
+        let ranges = match what(file).unwrap() {
+            Arrival::Here(value) => return (value, given),
+            Arrival::Missing(ranges) => ranges,
+        };
+        assert!(!ranges.is_empty());
+        for range in ranges {
+            let end = (range.end as usize).min(bytes.len());
+            let middle = (range.start as usize + end) / 2;
+            for part in [middle.saturating_sub(3)..end, range.start as usize..middle] {
+                file.give(part.start as u64, &bytes[part.clone()]).unwrap();
+                given += part.len();
+            }
+            if range.end as usize > bytes.len() {
+                file.end(bytes.len() as u64);
+            }
+        }
+    }
+}
+
+#[test]
+fn a_file_arrives_in_ranges_or_from_its_start() {
+    let bytes = sample();
+    let whole = read_stream(&bytes[..], limits()).unwrap();
+    // By the directory, and where the length is not known yet from one section to the next.
+    for (length, is_seekable) in [(Some(bytes.len() as u64), true), (Some(bytes.len() as u64), false), (None, false)] {
+        let mut file = Arriving::new(length, is_seekable, limits());
+        let (mesh, given) = arrive(&mut file, &bytes, |file| file.read(Tag::MESH));
+        assert_eq!(mesh.unwrap(), b"own bytes");
+        assert!(given < bytes.len(), "{given} of {}", bytes.len());
+        assert_eq!(file.sections().1, is_seekable);
+        let (data, _) = arrive(&mut file, &bytes, |file| file.read(Tag::METADATA));
+        assert_eq!(data.as_ref(), Some(&whole[0].1));
+        assert_eq!(arrive(&mut file, &bytes, |file| file.read(Tag::LIGHT)).0, None);
+        let (sections, is_complete) = file.sections();
+        assert!(is_complete && sections.iter().eq(whole.iter().map(|(section, _)| section)));
+        arrive(&mut file, &bytes, |file| file.verify());
+        assert!(file.give(bytes.len() as u64, b"x").is_err());
+    }
+    // One byte at a time from the start: never a wrong answer, and right as soon as all is there.
+    let mut file = Arriving::new(None, false, limits());
+    for (at, byte) in bytes.iter().enumerate() {
+        match file.read(Tag::MESH).unwrap() {
+            Arrival::Here(content) => assert_eq!(content.unwrap(), b"own bytes"),
+            Arrival::Missing(ranges) => assert!(ranges.iter().all(|range| range.start >= at as u64)),
+        }
+        file.give(at as u64, &[*byte]).unwrap();
+    }
+    assert_eq!(file.read(Tag::MESH).unwrap(), Arrival::Here(Some(b"own bytes".to_vec())));
+}
+
+#[test]
+fn an_arriving_file_that_is_wrong_says_so() {
+    let bytes = sample();
+    let complaint = |bytes: &[u8], is_seekable: bool| {
+        let mut file = Arriving::new(Some(bytes.len() as u64), is_seekable, limits());
+        file.give(0, bytes).unwrap();
+        match file.verify() {
+            Ok(Arrival::Here(())) => None,
+            Ok(Arrival::Missing(ranges)) => panic!("all is there, yet {ranges:?} are asked for"),
+            Err(error) => Some(error),
+        }
+    };
+    for is_seekable in [true, false] {
+        assert!(complaint(&bytes, is_seekable).is_none());
+        for cut in 0..bytes.len() {
+            assert!(matches!(complaint(&bytes[..cut], is_seekable), Some(Error::Format { .. })), "{cut}");
+        }
+        for at in 0..bytes.len() {
+            for bit in 0..8 {
+                let mut damaged = bytes.clone();
+                damaged[at] ^= 1 << bit;
+                assert!(complaint(&damaged, is_seekable).is_some(), "bit {bit} of byte {at}");
+            }
+        }
+    }
+    let mut small = Arriving::new(None, true, Limits { memory_bytes: 100, ..Limits::default() });
+    assert!(matches!(small.give(0, &bytes[..101]), Err(Error::Limits { .. })));
+}

@@ -189,7 +189,7 @@ impl Document {
     }
 
     /// The path that a relative reference means; only files beside the document or below are followed.
-    pub(super) fn check_uri(&self, uri: &str) -> Result<String> {
+    pub fn check_uri(&self, uri: &str) -> Result<String> {
         let refused = |why: &str| Err(self.wrong(format!("the reference {:?} {why}", uri.get(..60).unwrap_or(uri))));
         let Some(path) = percent_decoded(uri) else { return refused("has a wrong % escape") };
         let is_plain = |part: &str| !part.is_empty() && part != ".." && !part.contains(['\\', ':', '\0']);
@@ -203,8 +203,9 @@ impl Document {
     }
 }
 
-/// `None` where an escape is not two hexadecimal digits, or not UTF-8 comes out.
-fn percent_decoded(uri: &str) -> Option<String> {
+/// A relative reference without its % escapes: the inverse of [`percent_encoded`]. `None` where an escape is not two hexadecimal digits, or
+/// not UTF-8 comes out.
+pub fn percent_decoded(uri: &str) -> Option<String> {
     let mut bytes = Vec::new();
     let mut rest = uri.as_bytes();
     while let Some((&byte, tail)) = rest.split_first() {

@@ -160,3 +160,48 @@ fn memory_is_charged_before_it_is_used() {
     let error = decode(&header, &mesh, &views, WHITE, |_| true, read, &budget).unwrap_err();
     assert!(matches!(error, crate::Error::Limits { .. }), "{error}");
 }
+
+#[test]
+fn views_one_at_a_time_are_those_decoded_together_even_with_little_memory() {
+    use super::decode::{KEPT, PHOTOGRAPH, STATE, WORKING};
+    use super::decoder::ViewDecoder;
+    use std::borrow::Cow;
+    use std::sync::Arc;
+    let (mesh, views, photographs) = scene(9);
+    let encoder = Encoder::new(&mesh, &views, WHITE, &COMPONENTS, &photographs, &coverage(&mesh, &views), true);
+    let coded = encoder.encode(&Quality::default()).unwrap();
+    let header = Header::parse(&coded.bytes, 9, 2, &Budget::new(Limits::default())).unwrap();
+    let body = &coded.bytes[PREFIX_BYTES + Header::length(&coded.bytes).unwrap() as usize..];
+    let bytes = |each: [u64; 2]| 72 * 60 * (each[0] + 2 * each[1]);
+    let working = bytes(WORKING) + bytes(PHOTOGRAPH) + 2 * STATE;
+    let run = |memory_bytes: u64| -> crate::Result<usize> {
+        let budget = Arc::new(Budget::new(Limits { memory_bytes, ..Limits::default() }));
+        let (mesh, views) = (Cow::Borrowed(&mesh), Cow::Borrowed(&views[..]));
+        let mut decoder = ViewDecoder::new(Cow::Borrowed(&header), mesh, views, WHITE, budget.clone());
+        let mut decoded = 0;
+        for view in [8, 0, 3, 3, 7, 1, 2, 4, 5, 6, 8] {
+            let steps = decoder.missing(view)?;
+            let mut photograph = decoder.kept(view);
+            assert_eq!(photograph.is_some(), steps.is_empty());
+            for step in steps {
+                let (offset, length) = match decoder.coded(step) {
+                    Some(coded) => (coded.offset as usize, coded.lengths.iter().sum::<u32>() as usize),
+                    None => unreachable!(),
+                };
+                photograph = Some(decoder.decode(step, &body[offset..offset + length])?);
+                decoded += 1;
+            }
+            assert!(photograph.as_ref() == Some(&coded.photographs[view]), "view {view}");
+        }
+        assert!(decoder.missing(9).is_err());
+        assert!(budget.left() < memory_bytes);
+        Ok(decoded)
+    };
+    // Each view once, but for those that nothing is predicted from and that are asked for twice.
+    let roomy = run(1 << 30).unwrap();
+    assert!((9..=11).contains(&roomy), "{roomy} views decoded");
+    // Room for the longest chain only: what was given up is decoded again.
+    let tight = run(working + 5 * (bytes(KEPT) + 2 * STATE)).unwrap();
+    assert!(tight > roomy, "{tight} views decoded");
+    assert!(matches!(run(working + STATE), Err(crate::Error::Limits { .. })));
+}

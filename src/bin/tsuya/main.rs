@@ -22,6 +22,7 @@ mod source;
 mod surroundings;
 mod values;
 mod verify;
+mod view;
 
 use anyhow::Result;
 use clap::{ArgAction, Parser, Subcommand};
@@ -62,6 +63,7 @@ enum Command {
     Bake(bake::Bake),
     Light(light::Light),
     Gltf(gltf::Gltf),
+    View(view::View),
     Completions(shell::Completions),
     Man(shell::Man),
 }
@@ -82,6 +84,7 @@ impl Command {
             Command::Bake(bake) => bake.run(),
             Command::Light(light) => light.run(),
             Command::Gltf(gltf) => gltf.run(),
+            Command::View(view) => view.run(),
             Command::Completions(completions) => completions.run(),
             Command::Man(man) => man.run(),
         }

@@ -176,9 +176,11 @@ fn reflectance(file: &mut ArrivingFile) -> Result<Answer> {
     let mask = rasterise_atlas(&mesh, &charts)?.mask();
     let texels = mask.data.len();
     let filled = |map: &Grid<[f32; 3]>| {
-        let mut map = map.clone();
-        fill_unused(&mut map, &mask);
-        map.data
+        let mut whole = map.clone();
+        fill_unused(&mut whole, &mask);
+        // What is black on a chart is black.
+        let texel = |((&filled, &own), &used): ((&[f32; 3], &[f32; 3]), &bool)| if used { own } else { filled };
+        whole.data.iter().zip(&map.data).zip(&mask.data).map(texel).collect::<Vec<_>>()
     };
     if maps.diffuse.data.len() != texels {
         return Err(Error::format("RFLC", 0u8, "the map is not of the atlas' size"));

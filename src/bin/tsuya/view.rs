@@ -1,0 +1,58 @@
+//! `tsuya view`: a file in the browser, or as a page for any web server.
+
+mod range;
+mod server;
+mod site;
+
+use crate::output;
+use anyhow::Result;
+use clap::Args;
+use server::Server;
+use site::Site;
+use std::path::PathBuf;
+
+/// Shows a file in the browser: looked at from all sides, under other lights. Serves the page on this machine alone until it is ended with Ctrl-C.
+#[derive(Args)]
+pub struct View {
+    /// The .tsuya, .glb or .gltf file.
+    file: PathBuf,
+    /// Port of the page's address, http://127.0.0.1:PORT/ [default: any that is free].
+    #[arg(long, value_name = "PORT", default_value_t = 0, hide_default_value = true)]
+    port: u16,
+    /// Doesn't open the browser, only says the address.
+    #[arg(long)]
+    no_open: bool,
+    /// Writes page and file into this folder, for any web server, and ends.
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["port", "no_open"])]
+    export: Option<PathBuf>,
+    /// Takes the page's files from this folder, as tools/web/viewer/build makes it, instead of those within the program.
+    #[arg(long, value_name = "DIR")]
+    assets: Option<PathBuf>,
+    /// With --export: writes into a folder that is not empty.
+    #[arg(long, requires = "export")]
+    force: bool,
+}
+
+impl View {
+    pub fn run(self) -> Result<()> {
+        let site = Site::new(&self.file, self.assets.as_deref())?;
+        if let Some(folder) = &self.export {
+            output::folder(folder, self.force)?;
+            for (path, content) in site.files() {
+                output::write_below(&folder.join(path), &content.read()?, self.force)?;
+            }
+            let (count, shown) = (site.files().count(), folder.display());
+            return output::say(&format!(
+                "{shown}: {count} files; any web server shows them, opened as files they do not work\n"
+            ));
+        }
+        let server = Server::bind(self.port, site)?;
+        let address = server.address();
+        output::say(&format!("{address}  (Ctrl-C ends)\n"))?;
+        if !self.no_open && open::that_detached(&address).is_err() {
+            output::complain("no browser could be opened: open the address yourself");
+        }
+        server.run();
+        Ok(())
+    }
+}

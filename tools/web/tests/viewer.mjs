@@ -1,0 +1,295 @@
+// The viewer's page in a real browser: pictures against the program's own, damage, the page's ways.
+
+import assert from "node:assert/strict";
+import { createHash } from "node:crypto";
+import { readFileSync } from "node:fs";
+import { join } from "node:path";
+import { after, before, test } from "node:test";
+import { serve } from "./support/server.mjs";
+import { at, closeAll, drawn, editGlb, open, psnr, rendered, root, tsuya, view } from "./support/viewer.mjs";
+
+const EXTENSION = "TSUYA_materials_appearance";
+const [stream, glb] = [at("spot.tsuya"), at("spot.glb")];
+const report = (name, figure, least) => {
+  console.log(`# ${name}: ${figure.toFixed(2)} dB`);
+  assert.ok(figure >= least, `${name}: ${figure} dB, at least ${least} expected`);
+};
+
+before(() => {
+  tsuya("encode", join(root, "tests/data/sample-spot"), "-o", stream);
+  tsuya("gltf", "export", stream, "-o", glb);
+});
+after(closeAll);
+
+/** Compares captured, relit and new views with the program's. */
+async function compare(page, name, least) {
+  const { white, light, intensity } = await page.evaluate(() => {
+    const { file } = window.tsuyaViewer.state.model.appearance;
+    return { white: file.facts.white, light: [2, 3, 2], intensity: file.views[0].light.intensity };
+  });
+  // The program's pictures are whole, masks or not.
+  const page_ = (place, options) => drawn(page, place, { cutByMasks: false, ...options });
+  for (const number of [0, 5]) {
+    report(`${name}, view ${number}`, psnr(await page_(number), rendered(stream, white, "--view", String(number))), least);
+  }
+  const model = await page_(5, { layers: { residual: false } });
+  report(`${name}, model in view 5`, psnr(model, rendered(stream, white, "--view", "5", "--layers", "model")), least);
+  const lit = await page_(3, { lighting: { points: [{ position: light, intensity }] } });
+  report(`${name}, relit`, psnr(lit, rendered(stream, white, "--view", "3", "--light", "2,3,2")), 35);
+  return { white, intensity, page_ };
+}
+
+test("a .tsuya file looks as the program renders it", async () => {
+  const server = await view(stream);
+  const { page, complaints } = await open(server.address);
+  assert.equal(await page.title(), "spot.tsuya – tsuya");
+  const { white, intensity, page_ } = await compare(page, ".tsuya", 40);
+  const lights = [{ position: [2, 3, 2], intensity }, { position: [-2, 1, 0], intensity: [20, 20, 20] }];
+  const two = await page_(3, { lighting: { points: lights } });
+  report("two lights", psnr(two, rendered(stream, white, "--view", "3", "--light=2,3,2", "--light=-2,1,0,20")), 35);
+  // Between the captured views: `--camera` looks upright from here to the middle.
+  const [eye, focal] = [[0.5, 1.2, 4], 64 / Math.tan((16 * Math.PI) / 180)];
+  const between = await page.evaluate((eye) => {
+    const { views } = window.tsuyaViewer.state.model.appearance.file;
+    const unit = (v) => v.map((x) => x / Math.hypot(...v));
+    const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+    const up = views.reduce((sum, { camera }) => sum.map((x, i) => x - camera.rotation[1][i]), [0, 0, 0]);
+    const forward = unit(eye.map((x) => -x));
+    const right = unit(cross(forward, up));
+    const rotation = [right, cross(forward, right), forward];
+    return { rotation, translation: rotation.map((row) => -row.reduce((sum, x, i) => sum + x * eye[i], 0)) };
+  }, eye);
+  const camera = { width: 128, height: 128, focal: [focal, focal], principal: [64, 64], ...between };
+  report("between views", psnr(await page_(camera), rendered(stream, white, "--camera=0.5,1.2,4,0,0,0", "--fov=32", "--size=128x128")), 38);
+  assert.deepEqual(complaints, []);
+  await page.close();
+  server.end();
+});
+
+test("so does a GLB, and one with its stream beside it", async () => {
+  const external = at("beside.glb");
+  tsuya("gltf", "export", stream, "-o", external, "--external");
+  for (const [name, file] of [["GLB", glb], ["GLB, stream beside", external]]) {
+    const server = await view(file);
+    const { page, complaints } = await open(server.address);
+    await page.waitForFunction(() => window.tsuyaViewer.state.model?.appearance);
+    if (file === glb) {
+      await compare(page, name, 40);
+    } else {
+      const white = await page.evaluate(() => window.tsuyaViewer.state.model.appearance.file.facts.white);
+      const found = await drawn(page, 7, { cutByMasks: false });
+      report(name, psnr(found, rendered(stream, white, "--view", "7")), 40);
+    }
+    assert.deepEqual(complaints, []);
+    await page.close();
+    server.end();
+  }
+});
+
+/** Opens a file in a page, as if dropped there. */
+async function drop(page, name, bytes) {
+  await page.evaluate(
+    async ({ name, base64 }) => {
+      const bytes = Uint8Array.from(atob(base64), (c) => c.charCodeAt(0));
+      const dataTransfer = new DataTransfer();
+      dataTransfer.items.add(new File([bytes], name));
+      document.dispatchEvent(new DragEvent("drop", { dataTransfer, bubbles: true, cancelable: true }));
+    },
+    { name, base64: bytes.toString("base64") },
+  );
+}
+
+const messageOf = (page, pattern) =>
+  page.waitForFunction(
+    (pattern) => {
+      const { hidden, innerText } = document.getElementById("message");
+      return !hidden && new RegExp(pattern).test(innerText) && innerText;
+    },
+    pattern.source,
+  );
+
+const withSum = (json, binary) => {
+  const { bufferView } = json.extensions[EXTENSION].appearances[0];
+  const { byteOffset = 0, byteLength } = json.bufferViews[bufferView];
+  const bytes = binary.subarray(byteOffset, byteOffset + byteLength);
+  return { bytes, sign: () => (json.extensions[EXTENSION].appearances[0].sha256 = createHash("sha256").update(bytes).digest("hex")) };
+};
+
+test("what can't be used is said, and the document's own material is shown", async () => {
+  const server = await view(stream);
+  const { page, complaints } = await open(server.address);
+  const bytes = readFileSync(glb);
+  const cases = {
+    "damaged, seen by its sum": [/isn't shown: it is damaged[^]*SHA-256/, (json, binary) => (withSum(json, binary).bytes[9000] ^= 16)],
+    "damaged, the sum right": [
+      /isn't shown: it is damaged/,
+      (json, binary) => {
+        const { bytes, sign } = withSum(json, binary);
+        bytes[5200] ^= 16;
+        sign();
+      },
+    ],
+    "cut": [
+      /isn't shown: it is damaged[^]*bytes/,
+      (json) => (json.bufferViews[json.extensions[EXTENSION].appearances[0].bufferView].byteLength -= 1000),
+    ],
+    "of another mesh": [
+      /belongs to another mesh/,
+      (json, binary) => {
+        const accessor = json.accessors[json.meshes[0].primitives[0].attributes.POSITION];
+        const { byteOffset = 0 } = json.bufferViews[accessor.bufferView];
+        for (let k = 0; k < accessor.count; k++) {
+          const place = byteOffset + 12 * k;
+          const y = binary.readFloatLE(place + 4);
+          binary.writeFloatLE(binary.readFloatLE(place) + 0.2 * Math.sin(9 * y), place);
+        }
+      },
+    ],
+    "of a later version": [/made for a later version[^]*version 2/, (json) => (json.extensions[EXTENSION].version = 2)],
+    "a stream of a later version": [
+      /made for a later version|0\.9/,
+      (json, binary) => {
+        const { bytes, sign } = withSum(json, binary);
+        bytes.writeUInt16LE(9, 10);
+        sign();
+      },
+    ],
+    "missing": [
+      /isn't shown: it is missing[^]*absent\.tsuya/,
+      (json) => {
+        const entry = json.extensions[EXTENSION].appearances[0];
+        delete entry.bufferView;
+        entry.uri = "absent.tsuya";
+      },
+    ],
+    "leading elsewhere": [
+      /link to it is wrong/,
+      (json) => {
+        const entry = json.extensions[EXTENSION].appearances[0];
+        delete entry.bufferView;
+        entry.uri = "../../etc/passwd";
+      },
+    ],
+    "dropped by another program": [/isn't shown: it is missing[^]*inject/, (json) => delete json.extensions],
+  };
+  for (const [name, [pattern, edit]] of Object.entries(cases)) {
+    await drop(page, `${name.replace(/\W+/g, "-")}.glb`, editGlb(bytes, edit));
+    const said = await (await messageOf(page, pattern)).jsonValue();
+    const shown = await page.evaluate(() => {
+      const { model } = window.tsuyaViewer.state;
+      const materials = [];
+      model.root.traverse((mesh) => mesh.isMesh && materials.push(mesh.material.type));
+      return { materials, reason: document.getElementById("status").textContent };
+    });
+    assert.deepEqual(shown.materials, ["MeshPhysicalMaterial"], name);
+    assert.match(shown.reason, /document's own material/, name);
+    console.log(`# ${name}: ${said.replace(/\s+/g, " ").slice(0, 150)}`);
+  }
+  // The fallback is a picture, not a hole.
+  const lit = await page.evaluate(async () => {
+    const { state, stage } = window.tsuyaViewer;
+    const image = await createImageBitmap(await stage.screenshot());
+    const context = new OffscreenCanvas(image.width, image.height).getContext("2d");
+    context.drawImage(image, 0, 0);
+    const { data } = context.getImageData(0, 0, image.width, image.height);
+    let lit = 0;
+    for (let k = 0; k < data.length; k += 4) lit += data[k + 3] > 250 && data[k] + data[k + 1] + data[k + 2] > 90;
+    return lit / (image.width * image.height);
+  });
+  console.log(`# the fallback covers ${(100 * lit).toFixed(1)} % of the picture`);
+  assert.ok(lit > 0.05 && lit < 0.6, `${lit}`);
+
+  // The same of .tsuya files; what was shown before stays.
+  const file = readFileSync(stream);
+  const changed = (place, bit = 16) => {
+    const copy = Buffer.from(file);
+    copy[place] ^= bit;
+    return copy;
+  };
+  for (const [name, content, pattern] of [
+    ["no-signature.tsuya", changed(0), /no-signature\.tsuya can't be shown/],
+    ["cut.tsuya", file.subarray(0, 3000), /cut\.tsuya can't be shown/],
+    ["mesh.tsuya", changed(2500), /mesh\.tsuya can't be shown/],
+    ["later.tsuya", changed(10, 8), /later\.tsuya can't be shown[^]*0\.9/],
+    ["empty.glb", Buffer.alloc(0), /empty\.glb can't be shown/],
+    ["picture.png", Buffer.from("png"), /picture\.png can't be shown/],
+  ]) {
+    await drop(page, name, content);
+    await messageOf(page, pattern);
+  }
+  assert.deepEqual(complaints, []);
+  await page.close();
+  server.end();
+});
+
+test("a view that can't be decoded leaves the others", async () => {
+  const server = await view(stream);
+  const { page, complaints } = await open(server.address);
+  await page.waitForFunction(() => window.tsuyaViewer.state.model?.appearance);
+  const offset = await page.evaluate(() => {
+    const { file } = window.tsuyaViewer.state.model.appearance;
+    const last = file.order.at(-1);
+    return { view: last.view, at: last.offset + Math.floor(last.bytes / 2) };
+  });
+  const bytes = readFileSync(stream);
+  bytes[offset.at] ^= 255;
+  await drop(page, "one-view.tsuya", bytes);
+  await page.waitForFunction(() => window.tsuyaViewer.state.model?.name === "one-view.tsuya");
+  const found = await drawn(page, offset.view, { cutByMasks: false });
+  assert.ok(found.pixels.some((x) => x > 0.1), "nothing is shown");
+  await messageOf(page, new RegExp(`View ${offset.view} can't be decoded`));
+  assert.deepEqual(complaints, []);
+  await page.close();
+  server.end();
+});
+
+test("keys, layers, lights, facts, saving, a phone's window, a static site", async () => {
+  const site = at("site");
+  tsuya("view", glb, "--export", site, "--assets", join(root, "tools/web/dist"));
+  const server = await serve(site);
+  const { page, complaints } = await open(`${server.address}/index.html?ranges=no`, { width: 390, height: 844 });
+  await page.waitForFunction(() => window.tsuyaViewer.state.model?.appearance);
+  const inside = await page.evaluate(() => ({
+    wide: document.documentElement.scrollWidth,
+    beyond: [...document.querySelectorAll("nav button, nav select, nav input")].filter((e) => {
+      const { left, right, bottom } = e.getBoundingClientRect();
+      return left < 0 || right > innerWidth || bottom > innerHeight;
+    }).length,
+  }));
+  assert.deepEqual(inside, { wide: 390, beyond: 0 });
+  // Fewer pixels to draw.
+  await page.setViewportSize({ width: 240, height: 300 });
+  await page.locator("#picture").focus();
+  const state = () => page.evaluate(() => ({ layer: window.tsuyaViewer.state.layer, light: window.tsuyaViewer.state.light, stops: window.tsuyaViewer.state.stops, captured: window.tsuyaViewer.state.captured }));
+  await page.keyboard.press("2");
+  assert.equal((await state()).layer, "model");
+  assert.equal(await page.locator('[data-layer="model"]').getAttribute("aria-pressed"), "true");
+  await page.keyboard.press("]");
+  await page.keyboard.press("]");
+  assert.equal((await state()).captured, 1);
+  await page.keyboard.press("+");
+  assert.equal((await state()).stops, 0.25);
+  await page.keyboard.press("l");
+  assert.equal((await state()).light, "lamp");
+  const before = await page.evaluate(() => window.tsuyaViewer.state.pointer);
+  await page.mouse.move(90, 60);
+  assert.notDeepEqual(await page.evaluate(() => window.tsuyaViewer.state.pointer), before);
+  const place = () => page.evaluate(() => window.tsuyaViewer.stage.camera.position.toArray());
+  const stood = await place();
+  await page.keyboard.press("ArrowLeft");
+  assert.notDeepEqual(await place(), stood);
+  await page.keyboard.press("i");
+  assert.match(await page.locator("#facts").innerText(), /Views\s+36 of 128 × 128[^]*Stated error\s+37\.\d dB[^]*Lights\s+known/);
+  await page.keyboard.press("Escape");
+  assert.equal(await page.locator("#facts").isVisible(), false);
+  const [download] = await Promise.all([page.waitForEvent("download"), page.keyboard.press("s")]);
+  assert.equal(download.suggestedFilename(), "spot.png");
+  const picture = at("saved.png");
+  await download.saveAs(picture);
+  assert.deepEqual([...readFileSync(picture).subarray(1, 4)], [...Buffer.from("PNG")]);
+  await page.keyboard.press("r");
+  assert.equal((await state()).stops, 0);
+  assert.deepEqual(complaints, []);
+  await page.close();
+  server.end();
+});

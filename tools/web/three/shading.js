@@ -1,0 +1,511 @@
+// What a surface point shows, in GLSL: spec/rendering.md. All places are in the stream's world, all colours linear radiance in units of
+// the white board.
+
+/** Point lights that a picture may have. */
+export const LIGHTS = 4;
+/** Captured views that a surface point may look at. */
+export const CANDIDATES = 8;
+
+/** The fitted reflectance and a point light: Lambert, and Torrance-Sparrow with a Gaussian of the half vector's angle. */
+export const reflectance = /* glsl */ `
+struct PointLight { vec3 position; vec3 intensity; };
+struct Geometry { vec3 irradiance; float cosLight; float cosView; float alpha; };
+struct Maps { vec3 diffuse; vec3 specular; float sigma; };
+struct Parts { vec3 diffuse; vec3 specular; };
+
+uniform sampler2D diffuseMap;
+uniform sampler2D specularMap;
+uniform bool relightable;
+uniform bool hasSpecular;
+
+Geometry geometryOf(vec3 point, vec3 normal, vec3 eye, PointLight light) {
+  vec3 toLight = light.position - point;
+  float squared = dot(toLight, toLight);
+  vec3 l = squared > 0.0 ? toLight * inversesqrt(squared) : vec3(0.0);
+  vec3 v = normalize(eye - point);
+  vec3 h = l + v;
+  Geometry g;
+  g.irradiance = squared > 0.0 ? light.intensity / squared : vec3(0.0);
+  g.cosLight = dot(normal, l);
+  g.cosView = dot(normal, v);
+  // Exact for small angles, which acos is not.
+  g.alpha = atan(length(cross(normal, h)), dot(normal, h));
+  return g;
+}
+
+Maps mapsAt(vec2 at) {
+  vec4 specular = texture(specularMap, at);
+  return Maps(texture(diffuseMap, at).rgb, specular.rgb, specular.a);
+}
+
+Parts modelOf(Maps maps, Geometry g) {
+  if (!relightable) return Parts(maps.diffuse, vec3(0.0));
+  vec3 diffuse = maps.diffuse * g.irradiance * max(g.cosLight, 0.0);
+  vec3 specular = vec3(0.0);
+  if (hasSpecular && g.cosLight > 0.0 && g.cosView > 0.0 && maps.sigma > 0.0) {
+    float x = g.alpha / maps.sigma;
+    specular = maps.specular * g.irradiance * exp(-0.5 * x * x) / max(g.cosView, 0.05);
+  }
+  return Parts(diffuse, specular);
+}
+`;
+
+/** Captured views read at a surface point: photograph and model of each, as `captured.js` prepares them. */
+export const residual = /* glsl */ `
+#define CANDIDATES ${CANDIDATES}
+/** A surface point is hidden from a view where the mesh is nearer by this many pixel widths. */
+const float MARGIN = 6.0;
+
+/** Of each candidate: rows of the rotation with the translation, focal lengths and principal point, centre, size and layer. */
+uniform vec4 viewRows[3 * CANDIDATES];
+uniform vec4 viewLens[CANDIDATES];
+uniform vec3 viewCentre[CANDIDATES];
+uniform vec3 viewSize[CANDIDATES];
+/** Depths are stored as (depth - x) / y. */
+uniform vec2 viewDepth[CANDIDATES];
+uniform int candidates;
+uniform int blended;
+uniform bool cubic;
+/** rgb: photograph of the first component; a: confidence, -1 where the mask is not set. */
+uniform sampler2DArray firstPhotograph;
+/** rgb: model of the first component; a: depth. */
+uniform sampler2DArray firstModel;
+uniform sampler2DArray secondPhotograph;
+uniform sampler2DArray secondModel;
+
+struct Shown { vec3 photograph[2]; vec3 model[2]; };
+const int UNSEEN = 0;
+const int CUT = 1;
+const int SEEN = 2;
+
+struct Texel { vec4 photograph; vec4 model; bool near; bool readable; };
+
+Texel texelOf(ivec2 at, int k, float depth, float margin) {
+  ivec3 size = ivec3(viewSize[k]);
+  Texel t;
+  t.near = false;
+  t.readable = false;
+  if (at.x < 0 || at.y < 0 || at.x >= size.x || at.y >= size.y) return t;
+  t.photograph = texelFetch(firstPhotograph, ivec3(at, size.z), 0);
+  t.model = texelFetch(firstModel, ivec3(at, size.z), 0);
+  t.near = t.model.a > -1000.0 && abs(t.model.a * viewDepth[k].y + viewDepth[k].x - depth) < margin;
+  t.readable = t.near && t.photograph.a > 0.0;
+  return t;
+}
+
+void addTexel(inout Shown sum, inout float confidence, Texel t, ivec2 at, int k, float weight) {
+  sum.photograph[0] += weight * t.photograph.rgb;
+  sum.model[0] += weight * t.model.rgb;
+  if (COMPONENTS > 1) {
+    ivec3 place = ivec3(at, int(viewSize[k].z));
+    sum.photograph[1] += weight * texelFetch(secondPhotograph, place, 0).rgb;
+    sum.model[1] += weight * texelFetch(secondModel, place, 0).rgb;
+  }
+  confidence += weight * t.photograph.a;
+}
+
+vec4 catmullRom(float t) {
+  float t2 = t * t, t3 = t2 * t;
+  return 0.5 * vec4(-t + 2.0 * t2 - t3, 2.0 - 5.0 * t2 + 3.0 * t3, t + 4.0 * t2 - 3.0 * t3, t3 - t2);
+}
+
+/** What candidate k shows at a surface point: cubic between pixels where all around can be read, else bilinear. */
+int look(int k, vec3 point, bool colours, out Shown shown, out float confidence) {
+  shown = Shown(vec3[2](vec3(0.0), vec3(0.0)), vec3[2](vec3(0.0), vec3(0.0)));
+  confidence = 0.0;
+  vec4 p = vec4(point, 1.0);
+  vec3 q = vec3(dot(viewRows[3 * k], p), dot(viewRows[3 * k + 1], p), dot(viewRows[3 * k + 2], p));
+  if (q.z <= 0.0) return UNSEEN;
+  vec2 at = viewLens[k].xy * q.xy / q.z + viewLens[k].zw;
+  if (!(all(greaterThan(at, vec2(0.0))) && all(lessThan(at, viewSize[k].xy)))) return UNSEEN;
+  ivec2 corner = ivec2(floor(at - 0.5));
+  vec2 part = at - 0.5 - vec2(corner);
+  float margin = MARGIN * q.z / abs(viewLens[k].x);
+  if (cubic && colours) {
+    vec4 columns = catmullRom(part.x), rows = catmullRom(part.y);
+    bool all16 = true;
+    for (int j = 0; j < 4 && all16; j++) {
+      for (int i = 0; i < 4; i++) {
+        ivec2 place = corner + ivec2(i - 1, j - 1);
+        Texel t = texelOf(place, k, q.z, margin);
+        if (!t.readable) { all16 = false; break; }
+        addTexel(shown, confidence, t, place, k, columns[i] * rows[j]);
+      }
+    }
+    if (all16) return SEEN;
+    shown = Shown(vec3[2](vec3(0.0), vec3(0.0)), vec3[2](vec3(0.0), vec3(0.0)));
+    confidence = 0.0;
+  }
+  float total = 0.0;
+  bool cut = true;
+  for (int i = 0; i < 4; i++) {
+    ivec2 offset = ivec2(i & 1, i >> 1);
+    float weight = (offset.x == 1 ? part.x : 1.0 - part.x) * (offset.y == 1 ? part.y : 1.0 - part.y);
+    Texel t = texelOf(corner + offset, k, q.z, margin);
+    if (t.readable) {
+      total += weight;
+      if (colours) addTexel(shown, confidence, t, corner + offset, k, weight);
+    }
+    if (weight >= 1e-6 && !(t.near && t.photograph.a < 0.0)) cut = false;
+  }
+  if (total > 0.02) {
+    for (int c = 0; c < 2; c++) {
+      shown.photograph[c] /= total;
+      shown.model[c] /= total;
+    }
+    confidence = max(confidence, 1e-4);
+    return SEEN;
+  }
+  return cut ? CUT : UNSEEN;
+}
+
+/** What is seen at a surface point: up to three views with weights that sum to 1. */
+struct Sight { Shown shown[3]; float weight[3]; int count; bool cut; };
+
+float angleBetween(vec3 a, vec3 b) { return atan(length(cross(a, b)), dot(a, b)); }
+
+Sight sightOf(vec3 point, vec3 eye) {
+  Sight s;
+  s.count = 0;
+  s.cut = false;
+  vec3 wanted = eye - point;
+  float angles[CANDIDATES];
+  int order[CANDIDATES];
+  for (int k = 0; k < candidates; k++) {
+    float a = angleBetween(viewCentre[k] - point, wanted);
+    int j = k;
+    for (; j > 0 && angles[j - 1] > a; j--) {
+      angles[j] = angles[j - 1];
+      order[j] = order[j - 1];
+    }
+    angles[j] = a;
+    order[j] = k;
+  }
+  // Angles of those that see the point; the one after those interpolated sets where weights end.
+  float seen[4];
+  float confidences[3];
+  int found = 0;
+  for (int k = 0; k < candidates && found <= blended; k++) {
+    Shown shown;
+    float confidence;
+    int sight = look(order[k], point, found < blended, shown, confidence);
+    if (sight == SEEN) {
+      seen[found] = angles[k];
+      if (found < blended) {
+        s.shown[found] = shown;
+        confidences[found] = confidence;
+      }
+      found++;
+      // At a captured camera that view alone.
+      if (seen[0] < 1e-6) break;
+    } else if (sight == CUT && found == 0) {
+      s.cut = true;
+    }
+  }
+  s.count = min(found, blended);
+  if (s.count == 0) return s;
+  float total = 0.0;
+  bool exact = seen[0] < 1e-6;
+  float last = max(found > blended ? seen[blended] : 1.5 * seen[found - 1], 1e-9);
+  for (int k = 0; k < s.count; k++) {
+    float weight = exact ? (k == 0 ? 1.0 : 0.0) : max(1.0 - seen[k] / last, 1e-9) / seen[k];
+    s.weight[k] = weight * confidences[k];
+    total += s.weight[k];
+  }
+  for (int k = 0; k < s.count; k++) s.weight[k] /= total;
+  return s;
+}
+
+const int FREE = 0;
+const int NEGATIVE = 1;
+const int ALL = 2;
+
+/** The residual of a component where its model is the given one; scaled by the irradiance, a bounded one at most by the models' ratio. */
+vec3 residualOf(Sight s, int component, vec3 model, vec3 irradiance, int bound) {
+  if (s.count == 0) return vec3(0.0);
+  vec3 sum = vec3(0.0);
+  for (int k = 0; k < s.count; k++) {
+    vec3 photograph = s.shown[k].photograph[component], captured = s.shown[k].model[component];
+    vec3 rest = photograph - captured;
+    for (int c = 0; c < 3; c++) {
+      bool bounded = bound == ALL || (bound == NEGATIVE && rest[c] < 0.0);
+      float scale = bounded && captured[c] > 0.0 ? min(irradiance[c], model[c] / captured[c]) : irradiance[c];
+      float radiance = model[c] + scale * rest[c];
+      sum[c] += s.weight[k] * sign(radiance) * sqrt(abs(radiance));
+    }
+  }
+  return sum * abs(sum) - model;
+}
+`;
+
+/** A mesh in the stream's world, seen by any camera. */
+export const vertex = /* glsl */ `
+/** From the mesh's own positions to the stream's world, and what that does to normals. */
+uniform mat4 toStream;
+uniform mat3 normalToStream;
+/** From the mesh's texture coordinates to the atlas. */
+uniform mat3 atlasTransform;
+attribute vec2 atlas;
+varying vec3 vPoint;
+varying vec3 vNormal;
+varying vec2 vAtlas;
+varying float vDepth;
+#if VISIBILITY > 0
+// Weights of the visibility's terms, four by four.
+OCCLUSION_ATTRIBUTES
+varying vec4 vOcclusion[VISIBILITY];
+#endif
+
+void main() {
+  vPoint = (toStream * vec4(position, 1.0)).xyz;
+  vNormal = normalToStream * normal;
+  vAtlas = (atlasTransform * vec3(atlas, 1.0)).xy;
+#if VISIBILITY > 0
+  OCCLUSION_ASSIGNMENTS
+#endif
+  vec4 seen = modelViewMatrix * vec4(position, 1.0);
+  vDepth = -seen.z;
+  gl_Position = projectionMatrix * seen;
+}
+`;
+
+/** A picture's pixel: model and residual under the capture's light, point lights, or an environment. */
+export const fragment = /* glsl */ `
+#define LIGHTS ${LIGHTS}
+varying vec3 vPoint;
+varying vec3 vNormal;
+varying vec2 vAtlas;
+varying float vDepth;
+
+/** From a pixel to its ray in the stream's world, depth 1. */
+uniform mat3 rays;
+uniform bool perspective;
+/** 0: the capture's light, 1: point lights, 2: from all around. */
+uniform int lighting;
+uniform PointLight captureLight;
+uniform PointLight lights[LIGHTS];
+uniform int lightCount;
+/** What each component is: 0 diffuse, 1 specular, 2 both together. */
+uniform int kinds[2];
+uniform bool showDiffuse;
+uniform bool showSpecular;
+uniform bool showModel;
+uniform bool showResidual;
+/** Shows the residual about a middle grey. */
+uniform bool signedResidual;
+uniform bool cutByMasks;
+uniform float exposure;
+/** Depth maps of the lights, side by side. */
+uniform sampler2D shadowMaps;
+uniform vec4 shadowRows[3 * LIGHTS];
+/** Focal length in pixels (0 without shadows), then what depths are stored relative to. */
+uniform vec3 shadowLens[LIGHTS];
+const float SHADOW_SIDE = 1024.0;
+/** Smallest cosine to a light under which the residual is shown in full. */
+const float GRAZING = 0.2;
+
+float shadowAt(ivec2 at, int light, float nearest) {
+  float depth = texelFetch(shadowMaps, at + ivec2(light * int(SHADOW_SIDE), 0), 0).r;
+  return depth <= 0.0 || depth * shadowLens[light].z + shadowLens[light].y > nearest ? 1.0 : 0.0;
+}
+
+/** Share of a light that reaches a surface point: bilinear between four depth tests. */
+float reachOf(int light, vec3 point, float cosLight) {
+  vec3 lens = shadowLens[light];
+  if (lens.x <= 0.0) return 1.0;
+  vec4 p = vec4(point, 1.0);
+  vec3 q = vec3(dot(shadowRows[3 * light], p), dot(shadowRows[3 * light + 1], p), dot(shadowRows[3 * light + 2], p));
+  if (q.z <= 0.0) return 1.0;
+  vec2 at = lens.x * q.xy / q.z + 0.5 * SHADOW_SIDE - 0.5;
+  vec2 corner = floor(at);
+  if (any(lessThan(corner, vec2(0.0))) || any(greaterThanEqual(corner + 1.0, vec2(SHADOW_SIDE)))) return 1.0;
+  vec2 part = at - corner;
+  float nearest = q.z - 5.0 * q.z / lens.x / clamp(cosLight, 0.2, 1.0);
+  ivec2 c = ivec2(corner);
+  float upper = mix(shadowAt(c, light, nearest), shadowAt(c + ivec2(1, 0), light, nearest), part.x);
+  float lower = mix(shadowAt(c + ivec2(0, 1), light, nearest), shadowAt(c + ivec2(1, 1), light, nearest), part.x);
+  return mix(upper, lower, part.y);
+}
+
+vec3 partOf(Parts parts, int kind) {
+  return kind == 0 ? parts.diffuse : kind == 1 ? parts.specular : parts.diffuse + parts.specular;
+}
+
+void main() {
+  vec3 point = perspective ? eye + vDepth * (rays * vec3(gl_FragCoord.xy, 1.0)) : vPoint;
+  vec3 normal = normalize(vNormal);
+  Maps maps = mapsAt(vAtlas);
+  Sight sight;
+  sight.count = 0;
+  sight.cut = false;
+  if (showResidual || cutByMasks) sight = sightOf(point, eye);
+  if (sight.cut && cutByMasks) discard;
+  Geometry underCapture = geometryOf(point, normal, eye, captureLight);
+  Parts captured = modelOf(maps, underCapture);
+  vec3 sum = vec3(0.0);
+#if ENVIRONMENT
+  if (lighting == 2) {
+    Parts around = environmentOf(point, normal, maps);
+    if (showResidual && kinds[0] != 1) {
+      vec3 model = partOf(captured, kinds[0]), dim = vec3(0.02);
+      vec3 shown = max(model + residualOf(sight, 0, model, vec3(1.0), FREE), 0.0);
+      around.diffuse *= sight.count > 0 ? clamp((shown + dim) / (model + dim), 0.5, 2.0) : vec3(1.0);
+    }
+    if (showDiffuse) sum += around.diffuse;
+    if (showSpecular) sum += around.specular;
+  } else
+#endif
+  {
+    vec3 values[2] = vec3[2](vec3(0.0), vec3(0.0));
+    int count = lighting == 0 ? 1 : lightCount;
+    for (int j = 0; j < count; j++) {
+      Parts parts = captured;
+      vec3 ratio = vec3(1.0);
+      float reach = 1.0;
+      if (lighting == 1) {
+        Geometry lit = geometryOf(point, normal, eye, lights[j]);
+        if (lit.cosLight <= 0.0) continue;
+        parts = modelOf(maps, lit);
+        reach = reachOf(j, point, lit.cosLight);
+        float fade = min(lit.cosLight / GRAZING, 1.0);
+        for (int c = 0; c < 3; c++)
+          ratio[c] = underCapture.irradiance[c] > 0.0 ? fade * lit.irradiance[c] / underCapture.irradiance[c] : 0.0;
+      }
+      for (int k = 0; k < COMPONENTS; k++) {
+        int kind = kinds[k], part = kind;
+        bool whole = kind == 1 ? showSpecular : showDiffuse;
+        // A photograph of both together has a residual of both only.
+        if (kind == 2 && showDiffuse != showSpecular) {
+          part = showDiffuse ? 0 : 1;
+          whole = false;
+        }
+        if (part == kind && !whole) continue;
+        vec3 model = partOf(parts, part);
+        int bound = lighting == 1 ? ALL : kind == 1 ? NEGATIVE : FREE;
+        vec3 value = showModel ? model : vec3(0.0);
+        if (showResidual && whole) value += residualOf(sight, k, model, ratio, bound);
+        values[k] += reach * value;
+      }
+    }
+    sum = signedResidual ? values[0] + values[1] : max(values[0], 0.0) + max(values[1], 0.0);
+  }
+  sum *= exposure;
+  if (signedResidual) sum = 0.2140 + 0.5 * sum;
+  gl_FragColor = vec4(sum, 1.0);
+  #include <tonemapping_fragment>
+  #include <colorspace_fragment>
+}
+`;
+
+/** Draws the stream's mesh as a captured view's camera sees it: models and depth, row 0 at the top of the photograph. */
+export const captureVertex = /* glsl */ `
+in vec3 position;
+in vec3 normal;
+in vec2 atlas;
+uniform vec4 rows[3];
+uniform vec4 lens;
+uniform vec2 size;
+uniform vec2 range;
+out vec3 vNormal;
+out vec2 vAtlas;
+out float vDepth;
+void main() {
+  vec4 p = vec4(position, 1.0);
+  vec3 q = vec3(dot(rows[0], p), dot(rows[1], p), dot(rows[2], p));
+  vNormal = normal;
+  vAtlas = atlas;
+  vDepth = q.z;
+  vec2 at = lens.xy * q.xy + lens.zw * q.z;
+  gl_Position = vec4(2.0 * at / size - q.z, (2.0 * range.x * range.y / (range.x - range.y)) + q.z * (range.y + range.x) / (range.y - range.x), q.z);
+}
+`;
+
+export const captureFragment = /* glsl */ `
+in vec3 vNormal;
+in vec2 vAtlas;
+in float vDepth;
+uniform vec4 rows[3];
+uniform vec4 lens;
+uniform vec3 centre;
+/** Depths are stored as (depth - x) / y. */
+uniform vec2 depthScale;
+uniform PointLight light;
+uniform int kinds[2];
+layout(location = 0) out vec4 first;
+layout(location = 1) out vec4 second;
+void main() {
+  vec3 ray = vec3((gl_FragCoord.xy - lens.zw) / lens.xy, 1.0);
+  vec3 point = centre + vDepth * (ray.x * rows[0].xyz + ray.y * rows[1].xyz + ray.z * rows[2].xyz);
+  Parts parts = modelOf(mapsAt(vAtlas), geometryOf(point, normalize(vNormal), centre, light));
+  vec3 both = parts.diffuse + parts.specular;
+  vec3 a = kinds[0] == 0 ? parts.diffuse : kinds[0] == 1 ? parts.specular : both;
+  vec3 b = kinds[1] == 0 ? parts.diffuse : kinds[1] == 1 ? parts.specular : both;
+  first = vec4(a, (vDepth - depthScale.x) / depthScale.y);
+  second = vec4(b, 1.0);
+}
+`;
+
+/** Puts one view into its layer: \`part\` 0 and 2 the photographs, the first with how far each pixel can be trusted; 1 and 3 the models. */
+export const layerFragment = /* glsl */ `
+uniform sampler2D photograph;
+uniform sampler2D model;
+uniform ivec2 size;
+/** Focal length in pixels, and what depths are stored relative to. */
+uniform vec3 lens;
+uniform int part;
+/** To units of the white board. */
+uniform vec3 scale;
+layout(location = 0) out vec4 value;
+
+float depthAt(ivec2 at) { return texelFetch(model, at, 0).a * lens.z + lens.y; }
+bool covered(ivec2 at) { return texelFetch(model, at, 0).a > -1000.0; }
+bool inside(ivec2 at) { return at.x >= 0 && at.y >= 0 && at.x < size.x && at.y < size.y; }
+
+/** 0: says nothing, 1: beside an edge of depth, 4: neither. */
+float stateAt(ivec2 at) {
+  vec4 seen = texelFetch(photograph, at, 0);
+  bool finite = all(lessThan(abs(seen.rgb), vec3(1e30)));
+  if (!covered(at) || seen.a < 0.5 || !finite) return 0.0;
+  float depth = depthAt(at), margin = 6.0 / abs(lens.x) * depth;
+  for (int k = 0; k < 4; k++) {
+    ivec2 beside = at + ivec2(k == 0 ? 1 : k == 1 ? -1 : 0, k == 2 ? 1 : k == 3 ? -1 : 0);
+    if (inside(beside) && covered(beside) && abs(depthAt(beside) - depth) > margin) return 1.0;
+  }
+  return 4.0;
+}
+
+void main() {
+  ivec2 at = ivec2(gl_FragCoord.xy);
+  if (!inside(at)) discard;
+  if (part == 1 || part == 3) {
+    value = texelFetch(model, at, 0);
+    return;
+  }
+  vec4 seen = texelFetch(photograph, at, 0);
+  value = vec4(all(lessThan(abs(seen.rgb), vec3(1e30))) ? clamp(seen.rgb * scale, -60000.0, 60000.0) : vec3(0.0), 1.0);
+  if (part == 2) return;
+  // Steps to the nearest pixel that says nothing.
+  float ring = 4.0;
+  for (int y = -3; y <= 3; y++) {
+    for (int x = -3; x <= 3; x++) {
+      int steps = abs(x) + abs(y);
+      ivec2 near = at + ivec2(x, y);
+      if (steps <= 3 && inside(near)) ring = min(ring, stateAt(near) + float(steps));
+    }
+  }
+  value.a = seen.a < 0.5 ? -1.0 : ring / 4.0;
+}
+`;
+
+export const fullVertex = /* glsl */ `
+in vec3 position;
+void main() { gl_Position = vec4(position.xy, 0.0, 1.0); }
+`;
+
+/** Depth of the mesh from a light. */
+export const shadowFragment = /* glsl */ `
+in float vDepth;
+uniform vec2 depthScale;
+layout(location = 0) out vec4 value;
+void main() { value = vec4((vDepth - depthScale.x) / depthScale.y, 0.0, 0.0, 1.0); }
+`;
