@@ -1,8 +1,8 @@
 //! How far a fitted material is from the measured one.
 
 use super::Brdf;
-use super::merl::{CellGrid, MerlTable, THETA_H_BINS};
-use super::sphere::SphereScenes;
+use super::merl::{CellGrid, MerlTable, THETA_D_BINS, THETA_H_BINS};
+use super::sphere::{SpherePictures, SphereScenes};
 use crate::parallel;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::{FRAC_PI_2, PI};
@@ -31,17 +31,36 @@ pub struct SpherePsnr {
     pub environment: f64,
 }
 
-impl ErrorReport {
-    /// Compares a fitted material with a measured one.
-    pub fn of(measured: &MerlTable, fitted: &impl Brdf, scenes: &SphereScenes) -> Self {
-        let cells = cell_errors(measured, fitted);
+/// A measured material with its pictures, so that several fits can be compared with it.
+pub struct Reference<'a> {
+    measured: &'a MerlTable,
+    scenes: &'a SphereScenes,
+    pictures: SpherePictures,
+}
+
+impl<'a> Reference<'a> {
+    /// Renders the measured material's spheres.
+    pub fn new(measured: &'a MerlTable, scenes: &'a SphereScenes) -> Self {
+        Reference { measured, scenes, pictures: scenes.pictures(&measured.smooth()) }
+    }
+
+    /// How far a fitted material is from the measured one.
+    pub fn report(&self, fitted: &impl Brdf) -> ErrorReport {
+        let cells = cell_errors(self.measured, fitted);
         ErrorReport {
             log_rmse: cells.log_rmse,
             cosine_rmse: cells.cosine_rmse,
             albedo_max: albedo_max(fitted),
             reciprocity: reciprocity(fitted),
-            sphere_psnr_db: scenes.psnr(&measured.smooth(), fitted),
+            sphere_psnr_db: self.scenes.psnr_of(&self.pictures, fitted),
         }
+    }
+}
+
+impl ErrorReport {
+    /// Compares a fitted material with a measured one.
+    pub fn of(measured: &MerlTable, fitted: &impl Brdf, scenes: &SphereScenes) -> Self {
+        Reference::new(measured, scenes).report(fitted)
     }
 }
 
@@ -64,17 +83,29 @@ pub fn cell_errors(measured: &MerlTable, fitted: &impl Brdf) -> CellErrors {
     let grid = CellGrid::new();
     let sums = parallel::map(THETA_H_BINS, |plane| {
         let mut sums = [0.0; 3];
-        for cell in measured.valid_cells_of_plane(&grid, plane..plane + 1) {
-            let Some((incoming, outgoing)) = grid.directions_above(cell.index) else { continue };
-            let found = fitted.evaluate(incoming, outgoing);
-            for c in 0..3 {
-                let (a, b) = (cell.value[c] * cell.cos_incoming, found[c] * cell.cos_incoming);
-                // ln(1 + a) - ln(1 + b) in one logarithm.
-                let log = ((a - b) / (1.0 + b)).ln_1p();
-                sums[0] += log * log;
-                sums[1] += (a - b) * (a - b);
+        let (mut indices, mut pairs) = (Vec::new(), Vec::new());
+        let (mut valid, mut cells, mut found) = (Vec::new(), Vec::new(), Vec::new());
+        for row in plane * THETA_D_BINS..(plane + 1) * THETA_D_BINS {
+            let [theta_h, theta_d] = grid.row(row, &mut indices, &mut pairs);
+            cells.clear();
+            valid.clear();
+            found.clear();
+            for (&index, &pair) in indices.iter().zip(&pairs) {
+                let Some(value) = measured.cell(index) else { continue };
+                cells.push(value);
+                valid.push(pair);
             }
-            sums[2] += 3.0;
+            fitted.evaluate_row(theta_h, theta_d, &valid, &mut found);
+            for ((value, [incoming, _]), found) in cells.iter().zip(&valid).zip(&found) {
+                for c in 0..3 {
+                    let (a, b) = (value[c] * incoming[2], found[c] * incoming[2]);
+                    // ln(1 + a) - ln(1 + b) in one logarithm.
+                    let log = ((1.0 + a) / (1.0 + b)).ln();
+                    sums[0] += log * log;
+                    sums[1] += (a - b) * (a - b);
+                }
+                sums[2] += 3.0;
+            }
         }
         sums
     });

@@ -79,6 +79,13 @@ impl Brdf for Fitted {
             Fitted::Classical(model) => model.evaluate(incoming, outgoing),
         }
     }
+
+    fn evaluate_row(&self, theta_h: f64, theta_d: f64, pairs: &[[[f64; 3]; 2]], values: &mut Vec<[f64; 3]>) {
+        match self {
+            Fitted::Coded(material) => material.evaluate_row(theta_h, theta_d, pairs, values),
+            Fitted::Classical(model) => model.evaluate_row(theta_h, theta_d, pairs, values),
+        }
+    }
 }
 
 /// Fits a table in a form.

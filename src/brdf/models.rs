@@ -63,6 +63,15 @@ impl Brdf for ClassicalModel {
         }
         self.at(&Geometry::of(incoming, outgoing))
     }
+
+    fn evaluate_row(&self, theta_h: f64, theta_d: f64, pairs: &[[[f64; 3]; 2]], values: &mut Vec<[f64; 3]>) {
+        let (sin_half, cos_half) = theta_h.sin_cos();
+        let cos_difference = theta_d.cos();
+        values.extend(pairs.iter().map(|[incoming, outgoing]| {
+            let (cos_incoming, cos_outgoing) = (incoming[2], outgoing[2]);
+            self.at(&Geometry { cos_incoming, cos_outgoing, cos_half, cos_difference, half: [sin_half, 0.0] })
+        }));
+    }
 }
 
 #[cfg(all(test, feature = "encode"))]

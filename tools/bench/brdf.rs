@@ -7,7 +7,7 @@
 use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
-use tsuya::brdf::errors::{ErrorReport, log_rmse};
+use tsuya::brdf::errors::{ErrorReport, Reference, log_rmse};
 use tsuya::brdf::forms::{AnyForm, FitSettings, fit, fit_planned};
 use tsuya::brdf::merl::MerlTable;
 use tsuya::brdf::models::{Form, Objective, read_published};
@@ -47,10 +47,11 @@ fn main() -> Result<()> {
         reading += begun.elapsed().as_secs_f64();
         bytes += std::fs::metadata(path)?.len();
         let name = stem(path);
-        fit_all(&name, &table, &scenes, &mut rows)?;
+        let reference = Reference::new(&table, &scenes);
+        fit_all(&name, &table, &reference, &mut rows)?;
         for (list, fits) in &published {
             if let Some(found) = fits.iter().find(|fit| fit.material == name) {
-                let report = ErrorReport::of(&table, &found.model, &scenes);
+                let report = reference.report(&found.model);
                 say(&name, list, &report);
                 rows.push(Row {
                     material: name.clone(),
@@ -74,7 +75,7 @@ fn main() -> Result<()> {
         let mut rows = Vec::new();
         for path in files(folder, "bsdf")? {
             let table = MerlTable::of(&RglMaterial::read(&path)?.reciprocal());
-            fit_all(&stem(&path), &table, &scenes, &mut rows)?;
+            fit_all(&stem(&path), &table, &Reference::new(&table, &scenes), &mut rows)?;
         }
         print("RGL materials", &rows);
     }
@@ -127,7 +128,7 @@ fn say(material: &str, form: &str, report: &ErrorReport) {
     eprintln!("{material} {form} {:.4} {:.1} {:.1}", report.log_rmse, psnr.point, psnr.environment);
 }
 
-fn fit_all(name: &str, table: &MerlTable, scenes: &SphereScenes, rows: &mut Vec<Row>) -> Result<()> {
+fn fit_all(name: &str, table: &MerlTable, reference: &Reference, rows: &mut Vec<Row>) -> Result<()> {
     let classical = |objective, suffix| Form::ALL.map(|form| (AnyForm::Classical(form), objective, suffix));
     let forms = [(AnyForm::Tuned, Objective::Both, ""), (AnyForm::Published, Objective::Both, "")].into_iter();
     let forms = forms.chain(classical(Objective::Both, "")).chain(classical(Objective::Logarithm, "-log"));
@@ -138,7 +139,7 @@ fn fit_all(name: &str, table: &MerlTable, scenes: &SphereScenes, rows: &mut Vec<
         let begun = Instant::now();
         let fitted = fit(table, form, &FitSettings { objective, ..Default::default() })?;
         let seconds = begun.elapsed().as_secs_f64();
-        let report = ErrorReport::of(table, &fitted, scenes);
+        let report = reference.report(&fitted);
         let form = format!("{}{suffix}", form.name());
         say(name, &form, &report);
         rows.push(Row { material: name.into(), form, bytes: fitted.bytes(), seconds, report });
