@@ -12,6 +12,8 @@ use std::f64::consts::{FRAC_PI_2, PI};
 pub struct ErrorReport {
     /// Root mean square of `ln(1 + f cos) - ln(1 + f' cos)` over valid cells, colours together; `cos` is that of the incident light.
     pub log_rmse: f64,
+    /// The same over cells whose `theta_h` is 5 degrees or more: without the centre of the highlight.
+    pub log_rmse_from_5_deg: f64,
     /// Root mean square of `(f - f') cos` over valid cells, colours together.
     pub cosine_rmse: f64,
     /// The fitted material's greatest [`albedo`] over [`ALBEDO_ANGLES_DEG`] and colours; more than 1 makes light of nothing.
@@ -49,6 +51,7 @@ impl<'a> Reference<'a> {
         let cells = cell_errors(self.measured, fitted);
         ErrorReport {
             log_rmse: cells.log_rmse,
+            log_rmse_from_5_deg: cells.log_rmse_from_5_deg,
             cosine_rmse: cells.cosine_rmse,
             albedo_max: albedo_max(fitted),
             reciprocity: reciprocity(fitted),
@@ -64,11 +67,13 @@ impl ErrorReport {
     }
 }
 
-/// The two errors over cells.
+/// The errors over cells.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CellErrors {
     /// See [`ErrorReport::log_rmse`].
     pub log_rmse: f64,
+    /// See [`ErrorReport::log_rmse_from_5_deg`].
+    pub log_rmse_from_5_deg: f64,
     /// See [`ErrorReport::cosine_rmse`].
     pub cosine_rmse: f64,
 }
@@ -78,7 +83,7 @@ pub fn log_rmse(measured: &MerlTable, fitted: &impl Brdf) -> f64 {
     cell_errors(measured, fitted).log_rmse
 }
 
-/// Both errors over valid cells, in one go.
+/// The errors over valid cells, in one go.
 pub fn cell_errors(measured: &MerlTable, fitted: &impl Brdf) -> CellErrors {
     let grid = CellGrid::new();
     let sums = parallel::map(THETA_H_BINS, |plane| {
@@ -109,8 +114,14 @@ pub fn cell_errors(measured: &MerlTable, fitted: &impl Brdf) -> CellErrors {
         }
         sums
     });
-    let [log, linear, count] = sums.into_iter().fold([0.0; 3], |all, one| std::array::from_fn(|k| all[k] + one[k]));
-    CellErrors { log_rmse: (log / f64::max(count, 1.0)).sqrt(), cosine_rmse: (linear / f64::max(count, 1.0)).sqrt() }
+    let first = (5f64 / 90.0).sqrt() * THETA_H_BINS as f64 - 0.5;
+    let total = |from: usize| {
+        let all = sums.iter().skip(from).fold([0.0; 3], |all, one| std::array::from_fn(|k| all[k] + one[k]));
+        let [log, linear, count] = all;
+        [log, linear].map(|sum| (sum / f64::max(count, 1.0)).sqrt())
+    };
+    let ([log_rmse, cosine_rmse], [log_rmse_from_5_deg, _]) = (total(0), total(first.ceil() as usize));
+    CellErrors { log_rmse, log_rmse_from_5_deg, cosine_rmse }
 }
 
 /// Angles of the viewer at which [`albedo_max`] looks, degrees. Nearer to the horizon measurements mean little.

@@ -2,12 +2,16 @@
 
 #[cfg(feature = "encode")]
 mod fit;
+#[cfg(feature = "encode")]
+mod form;
 mod lobe;
 #[cfg(feature = "encode")]
 mod published;
 
 #[cfg(feature = "encode")]
-pub use fit::{Form, Objective, fit};
+pub use fit::{MeasuredPair, Objective, fit, fit_pairs};
+#[cfg(feature = "encode")]
+pub use form::Form;
 pub use lobe::{Geometry, Lobe, ShiftedGamma};
 #[cfg(feature = "encode")]
 pub use published::{PublishedFit, read_published};
