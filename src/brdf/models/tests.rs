@@ -129,7 +129,7 @@ fn anisotropic_fits_find_both_widths() {
     assert!(roughness.iter().all(|r| (r / 0.2 - 1.0).abs() < 1e-3), "{found:?}");
     let as_form = fit(&table, Form::AshikhminShirleyAnisotropic, Objective::Both).unwrap();
     let Lobe::AshikhminShirley { exponents: [n, m], .. } = as_form.lobe else { panic!("{as_form:?}") };
-    assert!((n / m).ln().abs() < 0.01, "{as_form:?}");
+    assert!((n / m).ln().abs() < 0.03, "{as_form:?}");
 }
 
 #[test]
