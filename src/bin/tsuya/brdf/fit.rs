@@ -257,6 +257,7 @@ fn table(all: &[Row], form: AnyForm) -> String {
         for (name, part) in [("median", 0.5), ("worst", 1.0)] {
             let report = ErrorReport {
                 log_rmse: of(part, &|row| row.report.log_rmse),
+                log_rmse_from_5_deg: of(part, &|row| row.report.log_rmse_from_5_deg),
                 cosine_rmse: of(part, &|row| row.report.cosine_rmse),
                 albedo_max: of(part, &|row| row.report.albedo_max),
                 reciprocity: of(part, &|row| row.report.reciprocity),

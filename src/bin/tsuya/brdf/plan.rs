@@ -7,6 +7,7 @@ use clap::{Args, ValueEnum};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 use tsuya::Error;
+use tsuya::brdf::Brdf;
 use tsuya::brdf::plan::{self, Population};
 
 /// A plan of 40 components has 160 kB.
