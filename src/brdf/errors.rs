@@ -1,8 +1,8 @@
 //! How far a fitted material is from the measured one.
 
 use super::Brdf;
-use super::merl::{CellGrid, MerlTable, THETA_H_BINS};
-use super::sphere::SphereScenes;
+use super::merl::{CellGrid, MerlTable, THETA_D_BINS, THETA_H_BINS};
+use super::sphere::{SpherePictures, SphereScenes};
 use crate::parallel;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::{FRAC_PI_2, PI};
@@ -12,6 +12,8 @@ use std::f64::consts::{FRAC_PI_2, PI};
 pub struct ErrorReport {
     /// Root mean square of `ln(1 + f cos) - ln(1 + f' cos)` over valid cells, colours together; `cos` is that of the incident light.
     pub log_rmse: f64,
+    /// The same over cells whose `theta_h` is 5 degrees or more: without the centre of the highlight.
+    pub log_rmse_from_5_deg: f64,
     /// Root mean square of `(f - f') cos` over valid cells, colours together.
     pub cosine_rmse: f64,
     /// The fitted material's greatest [`albedo`] over [`ALBEDO_ANGLES_DEG`] and colours; more than 1 makes light of nothing.
@@ -31,25 +33,47 @@ pub struct SpherePsnr {
     pub environment: f64,
 }
 
-impl ErrorReport {
-    /// Compares a fitted material with a measured one.
-    pub fn of(measured: &MerlTable, fitted: &impl Brdf, scenes: &SphereScenes) -> Self {
-        let cells = cell_errors(measured, fitted);
+/// A measured material with its pictures, so that several fits can be compared with it.
+pub struct Reference<'a> {
+    measured: &'a MerlTable,
+    scenes: &'a SphereScenes,
+    pictures: SpherePictures,
+}
+
+impl<'a> Reference<'a> {
+    /// Renders the measured material's spheres.
+    pub fn new(measured: &'a MerlTable, scenes: &'a SphereScenes) -> Self {
+        Reference { measured, scenes, pictures: scenes.pictures(&measured.smooth()) }
+    }
+
+    /// How far a fitted material is from the measured one.
+    pub fn report(&self, fitted: &impl Brdf) -> ErrorReport {
+        let cells = cell_errors(self.measured, fitted);
         ErrorReport {
             log_rmse: cells.log_rmse,
+            log_rmse_from_5_deg: cells.log_rmse_from_5_deg,
             cosine_rmse: cells.cosine_rmse,
             albedo_max: albedo_max(fitted),
             reciprocity: reciprocity(fitted),
-            sphere_psnr_db: scenes.psnr(&measured.smooth(), fitted),
+            sphere_psnr_db: self.scenes.psnr_of(&self.pictures, fitted),
         }
     }
 }
 
-/// The two errors over cells.
+impl ErrorReport {
+    /// Compares a fitted material with a measured one.
+    pub fn of(measured: &MerlTable, fitted: &impl Brdf, scenes: &SphereScenes) -> Self {
+        Reference::new(measured, scenes).report(fitted)
+    }
+}
+
+/// The errors over cells.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CellErrors {
     /// See [`ErrorReport::log_rmse`].
     pub log_rmse: f64,
+    /// See [`ErrorReport::log_rmse_from_5_deg`].
+    pub log_rmse_from_5_deg: f64,
     /// See [`ErrorReport::cosine_rmse`].
     pub cosine_rmse: f64,
 }
@@ -59,27 +83,45 @@ pub fn log_rmse(measured: &MerlTable, fitted: &impl Brdf) -> f64 {
     cell_errors(measured, fitted).log_rmse
 }
 
-/// Both errors over valid cells, in one go.
+/// The errors over valid cells, in one go.
 pub fn cell_errors(measured: &MerlTable, fitted: &impl Brdf) -> CellErrors {
     let grid = CellGrid::new();
     let sums = parallel::map(THETA_H_BINS, |plane| {
         let mut sums = [0.0; 3];
-        for cell in measured.valid_cells_of_plane(&grid, plane..plane + 1) {
-            let Some((incoming, outgoing)) = grid.directions_above(cell.index) else { continue };
-            let found = fitted.evaluate(incoming, outgoing);
-            for c in 0..3 {
-                let (a, b) = (cell.value[c] * cell.cos_incoming, found[c] * cell.cos_incoming);
-                // ln(1 + a) - ln(1 + b) in one logarithm.
-                let log = ((a - b) / (1.0 + b)).ln_1p();
-                sums[0] += log * log;
-                sums[1] += (a - b) * (a - b);
+        let (mut indices, mut pairs) = (Vec::new(), Vec::new());
+        let (mut valid, mut cells, mut found) = (Vec::new(), Vec::new(), Vec::new());
+        for row in plane * THETA_D_BINS..(plane + 1) * THETA_D_BINS {
+            let [theta_h, theta_d] = grid.row(row, &mut indices, &mut pairs);
+            cells.clear();
+            valid.clear();
+            found.clear();
+            for (&index, &pair) in indices.iter().zip(&pairs) {
+                let Some(value) = measured.cell(index) else { continue };
+                cells.push(value);
+                valid.push(pair);
             }
-            sums[2] += 3.0;
+            fitted.evaluate_row(theta_h, theta_d, &valid, &mut found);
+            for ((value, [incoming, _]), found) in cells.iter().zip(&valid).zip(&found) {
+                for c in 0..3 {
+                    let (a, b) = (value[c] * incoming[2], found[c] * incoming[2]);
+                    // ln(1 + a) - ln(1 + b) in one logarithm.
+                    let log = ((1.0 + a) / (1.0 + b)).ln();
+                    sums[0] += log * log;
+                    sums[1] += (a - b) * (a - b);
+                }
+                sums[2] += 3.0;
+            }
         }
         sums
     });
-    let [log, linear, count] = sums.into_iter().fold([0.0; 3], |all, one| std::array::from_fn(|k| all[k] + one[k]));
-    CellErrors { log_rmse: (log / f64::max(count, 1.0)).sqrt(), cosine_rmse: (linear / f64::max(count, 1.0)).sqrt() }
+    let first = (5f64 / 90.0).sqrt() * THETA_H_BINS as f64 - 0.5;
+    let total = |from: usize| {
+        let all = sums.iter().skip(from).fold([0.0; 3], |all, one| std::array::from_fn(|k| all[k] + one[k]));
+        let [log, linear, count] = all;
+        [log, linear].map(|sum| (sum / f64::max(count, 1.0)).sqrt())
+    };
+    let ([log_rmse, cosine_rmse], [log_rmse_from_5_deg, _]) = (total(0), total(first.ceil() as usize));
+    CellErrors { log_rmse, log_rmse_from_5_deg, cosine_rmse }
 }
 
 /// Angles of the viewer at which [`albedo_max`] looks, degrees. Nearer to the horizon measurements mean little.

@@ -4,7 +4,7 @@ use super::dsbrdf;
 use super::materials::FittedMaterial;
 use super::merl::{CellGrid, MerlTable, PHI_D_BINS, THETA_D_BINS, THETA_H_BINS};
 use super::models::{self, ClassicalModel, Form, Objective};
-use super::plan::Plan;
+use super::plan::{Angles, Method, Plan};
 use super::tuned;
 use super::{Brdf, Sample};
 use crate::Result;
@@ -79,6 +79,13 @@ impl Brdf for Fitted {
             Fitted::Classical(model) => model.evaluate(incoming, outgoing),
         }
     }
+
+    fn evaluate_row(&self, theta_h: f64, theta_d: f64, pairs: &[[[f64; 3]; 2]], values: &mut Vec<[f64; 3]>) {
+        match self {
+            Fitted::Coded(material) => material.evaluate_row(theta_h, theta_d, pairs, values),
+            Fitted::Classical(model) => model.evaluate_row(theta_h, theta_d, pairs, values),
+        }
+    }
 }
 
 /// Fits a table in a form.
@@ -111,8 +118,37 @@ pub fn fit_samples(samples: &[Sample], form: AnyForm, settings: &FitSettings) ->
 /// # Errors
 /// As [`fit_samples`], and where no angle has a value.
 pub fn fit_planned(table: &MerlTable, plan: &Plan, form: AnyForm, settings: &FitSettings) -> Result<Fitted> {
-    let values = plan.measure(|angles| table.at(angles.half_difference()));
-    fit_samples(&plan.reconstruct(&values, RECONSTRUCTED_BINS)?, form, settings)
+    fit_samples(&planned_samples(table, plan, form)?, form, settings)
+}
+
+/// What a form is fitted to, when a table is seen at a plan's angles only: the values themselves for lobes along `theta_h`, else the most
+/// probable material. Values are interpolated between cells.
+///
+/// # Errors
+/// [`crate::Error::Parameter`] where no angle has a value.
+pub fn planned_samples(table: &MerlTable, plan: &Plan, form: AnyForm) -> Result<Vec<Sample>> {
+    let values = plan.measure(|angles| {
+        let (incoming, outgoing) = angles.half_difference().directions();
+        let value = table.smooth().evaluate(incoming, outgoing);
+        // Where the table has no valid cell it answers 0 for all colours.
+        (incoming[2] > 0.0 && outgoing[2] > 0.0 && value != [0.0; 3]).then_some(value)
+    });
+    if form != AnyForm::Published || plan.method == Method::Optimal {
+        return plan.reconstruct(&values, RECONSTRUCTED_BINS);
+    }
+    let sample = |(angles, value): (&Angles, Option<[f64; 3]>)| {
+        let angles = angles.half_difference();
+        let (incoming, outgoing) = angles.directions();
+        let (cos_incoming, cos_outgoing) = (incoming[2], outgoing[2]);
+        value.map(|value| Sample {
+            theta_h: angles.theta_h,
+            theta_d: angles.theta_d,
+            cos_incoming,
+            cos_outgoing,
+            value,
+        })
+    };
+    Ok(plan.angles.iter().zip(values).filter_map(sample).collect())
 }
 
 /// Bins of `theta_h`, `theta_d` and `phi_d` in which a material is made from a plan's samples before it is fitted.

@@ -55,6 +55,13 @@ impl Brdf for FittedMaterial {
             FittedMaterial::Tuned(material) => material.evaluate(incoming, outgoing),
         }
     }
+
+    fn evaluate_row(&self, theta_h: f64, theta_d: f64, pairs: &[[[f64; 3]; 2]], values: &mut Vec<[f64; 3]>) {
+        match self {
+            FittedMaterial::Lobes(material) => material.evaluate_row(theta_h, theta_d, pairs, values),
+            FittedMaterial::Tuned(material) => material.evaluate_row(theta_h, theta_d, pairs, values),
+        }
+    }
 }
 
 /// A material with its name.

@@ -39,14 +39,17 @@ impl MerlTable {
     pub fn of(material: &impl Brdf) -> Self {
         let grid = CellGrid::new();
         let planes = crate::parallel::map(THETA_H_BINS, |plane| {
-            let cell = |within: usize| {
-                let index = plane * THETA_D_BINS * PHI_D_BINS + within;
-                match grid.directions_above(index) {
-                    Some((incoming, outgoing)) => storable(material.evaluate(incoming, outgoing)),
-                    None => [f32::NAN; 3],
+            let (mut indices, mut pairs, mut values) = (Vec::new(), Vec::new(), Vec::new());
+            let mut cells = vec![[f32::NAN; 3]; THETA_D_BINS * PHI_D_BINS];
+            for row in plane * THETA_D_BINS..(plane + 1) * THETA_D_BINS {
+                let [theta_h, theta_d] = grid.row(row, &mut indices, &mut pairs);
+                values.clear();
+                material.evaluate_row(theta_h, theta_d, &pairs, &mut values);
+                for (&index, &value) in indices.iter().zip(&values) {
+                    cells[index - plane * THETA_D_BINS * PHI_D_BINS] = storable(value);
                 }
-            };
-            (0..THETA_D_BINS * PHI_D_BINS).map(cell).collect::<Vec<_>>()
+            }
+            cells
         });
         MerlTable { cells: planes.concat() }
     }

@@ -11,7 +11,6 @@ pub mod materials;
 pub mod merl;
 pub mod models;
 #[cfg(feature = "encode")]
-#[cfg(feature = "encode")]
 pub mod plan;
 #[cfg(feature = "encode")]
 pub mod rgl;
@@ -32,4 +31,11 @@ pub use sample::Sample;
 pub trait Brdf: Sync {
     /// Value for light from `incoming` seen from `outgoing`.
     fn evaluate(&self, incoming: [f64; 3], outgoing: [f64; 3]) -> [f64; 3];
+
+    /// Appends the values for pairs of directions (incoming, outgoing; both above the horizon, half vectors at azimuth 0) that share
+    /// `theta_h` and `theta_d`, radians, as the cells of a table do. Forms of these angles do most of their work once.
+    fn evaluate_row(&self, theta_h: f64, theta_d: f64, pairs: &[[[f64; 3]; 2]], values: &mut Vec<[f64; 3]>) {
+        let _ = (theta_h, theta_d);
+        values.extend(pairs.iter().map(|&[incoming, outgoing]| self.evaluate(incoming, outgoing)));
+    }
 }

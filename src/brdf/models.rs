@@ -2,12 +2,16 @@
 
 #[cfg(feature = "encode")]
 mod fit;
+#[cfg(feature = "encode")]
+mod form;
 mod lobe;
 #[cfg(feature = "encode")]
 mod published;
 
 #[cfg(feature = "encode")]
-pub use fit::{Form, Objective, fit};
+pub use fit::{MeasuredPair, Objective, fit, fit_pairs};
+#[cfg(feature = "encode")]
+pub use form::Form;
 pub use lobe::{Geometry, Lobe, ShiftedGamma};
 #[cfg(feature = "encode")]
 pub use published::{PublishedFit, read_published};
@@ -62,6 +66,15 @@ impl Brdf for ClassicalModel {
             return [0.0; 3];
         }
         self.at(&Geometry::of(incoming, outgoing))
+    }
+
+    fn evaluate_row(&self, theta_h: f64, theta_d: f64, pairs: &[[[f64; 3]; 2]], values: &mut Vec<[f64; 3]>) {
+        let (sin_half, cos_half) = theta_h.sin_cos();
+        let cos_difference = theta_d.cos();
+        values.extend(pairs.iter().map(|[incoming, outgoing]| {
+            let (cos_incoming, cos_outgoing) = (incoming[2], outgoing[2]);
+            self.at(&Geometry { cos_incoming, cos_outgoing, cos_half, cos_difference, half: [sin_half, 0.0] })
+        }));
     }
 }
 

@@ -60,6 +60,15 @@ pub struct SpherePair {
     pub white: f64,
 }
 
+/// A material's two pictures.
+#[derive(Debug, Clone)]
+pub struct SpherePictures {
+    /// Under the point light.
+    pub point: RgbImage,
+    /// In the environment.
+    pub environment: RgbImage,
+}
+
 impl SphereScenes {
     /// Pictures of `side * side` pixels; 64 is what error reports use.
     pub fn new(side: usize, environment: &Environment) -> Self {
@@ -181,13 +190,26 @@ impl SphereScenes {
         SpherePair { measured, fitted, white }
     }
 
-    /// PSNR of the fitted material's pictures against the measured one's.
-    pub fn psnr(&self, measured: &impl Brdf, fitted: &impl Brdf) -> SpherePsnr {
-        let db = |pair: SpherePair| psnr_db(&pair.measured, &pair.fitted, &self.mask, pair.white);
+    /// A material under the point light and in the environment.
+    pub fn pictures(&self, material: &impl Brdf) -> SpherePictures {
+        SpherePictures { point: self.point(material, POINT_LIGHT), environment: self.environment(material) }
+    }
+
+    /// PSNR of a fitted material's pictures against the measured one's.
+    pub fn psnr_of(&self, measured: &SpherePictures, fitted: &impl Brdf) -> SpherePsnr {
+        let fitted = self.pictures(fitted);
+        let db = |measured: &RgbImage, fitted: &RgbImage| {
+            psnr_db(measured, fitted, &self.mask, exposure(measured, &self.mask))
+        };
         SpherePsnr {
-            point: db(self.point_pair(measured, fitted)),
-            environment: db(self.environment_pair(measured, fitted)),
+            point: db(&measured.point, &fitted.point),
+            environment: db(&measured.environment, &fitted.environment),
         }
+    }
+
+    /// The same, of materials.
+    pub fn psnr(&self, measured: &impl Brdf, fitted: &impl Brdf) -> SpherePsnr {
+        self.psnr_of(&self.pictures(measured), fitted)
     }
 }
 

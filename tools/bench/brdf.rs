@@ -2,12 +2,14 @@
 //!
 //! Prints, for every material, log RMSE and the PSNR of rendered spheres for each form, then medians and worst, and the seconds that
 //! reading and fitting take. Classical models are fitted twice: for both log
-//! RMSE and pictures, and for log RMSE alone (`-log`). Published fits are compared on the tables whose names they carry.
+//! RMSE and pictures, and for log RMSE alone (`-log`). Published fits are compared on the tables whose names they carry. Then the errors
+//! of sampling plans. Where the environment has `TSUYA_BENCH_QUICK` classical models are left out, where it has `TSUYA_BENCH_PLANS` all
+//! fits of whole tables.
 
 use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
-use tsuya::brdf::errors::{ErrorReport, log_rmse};
+use tsuya::brdf::errors::{ErrorReport, Reference, cell_errors};
 use tsuya::brdf::forms::{AnyForm, FitSettings, fit, fit_planned};
 use tsuya::brdf::merl::MerlTable;
 use tsuya::brdf::models::{Form, Objective, read_published};
@@ -47,10 +49,14 @@ fn main() -> Result<()> {
         reading += begun.elapsed().as_secs_f64();
         bytes += std::fs::metadata(path)?.len();
         let name = stem(path);
-        fit_all(&name, &table, &scenes, &mut rows)?;
+        if plans_alone() {
+            continue;
+        }
+        let reference = Reference::new(&table, &scenes);
+        fit_all(&name, &table, &reference, &mut rows)?;
         for (list, fits) in &published {
             if let Some(found) = fits.iter().find(|fit| fit.material == name) {
-                let report = ErrorReport::of(&table, &found.model, &scenes);
+                let report = reference.report(&found.model);
                 say(&name, list, &report);
                 rows.push(Row {
                     material: name.clone(),
@@ -62,62 +68,87 @@ fn main() -> Result<()> {
             }
         }
     }
-    print("MERL tables", &rows);
+    if !rows.is_empty() {
+        print("MERL tables", &rows);
+    }
     println!(
         "read {} tables, {:.0} MB/s; greatest memory of this process {}\n",
         merl.len(),
         bytes as f64 / 1e6 / f64::max(reading, 1e-9),
         greatest_memory()
     );
-    plans(&merl)?;
-    if let Some(folder) = folders.get(1) {
+    if let Some(folder) = folders.get(1).filter(|_| !plans_alone()) {
         let mut rows = Vec::new();
         for path in files(folder, "bsdf")? {
             let table = MerlTable::of(&RglMaterial::read(&path)?.reciprocal());
-            fit_all(&stem(&path), &table, &scenes, &mut rows)?;
+            fit_all(&stem(&path), &table, &Reference::new(&table, &scenes), &mut rows)?;
         }
         print("RGL materials", &rows);
+    }
+    // Two thirds of a handful of tables are no population.
+    if merl.len() >= 6 {
+        plans(&merl)?;
     }
     Ok(())
 }
 
-/// Plans made on two thirds of the tables and judged on the others.
+/// Plans made on two thirds of the tables and judged on the others: the whole table for one split, then the other two.
 fn plans(merl: &[PathBuf]) -> Result<()> {
-    let mut population = Population::new();
-    for path in merl.iter().enumerate().filter(|(k, _)| k % 3 != 1).map(|(_, path)| path) {
-        population.add(&MerlTable::read(path)?)?;
-    }
-    let judged: Vec<&PathBuf> = merl.iter().enumerate().filter(|(k, _)| k % 3 == 1).map(|(_, path)| path).collect();
-    println!("plans made on {} tables, judged on {}: log RMSE median / mean / worst", population.len(), judged.len());
-    let counts = [8, 11, 16, 18, 32, 64, 128, 200];
-    let methods = [Method::Uniform, Method::Published, Method::Optimal];
-    let mut errors = vec![vec![Vec::new(); methods.len()]; counts.len()];
-    let planned: Vec<Vec<Plan>> = (counts.iter())
-        .map(|&count| methods.iter().map(|&method| population.plan(count, method)).collect::<tsuya::Result<_>>())
-        .collect::<tsuya::Result<_>>()?;
-    for path in judged {
-        let table = MerlTable::read(path)?;
-        for (of_count, found) in planned.iter().zip(&mut errors) {
-            for (plan, found) in of_count.iter().zip(found) {
-                let fitted = fit_planned(&table, plan, AnyForm::Tuned, &FitSettings::default())?;
-                found.push(log_rmse(&table, &fitted));
+    for part in [1, 0, 2] {
+        let mut population = Population::new();
+        for path in merl.iter().enumerate().filter(|(k, _)| k % 3 != part).map(|(_, path)| path) {
+            population.add(&MerlTable::read(path)?)?;
+        }
+        let judged: Vec<&PathBuf> = merl.iter().enumerate().filter(|(k, _)| k % 3 == part).map(|(_, p)| p).collect();
+        println!(
+            "plans made on {} tables, judged on {} (those of number 3 n + {part}); median / mean log RMSE over all cells | from 5 degrees",
+            population.len(),
+            judged.len()
+        );
+        let (tuned, lobes) = (AnyForm::Tuned, AnyForm::Published);
+        let (uniform, published, optimal) = (Method::Uniform, Method::Published, Method::Optimal);
+        let counts: &[usize] = if part == 1 { &[8, 11, 16, 18, 32, 64, 128, 200] } else { &[11, 18, 32, 200] };
+        let mut rows: Vec<(String, Plan, AnyForm)> = Vec::new();
+        for &count in counts {
+            for (method, form) in
+                [(optimal, tuned), (published, tuned), (published, lobes), (uniform, tuned), (uniform, lobes)]
+            {
+                let name = format!("{count:3} samples, {method:?}, {}", form.name());
+                rows.push((name, population.plan(count, method)?, form));
             }
         }
+        // As in the paper: an eighth and a fifth of the 90 half angles in each of 18 slices.
+        for form in [lobes, tuned] {
+            let name = |count: usize, method: Method| format!("18 x {count} samples, {method:?}, {}", form.name());
+            rows.push((name(18, uniform), population.plan_slices(18, 18, uniform)?, form));
+            rows.push((name(11, uniform), population.plan_slices(18, 11, uniform)?, form));
+            for floor in [0.003, 0.005, 0.01, 0.02, 0.05, 0.1] {
+                population = population.with_variance_floor(floor);
+                let plan = population.plan_slices(18, 11, published)?;
+                rows.push((format!("{}, floor {floor}", name(11, published)), plan, form));
+            }
+            population = population.with_variance_floor(0.01);
+        }
+        let mut errors = vec![[Vec::new(), Vec::new()]; rows.len()];
+        for path in judged {
+            let table = MerlTable::read(path)?;
+            for ((_, plan, form), [all, from_5_deg]) in rows.iter().zip(&mut errors) {
+                let fitted = fit_planned(&table, plan, *form, &FitSettings::default())?;
+                let found = cell_errors(&table, &fitted);
+                all.push(found.log_rmse);
+                from_5_deg.push(found.log_rmse_from_5_deg);
+            }
+        }
+        for ((name, _, _), errors) in rows.iter().zip(&mut errors) {
+            let columns = errors.each_mut().map(|values| {
+                values.sort_by(f64::total_cmp);
+                let mean = values.iter().sum::<f64>() / values.len().max(1) as f64;
+                format!("{:.4} / {mean:.4}", values.get(values.len() / 2).unwrap_or(&f64::NAN))
+            });
+            println!("{name:60} {} | {}", columns[0], columns[1]);
+        }
+        println!();
     }
-    println!("samples                   uniform                 published                   optimal");
-    for (count, of_count) in counts.iter().zip(&mut errors) {
-        let cell = |values: &mut Vec<f64>| {
-            values.sort_by(f64::total_cmp);
-            let mean = values.iter().sum::<f64>() / values.len().max(1) as f64;
-            let (median, worst) = (values.get(values.len() / 2), values.last());
-            format!("{:.4} / {mean:.4} / {:.4}", median.unwrap_or(&f64::NAN), worst.unwrap_or(&f64::NAN))
-        };
-        println!(
-            "{count:7}  {}",
-            of_count.iter_mut().map(|values| format!("{:>26}", cell(values))).collect::<String>()
-        );
-    }
-    println!();
     Ok(())
 }
 
@@ -127,8 +158,8 @@ fn say(material: &str, form: &str, report: &ErrorReport) {
     eprintln!("{material} {form} {:.4} {:.1} {:.1}", report.log_rmse, psnr.point, psnr.environment);
 }
 
-fn fit_all(name: &str, table: &MerlTable, scenes: &SphereScenes, rows: &mut Vec<Row>) -> Result<()> {
-    let classical = |objective, suffix| Form::ALL.map(|form| (AnyForm::Classical(form), objective, suffix));
+fn fit_all(name: &str, table: &MerlTable, reference: &Reference, rows: &mut Vec<Row>) -> Result<()> {
+    let classical = |objective, suffix| Form::ISOTROPIC.map(|form| (AnyForm::Classical(form), objective, suffix));
     let forms = [(AnyForm::Tuned, Objective::Both, ""), (AnyForm::Published, Objective::Both, "")].into_iter();
     let forms = forms.chain(classical(Objective::Both, "")).chain(classical(Objective::Logarithm, "-log"));
     for (form, objective, suffix) in forms {
@@ -138,7 +169,7 @@ fn fit_all(name: &str, table: &MerlTable, scenes: &SphereScenes, rows: &mut Vec<
         let begun = Instant::now();
         let fitted = fit(table, form, &FitSettings { objective, ..Default::default() })?;
         let seconds = begun.elapsed().as_secs_f64();
-        let report = ErrorReport::of(table, &fitted, scenes);
+        let report = reference.report(&fitted);
         let form = format!("{}{suffix}", form.name());
         say(name, &form, &report);
         rows.push(Row { material: name.into(), form, bytes: fitted.bytes(), seconds, report });
@@ -149,6 +180,11 @@ fn fit_all(name: &str, table: &MerlTable, scenes: &SphereScenes, rows: &mut Vec<
 /// Whether classical models are left out: the environment has TSUYA_BENCH_QUICK.
 fn quick() -> bool {
     std::env::var_os("TSUYA_BENCH_QUICK").is_some()
+}
+
+/// Whether whole tables are not fitted: the environment has TSUYA_BENCH_PLANS.
+fn plans_alone() -> bool {
+    std::env::var_os("TSUYA_BENCH_PLANS").is_some()
 }
 
 fn print(title: &str, rows: &[Row]) {
@@ -173,7 +209,7 @@ fn print(title: &str, rows: &[Row]) {
         println!("{material:24} {}", forms.iter().map(|form| format!("{:>24}", cell(form))).collect::<String>());
     }
     println!(
-        "\n{:24}   n  bytes  log RMSE median / worst  cosine RMSE  point dB median / worst  environment dB  albedo  seconds",
+        "\n{:24}   n  bytes  log RMSE median / worst  from 5 deg  cosine RMSE  point dB median / worst  environment dB  albedo  seconds",
         "form"
     );
     for form in forms {
@@ -187,11 +223,12 @@ fn print(title: &str, rows: &[Row]) {
         let (point, light) =
             (column(&|row| row.report.sphere_psnr_db.point), column(&|row| row.report.sphere_psnr_db.environment));
         println!(
-            "{form:24} {:3} {:6}        {:.4} / {:7.4}       {:8.4}          {:6.2} / {:5.2}   {:6.2} / {:5.2}  {:6.3}   {:6.3}",
+            "{form:24} {:3} {:6}        {:.4} / {:7.4}      {:.4}       {:8.4}          {:6.2} / {:5.2}   {:6.2} / {:5.2}  {:6.3}   {:6.3}",
             of.len(),
             column(&|row| row.bytes as f64).2,
             log.1,
             log.2,
+            column(&|row| row.report.log_rmse_from_5_deg).1,
             column(&|row| row.report.cosine_rmse).1,
             point.1,
             point.0,

@@ -107,6 +107,13 @@ impl Brdf for LobeMaterial {
         let angles = super::HalfDifference::of(incoming, outgoing);
         self.at(angles.theta_h, angles.theta_d)
     }
+
+    fn evaluate_row(&self, theta_h: f64, theta_d: f64, pairs: &[[[f64; 3]; 2]], values: &mut Vec<[f64; 3]>) {
+        if !pairs.is_empty() {
+            let value = self.at(theta_h, theta_d);
+            values.extend(pairs.iter().map(|_| value));
+        }
+    }
 }
 
 #[cfg(test)]

@@ -75,6 +75,22 @@ impl CellGrid {
         (incoming[2] > 0.0 && outgoing[2] > 0.0).then_some((incoming, outgoing))
     }
 
+    /// The cells of a row, which share `theta_h` and `theta_d` (returned, radians), that lie above the horizon: their indices and
+    /// directions (incoming, outgoing) at their middles replace what the lists held. `row` below `CELLS / PHI_D_BINS`.
+    pub fn row(&self, row: usize, indices: &mut Vec<usize>, pairs: &mut Vec<[[f64; 3]; 2]>) -> [f64; 2] {
+        indices.clear();
+        pairs.clear();
+        let first = row * PHI_D_BINS;
+        for index in first..first + PHI_D_BINS {
+            if let Some((incoming, outgoing)) = self.directions_above(index) {
+                indices.push(index);
+                pairs.push([incoming, outgoing]);
+            }
+        }
+        let [h, d, _] = self.of(first);
+        [h.radians, d.radians]
+    }
+
     /// A cell with its angles, if both directions are above the horizon.
     pub fn cell(&self, index: usize, value: [f64; 3]) -> Option<Cell> {
         let [h, d, p] = self.of(index);

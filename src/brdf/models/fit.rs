@@ -4,79 +4,11 @@
 //! cells of a table lie near the highlight, many at grazing angles, so that the best log RMSE and the best picture are far apart where
 //! a model can't follow the material.
 
-use super::{ClassicalModel, Geometry, Lobe};
+use super::{ClassicalModel, Form, Geometry};
 use crate::brdf::merl::{CellGrid, MerlTable, PHI_D_BINS, THETA_D_BINS, THETA_H_BINS};
 use crate::reflectance::levenberg_marquardt::{Minimum, minimise};
 use crate::{Error, Result};
 use std::f64::consts::PI;
-
-/// The models that can be fitted.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Form {
-    /// Diffuse alone.
-    Lambert,
-    /// See [`Lobe::BlinnPhong`].
-    BlinnPhong,
-    /// See [`Lobe::CookTorranceBeckmann`].
-    CookTorranceBeckmann,
-    /// See [`Lobe::CookTorranceGgx`].
-    CookTorranceGgx,
-    /// See [`Lobe::Ward`]; on an isotropic table the anisotropic one has nothing more to fit.
-    Ward,
-    /// See [`Lobe::AshikhminShirley`], with one exponent.
-    AshikhminShirley,
-    /// See [`Lobe::Lafortune`].
-    Lafortune,
-}
-
-impl Form {
-    /// All of them.
-    pub const ALL: [Form; 7] = [
-        Form::Lambert,
-        Form::BlinnPhong,
-        Form::CookTorranceBeckmann,
-        Form::CookTorranceGgx,
-        Form::Ward,
-        Form::AshikhminShirley,
-        Form::Lafortune,
-    ];
-
-    /// Its name, which is the lobe's.
-    pub fn name(self) -> &'static str {
-        self.lobe(&[0.0; 2]).name()
-    }
-
-    /// The form of a name.
-    pub fn of_name(name: &str) -> Option<Self> {
-        Form::ALL.into_iter().find(|form| form.name() == name)
-    }
-
-    /// The lobe of two numbers on the whole line: logarithm of the width, and a second one where there is one.
-    fn lobe(self, shape: &[f64; 2]) -> Lobe {
-        let roughness = shape[0].exp();
-        // A Gaussian of slopes and a power of the cosine with the same curvature at the top.
-        let exponent = 2.0 / (roughness * roughness);
-        let reflectance = 1.0 / (1.0 + (-shape[1]).exp());
-        match self {
-            Form::Lambert => Lobe::Lambert,
-            Form::BlinnPhong => Lobe::BlinnPhong { exponent },
-            Form::CookTorranceBeckmann => Lobe::CookTorranceBeckmann { roughness, reflectance },
-            Form::CookTorranceGgx => Lobe::CookTorranceGgx { roughness, reflectance },
-            Form::Ward => Lobe::Ward { roughness },
-            Form::AshikhminShirley => Lobe::AshikhminShirley { exponents: [exponent; 2], reflectance },
-            Form::Lafortune => Lobe::Lafortune { xy: -1.0, z: shape[1].exp(), exponent: 0.25 * exponent },
-        }
-    }
-
-    /// Where the second number starts, and its range.
-    fn second(self) -> (f64, (f64, f64)) {
-        match self {
-            Form::Lafortune => (0.0, (-1.0, 1.0)),
-            Form::CookTorranceBeckmann | Form::CookTorranceGgx | Form::AshikhminShirley => (-2.0, (-6.0, 6.0)),
-            _ => (0.0, (0.0, 0.0)),
-        }
-    }
-}
 
 /// What a fit makes small.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -107,6 +39,8 @@ struct Sample {
     geometry: Geometry,
     /// The BRDF, red, green, blue.
     value: [f64; 3],
+    /// Area of half vectors and difference vectors that it stands for, to a common factor.
+    area: f64,
     /// The measured signals, see [`Signal`].
     signals: [[f64; 3]; 2],
     /// Their weights.
@@ -136,26 +70,64 @@ impl Signal {
     }
 }
 
-/// Fits a model to a table.
+/// A pair of directions with the value measured there, for materials whose azimuth matters.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MeasuredPair {
+    /// Unit vector to the light.
+    pub incoming: [f64; 3],
+    /// Unit vector to the viewer.
+    pub outgoing: [f64; 3],
+    /// The BRDF, per steradian, red, green, blue.
+    pub value: [f64; 3],
+}
+
+/// Fits a model to a table. Tables are isotropic: an anisotropic form sees them at many azimuths and finds two equal widths.
 ///
 /// # Errors
 /// [`Error::Parameter`] where the table has too few valid cells.
 pub fn fit(table: &MerlTable, form: Form, objective: Objective) -> Result<ClassicalModel> {
     let mut samples = gather(table, [3, 3, 30]);
-    if samples.len() < 100 {
-        return Err(Error::parameter("the table has too few valid cells for a fit"));
-    }
-    let signals = prepare(&mut samples, objective);
-    let coarse: Vec<&Sample> = samples.iter().step_by(7).collect();
-    let all: Vec<&Sample> = samples.iter().collect();
-    let widths: &[f64] = if form == Form::Lambert { &[1.0] } else { &[0.02, 0.06, 0.2, 0.5] };
-    let mut best: Option<Minimum<PARAMETERS>> = None;
-    for &width in widths {
-        let found = improve(form, &start(form, &coarse, width), &coarse, signals, 25);
-        if best.is_none_or(|best| found.cost < best.cost) {
-            best = Some(found);
+    if form.is_anisotropic() {
+        for (n, sample) in samples.iter_mut().enumerate() {
+            // Azimuths of the half vector as even as can be, by the golden section.
+            let (sine, cosine) = (n as f64 * 0.618_033_988_749_895 * 2.0 * PI).sin_cos();
+            let [x, y] = sample.geometry.half;
+            sample.geometry.half = [cosine * x - sine * y, sine * x + cosine * y];
         }
     }
+    fit_samples(samples, form, objective)
+}
+
+/// Fits a model to values at any pairs of directions, each of the same importance to a picture. Pairs below the horizon and values that are
+/// negative or not finite are left out.
+///
+/// # Errors
+/// [`Error::Parameter`] where fewer than 100 pairs remain.
+pub fn fit_pairs(pairs: &[MeasuredPair], form: Form, objective: Objective) -> Result<ClassicalModel> {
+    let usable = |pair: &&MeasuredPair| {
+        pair.incoming[2] > 0.0 && pair.outgoing[2] > 0.0 && pair.value.iter().all(|x| x.is_finite() && *x >= 0.0)
+    };
+    let sample = |pair: &MeasuredPair| {
+        let geometry = Geometry::of(pair.incoming, pair.outgoing);
+        Sample { geometry, value: pair.value, area: 1.0, signals: [[0.0; 3]; 2], weights: [0.0; 2] }
+    };
+    fit_samples(pairs.iter().filter(usable).map(sample).collect(), form, objective)
+}
+
+fn fit_samples(mut samples: Vec<Sample>, form: Form, objective: Objective) -> Result<ClassicalModel> {
+    if samples.len() < 100 {
+        return Err(Error::parameter("too few valid values for a fit: 100 are needed"));
+    }
+    let signals = prepare(&mut samples, objective);
+    let coarse: Vec<&Sample> = samples.iter().step_by(samples.len().div_ceil(1000).min(7)).collect();
+    let all: Vec<&Sample> = samples.iter().collect();
+    let widths: &[f64] = if form == Form::Lambert { &[1.0] } else { &[0.02, 0.06, 0.2, 0.5] };
+    // A few steps from each width, on some of the samples; then the best two go on, and the better of them on all.
+    let mut begun: Vec<Minimum<PARAMETERS>> =
+        (widths.iter()).map(|&width| improve(form, &start(form, &coarse, width), &coarse, signals, 8)).collect();
+    begun.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+    let further = begun.iter().take(2).map(|from| improve(form, &from.parameters, &coarse, signals, 17));
+    let best = further.min_by(|a, b| a.cost.total_cmp(&b.cost));
     let best = best.map(|best| improve(form, &best.parameters, &all, signals, 30));
     let best = best.ok_or_else(|| Error::parameter("nothing to fit"))?;
     Ok(model(form, &best.parameters))
@@ -163,13 +135,8 @@ pub fn fit(table: &MerlTable, form: Form, objective: Objective) -> Result<Classi
 
 /// Sets weights and measured signals.
 fn prepare(samples: &mut [Sample], objective: Objective) -> [Signal; 2] {
-    let area = |g: &Geometry| {
-        let (sin_h, sin_d) = (g.half[0], (1.0 - g.cos_difference * g.cos_difference).max(0.0).sqrt());
-        // Bins of theta_h are as wide as the root of theta_h is large.
-        sin_h * sin_h.atan2(g.cos_half).sqrt() * sin_d * g.cos_difference
-    };
     let mut bright: Vec<(f64, f64)> = (samples.iter())
-        .map(|s| (s.value.iter().copied().fold(0.0, f64::max) * s.geometry.cos_incoming, area(&s.geometry)))
+        .map(|s| (s.value.iter().copied().fold(0.0, f64::max) * s.geometry.cos_incoming, s.area))
         .collect();
     bright.sort_by(|a, b| a.0.total_cmp(&b.0));
     let total = bright.iter().map(|(_, area)| area).sum::<f64>();
@@ -184,16 +151,16 @@ fn prepare(samples: &mut [Sample], objective: Objective) -> [Signal; 2] {
     for sample in samples {
         let signal = |signal: Signal| sample.value.map(|f| signal.of(f * sample.geometry.cos_incoming).0);
         sample.signals = signals.map(signal);
-        sample.weights = [log / count, picture * area(&sample.geometry) / total.max(1e-30)];
+        sample.weights = [log / count, picture * sample.area / total.max(1e-30)];
     }
     signals
 }
 
 /// Logarithms of diffuse and specular colours, then the shape.
-const PARAMETERS: usize = 8;
+const PARAMETERS: usize = 9;
 
 fn model(form: Form, p: &[f64; PARAMETERS]) -> ClassicalModel {
-    let lobe = form.lobe(&[p[6], p[7]]);
+    let lobe = form.lobe(&[p[6], p[7], p[8]]);
     let specular = if form == Form::Lambert { [0.0; 3] } else { [3, 4, 5].map(|i| p[i].exp()) };
     ClassicalModel { diffuse: [0, 1, 2].map(|i| p[i].exp()), specular, lobe }
 }
@@ -209,7 +176,11 @@ fn gather(table: &MerlTable, steps: [usize; 3]) -> Vec<Sample> {
                 let index = (h * THETA_D_BINS + d) * PHI_D_BINS + p;
                 if let Some(cell) = table.cell(index).and_then(|value| grid.cell(index, value)) {
                     let geometry = Geometry::of_angles(cell.angles);
-                    samples.push(Sample { geometry, value: cell.value, signals: [[0.0; 3]; 2], weights: [0.0; 2] });
+                    let (sin_h, sin_d) = (cell.angles.theta_h.sin(), cell.angles.theta_d.sin());
+                    // Bins of theta_h are as wide as the root of theta_h is large.
+                    let area = sin_h * cell.angles.theta_h.sqrt() * sin_d * cell.angles.theta_d.cos();
+                    let (signals, weights) = ([[0.0; 3]; 2], [0.0; 2]);
+                    samples.push(Sample { geometry, value: cell.value, area, signals, weights });
                 }
             }
         }
@@ -219,7 +190,7 @@ fn gather(table: &MerlTable, steps: [usize; 3]) -> Vec<Sample> {
 
 /// Diffuse from what is seen away from the highlight, specular from the rest near it.
 fn start(form: Form, samples: &[&Sample], width: f64) -> [f64; PARAMETERS] {
-    let lobe = form.lobe(&[width.ln(), form.second().0]);
+    let lobe = form.lobe(&[width.ln(), form.second().0, 0.0]);
     let mut p = [0.0; PARAMETERS];
     for c in 0..3 {
         let value = |s: &Sample| s.value[c];
@@ -259,19 +230,22 @@ fn improve(
     bounds[3..6].fill((-16.0, 8.0));
     bounds[6] = (0.002f64.ln(), 1.5f64.ln());
     bounds[7] = second;
+    bounds[8] = if form.is_anisotropic() { (-4.0, 4.0) } else { (0.0, 0.0) };
     if form == Form::Lambert {
-        (3..8).for_each(|i| bounds[i] = (0.0, 0.0));
+        (3..PARAMETERS).for_each(|i| bounds[i] = (0.0, 0.0));
     }
     minimise(*from, &bounds, evaluations, |p, equations| {
         let found = model(form, p);
-        let wider = form.lobe(&[p[6] + STEP, p[7]]);
-        let other = form.lobe(&[p[6], p[7] + STEP]);
-        let varies = second.0 < second.1;
+        let wider = form.lobe(&[p[6] + STEP, p[7], p[8]]);
+        let other = form.lobe(&[p[6], p[7] + STEP, p[8]]);
+        let longer = form.lobe(&[p[6], p[7], p[8] + STEP]);
+        let (varies, anisotropic) = (second.0 < second.1, form.is_anisotropic());
         for sample in samples {
             let g = &sample.geometry;
             let lobe = found.lobe.scalar(g);
             let by_width = (wider.scalar(g) - lobe) / STEP;
             let by_second = if varies { (other.scalar(g) - lobe) / STEP } else { 0.0 };
+            let by_ratio = if anisotropic { (longer.scalar(g) - lobe) / STEP } else { 0.0 };
             for c in 0..3 {
                 let diffuse = found.diffuse[c] / PI;
                 let specular = found.specular[c] * lobe;
@@ -283,6 +257,7 @@ fn improve(
                     derivatives[3 + c] = scaled * specular;
                     derivatives[6] = scaled * found.specular[c] * by_width;
                     derivatives[7] = scaled * found.specular[c] * by_second;
+                    derivatives[8] = scaled * found.specular[c] * by_ratio;
                     equations.add(signal - sample.signals[k][c], &derivatives, sample.weights[k]);
                 }
             }

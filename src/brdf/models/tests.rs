@@ -52,6 +52,25 @@ fn distributions_have_their_norm() {
 }
 
 #[test]
+fn rows_and_single_pairs_agree() {
+    let (theta_h, theta_d) = (0.3, 0.8);
+    let pairs: Vec<[[f64; 3]; 2]> = [0.4, 1.3, 2.9]
+        .map(|phi_d| HalfDifference { theta_h, theta_d, phi_d }.directions())
+        .map(|(incoming, outgoing)| [incoming, outgoing])
+        .to_vec();
+    for lobe in lobes() {
+        let model = ClassicalModel { diffuse: [0.3, 0.2, 0.1], specular: [0.5; 3], lobe };
+        let mut row = Vec::new();
+        model.evaluate_row(theta_h, theta_d, &pairs, &mut row);
+        for (&[incoming, outgoing], value) in pairs.iter().zip(&row) {
+            let single = model.evaluate(incoming, outgoing);
+            assert!((0..3).all(|c| (value[c] / single[c] - 1.0).abs() < 1e-9), "{model:?}: {value:?} {single:?}");
+        }
+        assert_eq!(row.len(), 3);
+    }
+}
+
+#[test]
 fn fits_find_what_made_the_table() {
     for form in
         [Form::Lambert, Form::BlinnPhong, Form::CookTorranceGgx, Form::Ward, Form::AshikhminShirley, Form::Lafortune]
@@ -70,6 +89,47 @@ fn fits_find_what_made_the_table() {
             assert!(error < 2e-4, "{form:?} {objective:?}: {error} {found:?}");
         }
     }
+}
+
+#[test]
+fn anisotropic_fits_find_both_widths() {
+    for (form, lobe) in [
+        (Form::WardAnisotropic, Lobe::WardAnisotropic { roughness: [0.12, 0.35] }),
+        (Form::AshikhminShirleyAnisotropic, Lobe::AshikhminShirley { exponents: [300.0, 20.0], reflectance: 0.1 }),
+    ] {
+        let made = ClassicalModel { diffuse: [0.3, 0.2, 0.1], specular: [0.5, 0.4, 0.3], lobe };
+        let direction = |k: usize, angle: f64, turn: f64| {
+            let (sine, cosine) = (angle * ((k as f64 * 0.754_877_666) % 1.0).sqrt()).sin_cos();
+            let (sin_p, cos_p) = (2.0 * PI * (k as f64 * turn)).sin_cos();
+            [sine * cos_p, sine * sin_p, cosine]
+        };
+        let pair = |k: usize| {
+            let half = direction(k, 1.2, 0.569_840_291);
+            let outgoing = direction(k / 40, 1.3, 0.618_033_989);
+            let twice = 2.0 * (0..3).map(|c| half[c] * outgoing[c]).sum::<f64>();
+            let incoming: [f64; 3] = std::array::from_fn(|c| twice * half[c] - outgoing[c]);
+            MeasuredPair { incoming, outgoing, value: made.evaluate(incoming, outgoing) }
+        };
+        let pairs: Vec<MeasuredPair> = (0..4000).map(pair).collect();
+        for objective in [Objective::Logarithm, Objective::Both] {
+            let found = fit_pairs(&pairs, form, objective).unwrap();
+            for pair in &pairs {
+                let value = found.evaluate(pair.incoming, pair.outgoing);
+                let close = |c: usize| (value[c] - pair.value[c]).abs() < 2e-3 * (pair.value[c] + 0.01);
+                assert!((0..3).all(close), "{form:?} {objective:?}: {found:?}");
+            }
+        }
+        assert!(fit_pairs(&pairs[..50], form, Objective::Both).is_err());
+    }
+    // An isotropic table has two equal widths.
+    let lobe = Lobe::Ward { roughness: 0.2 };
+    let table = MerlTable::of(&ClassicalModel { diffuse: [0.3, 0.2, 0.1], specular: [0.5; 3], lobe });
+    let found = fit(&table, Form::WardAnisotropic, Objective::Both).unwrap();
+    let Lobe::WardAnisotropic { roughness } = found.lobe else { panic!("{found:?}") };
+    assert!(roughness.iter().all(|r| (r / 0.2 - 1.0).abs() < 1e-3), "{found:?}");
+    let as_form = fit(&table, Form::AshikhminShirleyAnisotropic, Objective::Both).unwrap();
+    let Lobe::AshikhminShirley { exponents: [n, m], .. } = as_form.lobe else { panic!("{as_form:?}") };
+    assert!((n / m).ln().abs() < 0.03, "{as_form:?}");
 }
 
 #[test]

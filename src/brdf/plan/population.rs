@@ -11,6 +11,8 @@ use crate::error::{Error, Result};
 const FLOOR: f64 = 0.003;
 /// Principal components that are kept.
 const COMPONENTS: usize = 40;
+/// Least variance in published plans, as a part of the greatest, unless another is asked for.
+const VARIANCE_FLOOR: f64 = 0.01;
 /// No direction of a plan is nearer to the horizon: cosine of 85 degrees.
 const LEAST_COSINE: f64 = 0.087;
 
@@ -27,6 +29,7 @@ pub struct Population {
     logarithms: Vec<Vec<f32>>,
     /// Sum over materials of what squared errors of the logarithm count at the cells.
     weights: Vec<f64>,
+    variance_floor: f64,
 }
 
 impl Default for Population {
@@ -47,6 +50,7 @@ impl Population {
             vectors: vec![],
             logarithms: vec![],
             weights: vec![],
+            variance_floor: VARIANCE_FLOOR,
         };
         for h in (0..THETA_H_BINS).step_by(2) {
             for d in (1..THETA_D_BINS).step_by(3) {
@@ -63,6 +67,12 @@ impl Population {
         }
         population.weights = vec![0.0; population.cells.len()];
         population
+    }
+
+    /// With another floor of the variance in published plans, as a part of the greatest variance, above 0.
+    pub fn with_variance_floor(mut self, floor: f64) -> Self {
+        self.variance_floor = floor.clamp(1e-9, 1.0);
+        self
     }
 
     /// Number of materials.
@@ -136,7 +146,9 @@ impl Population {
             self.rows.iter().map(|row| components.iter().map(|c| dot(c, row)).collect()).collect();
         let left = self.left_over(&mean, &components, &along);
         let weights: Vec<f64> = self.weights.iter().map(|w| w / self.len() as f64).collect();
-        let design = choose::Design { along: &along, left: &left, weights: &weights, variances: &variances };
+        let theta_h: Vec<f64> = self.angles.iter().map(|a| a.theta_h).collect();
+        let design =
+            choose::Design { along: &along, left: &left, weights: &weights, theta_h: &theta_h, variances: &variances };
         let candidates: Vec<bool> = (0..self.cells.len())
             .map(|n| {
                 let valid = self.logarithms.iter().all(|l| !l[n].is_nan());
@@ -156,7 +168,10 @@ impl Population {
             Method::Uniform | Method::Published => {
                 let variance = (method == Method::Published).then(|| self.variance_along_theta_h());
                 let near = |angles: HalfDifference| angles_of(angles, left[self.nearest(angles)]);
-                choose::along_theta_h(count, slices, variance.as_deref()).into_iter().map(near).collect()
+                choose::along_theta_h(count, slices, variance.as_deref(), self.variance_floor)
+                    .into_iter()
+                    .map(near)
+                    .collect()
             }
         };
         let rows: Vec<(Vec<f64>, f64)> = angles

@@ -68,7 +68,8 @@ fn steps_shrink_where_materials_differ() {
     let mut variance = vec![0.1; 90];
     variance[..10].fill(2.0);
     let near = |plan: &[HalfDifference]| plan.iter().filter(|a| a.theta_h.to_degrees() < 10.0).count();
-    let (uniform, published) = (choose::along_theta_h(90, 4, None), choose::along_theta_h(90, 4, Some(&variance)));
+    let (uniform, published) =
+        (choose::along_theta_h(90, 4, None, 0.01), choose::along_theta_h(90, 4, Some(&variance), 0.01));
     assert_eq!((uniform.len(), published.len()), (90, 90));
     assert!(2 * near(&published) > 3 * near(&uniform), "{} and {}", near(&published), near(&uniform));
 }

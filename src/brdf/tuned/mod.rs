@@ -105,21 +105,30 @@ impl TunedMaterial {
     /// Value at the angles (radians) and the cosines of both directions, which are above 0.
     pub fn at(&self, theta_h: f64, theta_d: f64, cos_incoming: f64, cos_outgoing: f64) -> [f64; 3] {
         let [x, y, s] = coordinates(theta_h, theta_d, cos_incoming, cos_outgoing);
-        let (along_x, along_y, along_s) =
-            (chebyshev::<{ DEGREES[0] }>(x), chebyshev::<{ DEGREES[1] }>(y), chebyshev::<{ DEGREES[2] }>(s));
-        let mut logarithm = [0.0; 3];
+        self.value(&self.along_s(x, y), s)
+    }
+
+    /// The sums over `a` and `b`: factors of `T_m(s)` for red, green, blue.
+    fn along_s(&self, x: f64, y: f64) -> [[f64; 3]; DEGREES[2]] {
+        let (along_x, along_y) = (chebyshev::<{ DEGREES[0] }>(x), chebyshev::<{ DEGREES[1] }>(y));
+        let mut sums = [[0.0; 3]; DEGREES[2]];
         for (a, plane) in self.dense.chunks_exact(DEGREES[1] * DEGREES[2]).enumerate() {
-            let mut inner = [0.0; 3];
             // The parts add up to 1 at most: the rest of the plane is zero.
             let rows = DEGREES[1] * (DEGREES[0] - a) / DEGREES[0] + 1;
             for (row, along_y) in plane.chunks_exact(DEGREES[2]).zip(along_y).take(rows) {
-                let mut sum = [0.0; 3];
-                for (value, along_s) in row.iter().zip(along_s) {
-                    (0..3).for_each(|c| sum[c] += value[c] * along_s);
+                let factor = along_y * along_x[a];
+                for (value, sum) in row.iter().zip(&mut sums) {
+                    (0..3).for_each(|c| sum[c] += value[c] * factor);
                 }
-                (0..3).for_each(|c| inner[c] += sum[c] * along_y);
             }
-            (0..3).for_each(|c| logarithm[c] += inner[c] * along_x[a]);
+        }
+        sums
+    }
+
+    fn value(&self, sums: &[[f64; 3]; DEGREES[2]], s: f64) -> [f64; 3] {
+        let mut logarithm = [0.0; 3];
+        for (sum, along_s) in sums.iter().zip(chebyshev::<{ DEGREES[2] }>(s)) {
+            (0..3).for_each(|c| logarithm[c] += sum[c] * along_s);
         }
         let (ceiling, floor) = (self.header.ceiling as f64 / 4.0 - 8.0, floor_size(self.header.floor));
         logarithm.map(|l| (l.min(ceiling).exp() - floor).max(0.0))
@@ -133,6 +142,15 @@ impl Brdf for TunedMaterial {
         }
         let angles = super::HalfDifference::of(incoming, outgoing);
         self.at(angles.theta_h, angles.theta_d, incoming[2], outgoing[2])
+    }
+
+    fn evaluate_row(&self, theta_h: f64, theta_d: f64, pairs: &[[[f64; 3]; 2]], values: &mut Vec<[f64; 3]>) {
+        let [x, y, _] = coordinates(theta_h, theta_d, 1.0, 1.0);
+        let sums = self.along_s(x, y);
+        values.extend(pairs.iter().map(|[incoming, outgoing]| {
+            let [_, _, s] = coordinates(theta_h, theta_d, incoming[2], outgoing[2]);
+            self.value(&sums, s)
+        }));
     }
 }
 

@@ -205,7 +205,7 @@ impl Fit {
         let begun = Instant::now();
         let settings = self.forms.settings();
         let fitted = match plan {
-            Some(plan) => forms::fit_samples(&super::plan::samples(plan, table, form)?, form, &settings)?,
+            Some(plan) => forms::fit_planned(table, plan, form, &settings)?,
             None => forms::fit(table, form, &settings)?,
         };
         let seconds = begun.elapsed().as_secs_f64();
@@ -222,6 +222,7 @@ fn figures(row: &Row, form: AnyForm) -> Value {
         "bytes": row.bytes,
         "seconds": row.seconds,
         "log_rmse": report.log_rmse,
+        "log_rmse_from_5_deg": report.log_rmse_from_5_deg,
         "cosine_rmse": report.cosine_rmse,
         "albedo_max": report.albedo_max,
         "reciprocity": report.reciprocity,
@@ -256,6 +257,7 @@ fn table(all: &[Row], form: AnyForm) -> String {
         for (name, part) in [("median", 0.5), ("worst", 1.0)] {
             let report = ErrorReport {
                 log_rmse: of(part, &|row| row.report.log_rmse),
+                log_rmse_from_5_deg: of(part, &|row| row.report.log_rmse_from_5_deg),
                 cosine_rmse: of(part, &|row| row.report.cosine_rmse),
                 albedo_max: of(part, &|row| row.report.albedo_max),
                 reciprocity: of(part, &|row| row.report.reciprocity),

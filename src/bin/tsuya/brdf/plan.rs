@@ -7,15 +7,11 @@ use clap::{Args, ValueEnum};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 use tsuya::Error;
-use tsuya::brdf::forms::AnyForm;
-use tsuya::brdf::merl::MerlTable;
+use tsuya::brdf::Brdf;
 use tsuya::brdf::plan::{self, Population};
-use tsuya::brdf::{Brdf, Sample};
 
 /// A plan of 40 components has 160 kB.
 const MOST_PLAN_BYTES: u64 = 64 << 20;
-/// Bins of `theta_h`, `theta_d` and `phi_d` of a material that is made of a plan's samples.
-const BINS: [usize; 3] = [60, 36, 10];
 
 /// Chooses the angles at which to measure materials like those of a folder.
 #[derive(Args)]
@@ -119,31 +115,4 @@ pub fn read(path: &Path) -> Result<plan::Plan> {
     }
     let text = std::fs::read(path).map_err(|e| Error::io(path, e))?;
     Ok(plan::Plan::from_json(&text).map_err(|e| Error::input(path, e.to_string()))?)
-}
-
-/// What a form is fitted to, when a table is seen at the plan's angles only: the values themselves for lobes along `theta_h`, else the
-/// most probable material.
-pub fn samples(plan: &plan::Plan, table: &MerlTable, form: AnyForm) -> tsuya::Result<Vec<Sample>> {
-    let directions = |a: &plan::Angles| a.half_difference().directions();
-    let values = plan.measure(|a| {
-        let (incoming, outgoing) = directions(a);
-        let value = table.smooth().evaluate(incoming, outgoing);
-        // Where the table has no valid cell it answers 0 for all colours.
-        (incoming[2] > 0.0 && outgoing[2] > 0.0 && value != [0.0; 3]).then_some(value)
-    });
-    if form != AnyForm::Published || plan.method == plan::Method::Optimal {
-        return plan.reconstruct(&values, BINS);
-    }
-    let sample = |(a, value): (&plan::Angles, Option<[f64; 3]>)| {
-        let (incoming, outgoing) = directions(a);
-        let angles = a.half_difference();
-        value.map(|value| Sample {
-            theta_h: angles.theta_h,
-            theta_d: angles.theta_d,
-            cos_incoming: incoming[2],
-            cos_outgoing: outgoing[2],
-            value,
-        })
-    };
-    Ok(plan.angles.iter().zip(values).filter_map(sample).collect())
 }
