@@ -6,22 +6,27 @@
 //! `sin t'`. Around the poles, where that fails, and for wide lobes [`super::levels`] sums directly.
 
 use super::fit::{self, Projection};
-use super::levels::{Rows, level};
-use super::octahedral::{directions, solid_angles};
+use super::levels::level;
+use super::octahedral::directions;
 use super::prefiltered::{Level, Light, SHARPNESS};
 use super::{Environment, SphericalGaussian};
 use crate::image::RgbImage;
 
 /// Columns of the picture at most.
 const COLUMNS: usize = 512;
-/// Sharp levels, blurred by rows and columns; the picture is halved for each of them but the first.
+/// Sharp levels, blurred by rows and columns.
 const SHARP: usize = 4;
 /// Cells along a side of the levels.
-const SIZES: [usize; 7] = [256, 256, 256, 184, 48, 32, 24];
+const SIZES: [usize; 7] = [256, 256, 256, 184, 64, 32, 24];
 /// Within this many standard deviations of a lobe from a pole cells are summed directly.
-const POLAR: f64 = 5.0;
+const POLAR: f64 = 4.0;
 /// Samples of a blur end at this many standard deviations.
 const REACH: f64 = 3.3;
+
+/// How often the picture is halved for a sharp level.
+fn halvings(level: usize) -> usize {
+    level.saturating_sub(1)
+}
 
 /// Follows an environment from frame to frame.
 pub struct Follower {
@@ -40,10 +45,18 @@ struct Plan {
     along: Vec<Vec<f32>>,
     /// For each row the first row that it takes and the weights of those.
     down: Vec<(usize, Vec<f32>)>,
-    /// For each cell its upper left pixel and where it lies between that and the next; `None` around the poles.
-    places: Vec<Option<(u32, f32, f32)>>,
-    directions: Vec<[f64; 3]>,
-    angles: Vec<f64>,
+    places: Vec<Place>,
+    /// Pixels and their weights, of all cells around the poles.
+    polar: Vec<(u32, f32)>,
+}
+
+/// Where a cell's value is found.
+#[derive(Clone, Copy)]
+enum Place {
+    /// In the blurred picture: the upper left pixel and the place between that and the next.
+    Between(u32, f32, f32),
+    /// Around a pole: a sum over a part of [`Plan::polar`].
+    Polar(u32, u32),
 }
 
 impl Follower {
@@ -74,24 +87,25 @@ impl Follower {
             reduced.image()
         };
         if self.plans.first().is_none_or(|plan| plan.width != columns) {
-            self.plans = (0..SHARP).map(|k| Plan::new(columns >> k, k)).collect();
+            self.plans = (0..SHARP).map(|k| Plan::new(columns >> halvings(k), k)).collect();
             self.projection = None;
         }
         let mut pictures = vec![Planes::of(image)];
-        for k in 1..SHARP {
+        for k in 1..=halvings(SHARP - 1) {
             let next = pictures[k - 1].halved();
             pictures.push(next);
         }
         // The smallest picture serves for everything wide.
-        let coarse = pictures[SHARP - 1].environment();
+        let coarse = pictures[halvings(SHARP - 1)].environment();
         let Some(coarse) = coarse else { return &self.light };
         let projection = self.projection.get_or_insert_with(|| Projection::new(&coarse));
         let before = std::mem::take(&mut self.light.diffuse);
         let before = (before.len() == self.lobes).then_some(before);
         let diffuse: Vec<SphericalGaussian> = projection.fit(&coarse, self.lobes, before.as_deref());
-        let sharp = self.plans.iter().zip(&pictures).zip(SHARPNESS).zip(SIZES);
-        let mut levels: Vec<Level> =
-            sharp.filter_map(|(((plan, picture), sharpness), size)| plan.level(picture, sharpness, size)).collect();
+        let sharp = self.plans.iter().zip(SHARPNESS).zip(SIZES).enumerate();
+        let sharp =
+            sharp.filter_map(|(k, ((plan, sharpness), size))| plan.level(&pictures[halvings(k)], sharpness, size));
+        let mut levels: Vec<Level> = sharp.collect();
         levels.extend((SHARP..SHARPNESS.len()).filter_map(|k| level(&coarse, SHARPNESS[k], SIZES[k])));
         self.light = Light { diffuse, levels };
         &self.light
@@ -144,7 +158,7 @@ impl Plan {
         let cell = 4.0 * PI / (size * size) as f64;
         // The first picture's pixels are meant to be spread over tents. Reading between this picture's spreads them likewise, its own
         // being means of several (a twelfth of the square) adds to it; so does reading between cells.
-        let first = pixel / (1 << number) as f64;
+        let first = pixel / (1 << halvings(number)) as f64;
         let averaged = 0.25 * (pixel * pixel - first * first);
         let variance = (1.0 / sharpness - cell / 6.0 - averaged).max(0.05 / sharpness);
         let sine = |y: usize| (PI * (y as f64 + 0.5) / height as f64).sin();
@@ -161,23 +175,26 @@ impl Plan {
                 (first, weights.into_iter().map(|w| w / total).collect())
             })
             .collect();
-        let polar = (POLAR / sharpness.sqrt()).min(1.2).max(1.5 * pixel).sin();
-        let directions = directions(size);
-        let places = directions
+        let around = (POLAR / sharpness.sqrt()).min(1.2).max(1.5 * pixel).sin();
+        let direct = (1.0 / sharpness - cell / 6.0 - pixel * pixel / 12.0).max(0.3 * pixel * pixel);
+        let mut polar: Vec<(u32, f32)> = Vec::new();
+        let places = directions(size)
             .iter()
             .map(|d| {
-                let across = (d[0] * d[0] + d[2] * d[2]).sqrt();
-                if across < polar {
-                    return None;
+                let (theta, phi) = (d[1].clamp(-1.0, 1.0).acos(), d[0].atan2(-d[2]));
+                if (d[0] * d[0] + d[2] * d[2]).sqrt() < around {
+                    let first = polar.len();
+                    sum_around([theta, phi], direct, width, &mut polar);
+                    return Place::Polar(first as u32, polar.len() as u32);
                 }
-                let u = (d[0].atan2(-d[2]) / (2.0 * PI)).rem_euclid(1.0) * width as f64 - 0.5;
-                let v = (d[1].clamp(-1.0, 1.0).acos() / PI * height as f64 - 0.5).clamp(0.0, height as f64 - 1.001);
+                let u = (phi / (2.0 * PI)).rem_euclid(1.0) * width as f64 - 0.5;
+                let v = (theta / PI * height as f64 - 0.5).clamp(0.0, height as f64 - 1.001);
                 let column = (u.floor() as isize).rem_euclid(width as isize) as usize;
                 let row = v as usize;
-                Some(((row * width + column) as u32, (u - u.floor()) as f32, (v - row as f64) as f32))
+                Place::Between((row * width + column) as u32, (u - u.floor()) as f32, (v - row as f64) as f32)
             })
             .collect();
-        Plan { width, height, along, down, places, directions, angles: solid_angles(size) }
+        Plan { width, height, along, down, places, polar }
     }
 
     fn level(&self, picture: &Planes, sharpness: f64, size: usize) -> Option<Level> {
@@ -196,11 +213,14 @@ impl Plan {
             }
             (0..width + 1).map(|x| sums.each_ref().map(|sum| sum[x % width])).collect()
         });
-        let polar = Rows::new(&picture.environment()?, sharpness);
         let cells = crate::parallel::map(size, |row| {
             let cells = (row * size..(row + 1) * size).map(|k| match self.places[k] {
-                None => polar.mean(self.directions[k], self.angles[k] / 6.0),
-                Some((at, s, t)) => {
+                Place::Polar(first, end) => {
+                    let pixels = &self.polar[first as usize..end as usize];
+                    let sum = |list: &Vec<f32>| pixels.iter().map(|&(at, weight)| weight * list[at as usize]).sum();
+                    picture.lists.each_ref().map(sum)
+                }
+                Place::Between(at, s, t) => {
                     let (x, y) = (at as usize % width, at as usize / width);
                     let (upper, lower) = (&rows[y][x..x + 2], &rows[y + 1][x..x + 2]);
                     std::array::from_fn(|c| {
@@ -214,6 +234,28 @@ impl Plan {
         });
         Level::new(sharpness, size, cells.concat())
     }
+}
+
+/// Pixels around a direction (angle from +Y, angle around it) and their weights in a lobe of this variance.
+fn sum_around([theta, phi]: [f64; 2], variance: f64, width: usize, pixels: &mut Vec<(u32, f32)>) {
+    use std::f64::consts::PI;
+    let (height, first) = (width / 2, pixels.len());
+    let reach = (REACH * variance.sqrt()).max(2.0 * PI / width as f64);
+    let at = |angle: f64| (angle / PI * height as f64).clamp(0.0, height as f64);
+    let mut total = 0.0;
+    for y in at(theta - reach) as usize..at(theta + reach).ceil() as usize {
+        let angle = PI * (y as f64 + 0.5) / height as f64;
+        for x in 0..width {
+            let turn = 2.0 * PI * (x as f64 + 0.5) / width as f64 - phi;
+            let drop = 1.0 - (theta.cos() * angle.cos() + theta.sin() * angle.sin() * turn.cos());
+            if drop < 0.5 * REACH * REACH * variance + 1e-12 || drop < 0.5 * (PI / height as f64).powi(2) {
+                let weight = (-drop / variance).exp() * angle.sin();
+                total += weight;
+                pixels.push(((y * width + x) as u32, weight as f32));
+            }
+        }
+    }
+    pixels[first..].iter_mut().for_each(|(_, weight)| *weight /= total.max(1e-30) as f32);
 }
 
 /// Weights of a Gaussian of a variance, in squared pixels, at 0, 1, 2, ... pixels from its middle; with the other side they sum to 1.

@@ -39,7 +39,7 @@ pub fn level(environment: &Environment, sharpness: f64, size: usize) -> Option<L
 }
 
 /// The resampled environment.
-pub(super) struct Rows {
+struct Rows {
     /// `1 / sharpness` of the lobe less the pixels' own blur.
     variance: f64,
     rows: Vec<Row>,
@@ -90,7 +90,7 @@ impl Row {
 }
 
 impl Rows {
-    pub(super) fn new(environment: &Environment, sharpness: f64) -> Self {
+    fn new(environment: &Environment, sharpness: f64) -> Self {
         let width = (2.0 * std::f64::consts::PI * PIXELS * sharpness.sqrt()).ceil() as usize;
         // Even the sharpest lobe sees no more than what lies between pixels, which is bilinear.
         let width = width.clamp(32, (4 * environment.image().width).max(32)).next_multiple_of(32);
@@ -123,7 +123,7 @@ impl Rows {
     }
 
     /// Mean radiance about a direction, where interpolation will add `blur` to the variance.
-    pub(super) fn mean(&self, direction: [f64; 3], blur: f64) -> [f32; 3] {
+    fn mean(&self, direction: [f64; 3], blur: f64) -> [f32; 3] {
         use std::f64::consts::PI;
         let sharpness = 1.0 / (self.variance - blur.min(0.5 * self.variance));
         let least = 1.0 - REACH / sharpness;

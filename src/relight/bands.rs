@@ -73,7 +73,7 @@ impl Samples {
             if a[2] * b[2] * c[2] <= 0.0 {
                 return 0..0;
             }
-            let low = (a[1].min(b[1]).min(c[1]) - 0.5).ceil().max(0.0) as usize;
+            let low = (a[1].min(b[1]).min(c[1]) + 0.5).max(0.0) as usize;
             let high = (a[1].max(b[1]).max(c[1]) + 0.5).max(0.0) as usize;
             if low >= high.min(self.height) { 0..0 } else { low / BAND..(high.min(self.height) - 1) / BAND + 1 }
         };
@@ -116,10 +116,14 @@ impl Target<'_> {
                 let (a, b, sign) = if corners[i] <= corners[j] { (c[i], c[j], 1.0) } else { (c[j], c[i], -1.0) };
                 ([a[0], a[1]], [sign * (b[0] - a[0]), sign * (b[1] - a[1])])
             });
-            let low = |k: usize| (c[0][k].min(c[1][k]).min(c[2][k]) - 0.5).ceil().max(0.0) as usize;
+            let low = |k: usize| (c[0][k].min(c[1][k]).min(c[2][k]) + 0.5).max(0.0) as usize;
             let high = |k: usize| (c[0][k].max(c[1][k]).max(c[2][k]) + 0.5).max(0.0) as usize;
             let (left, right) = (low(0), high(0).min(width));
-            for row in low(1).max(first_row)..high(1).min(first_row + rows) {
+            let (top, bottom) = (low(1).max(first_row), high(1).min(first_row + rows));
+            if left >= right || top >= bottom {
+                continue;
+            }
+            for row in top..bottom {
                 let y = row as f32 + 0.5;
                 let along = edges.map(|(a, d)| d[0] * (y - a[1]));
                 let line = (row - first_row) * width;

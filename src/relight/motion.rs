@@ -1,8 +1,9 @@
 //! Pictures in motion: the sums of [`super::better`] and [`super::published`] in single precision, one sample a pixel, with everything
 //! prepared that stays when the camera moves.
 //!
-//! What differs from still pictures: reflection functions are read from tables ([`super::gloss`]); the specular light of the levels is
-//! summed at one of four samples and interpolated between like normals; the published evaluator's diffuse light is summed at the vertices.
+//! What differs from still pictures: reflection functions are read from tables ([`super::gloss`]); the better evaluator's
+//! specular light of the levels is summed at one of four samples and interpolated between like normals; the published one's diffuse light
+//! is summed at the vertices.
 
 use super::appearance::{Appearance, Look, Prepared};
 use super::bands::Samples;
@@ -104,7 +105,12 @@ impl<'a> Motion<'a> {
         let (half_width, half_height) = (width.div_ceil(2), height.div_ceil(2));
         coarse.resize(half_width * half_height, None);
         coarser.resize(half_width * half_height, None);
-        rows(coarse, coarser, half_width * ROWS / 2, |part, values, _| {
+        let (part_of_coarse, part_of_coarser) = match stage.levels {
+            // The published evaluator sums at every sample.
+            Some(_) => (&mut coarse[..0], &mut coarser[..0]),
+            None => (&mut coarse[..], &mut coarser[..]),
+        };
+        rows(part_of_coarse, part_of_coarser, half_width * ROWS / 2, |part, values, _| {
             for (k, value) in values.iter_mut().enumerate() {
                 let (x, y) = (k % half_width * 2, (part * ROWS / 2 + k / half_width) * 2);
                 // Of the four samples the first that shows the object.
@@ -180,14 +186,11 @@ impl Stage<'_> {
         self.scene.object.occlusion.filter(|_| self.scene.options.shadows)
     }
 
-    /// Specular light of the levels; `None` where there is no specular part.
+    /// Specular light of the levels as the better evaluator has it; `None` where there is no specular part.
     fn reflected(&self, spot: &Spot, look: &dyn Look) -> Option<Vec3> {
         let appearance = look.at(spot.triangle, spot.weights, spot.position);
         let prepared = appearance.specular.filter(|_| appearance.specular_scale.max_element() > 0.0)?;
-        Some(match &self.levels {
-            Some(levels) => self.reflected_published(spot, prepared, levels),
-            None => self.reflected_better(spot, prepared),
-        })
+        Some(self.reflected_better(spot, prepared))
     }
 
     /// As [`super::better::reflected`].
@@ -277,9 +280,10 @@ impl Stage<'_> {
         let specular = specular.filter(|_| specular_scale.max_element() > 0.0);
         let [a, b, c] = spot.corners.map(|v| self.vertices[v as usize].irradiance);
         let mut irradiance = a * spot.weights.x + b * spot.weights.y + c * spot.weights.z;
-        let mut shine = match specular {
-            Some(_) => coarse.between(x, y, spot.normal).unwrap_or(Vec3::ZERO),
-            None => Vec3::ZERO,
+        let mut shine = match (specular, &self.levels) {
+            (Some(prepared), Some(levels)) => self.reflected_published(spot, prepared, levels),
+            (Some(_), None) => coarse.between(x, y, spot.normal).unwrap_or(Vec3::ZERO),
+            (None, _) => Vec3::ZERO,
         };
         if self.levels.is_none() {
             self.distant(spot, specular, specular_scale.max_element(), &mut irradiance, &mut shine);
