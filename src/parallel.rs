@@ -12,3 +12,23 @@ pub(crate) fn map<T: Send>(count: usize, f: impl Fn(usize) -> T + Sync + Send) -
         (0..count).map(f).collect()
     }
 }
+
+/// `f(k, a, b)` for the k-th part of `size` items of both lists, which are equally long.
+pub(crate) fn rows<A: Send, B: Send>(
+    a: &mut [A],
+    b: &mut [B],
+    size: usize,
+    f: impl Fn(usize, &mut [A], &mut [B]) + Sync + Send,
+) {
+    #[cfg(feature = "parallel")]
+    {
+        use rayon::prelude::*;
+        let parts = a.par_chunks_mut(size.max(1)).zip(b.par_chunks_mut(size.max(1)));
+        parts.enumerate().for_each(|(k, (a, b))| f(k, a, b));
+    }
+    #[cfg(not(feature = "parallel"))]
+    {
+        let parts = a.chunks_mut(size.max(1)).zip(b.chunks_mut(size.max(1)));
+        parts.enumerate().for_each(|(k, (a, b))| f(k, a, b));
+    }
+}

@@ -43,15 +43,62 @@ pub fn fit(
     options: &FitOptions,
     previous: Option<&[SphericalGaussian]>,
 ) -> Vec<SphericalGaussian> {
-    let count = options.lobes.clamp(1, MOST_LOBES);
     let cells = Cell::of(environment);
+    fit_cells(&cells, &Tests::directions(), &|tests| Tests::through(&cells, tests), options, previous)
+}
+
+/// For environments of one size: how their pixels are seen through the test lobes.
+pub(super) struct Projection {
+    directions: Vec<[f64; 3]>,
+    /// For each test lobe the weight of each cell.
+    weights: Vec<Vec<f32>>,
+}
+
+impl Projection {
+    pub(super) fn new(environment: &Environment) -> Self {
+        let (cells, directions) = (Cell::of(environment), Tests::directions());
+        let weights = directions.iter().map(|&test| cells.iter().map(|c| Tests::weight(c, test) as f32).collect());
+        Projection { weights: weights.collect(), directions }
+    }
+
+    /// As [`fit`], for an environment of the same size.
+    pub(super) fn fit(
+        &self,
+        environment: &Environment,
+        lobes: usize,
+        previous: Option<&[SphericalGaussian]>,
+    ) -> Vec<SphericalGaussian> {
+        let cells = Cell::of(environment);
+        let fluxes: [Vec<f32>; 3] = std::array::from_fn(|c| cells.iter().map(|cell| cell.flux[c] as f32).collect());
+        let targets = |_: &[[f64; 3]]| {
+            let sum = |weights: &[f32], flux: &[f32]| {
+                let (weights, flux) = (weights.as_chunks::<8>().0, flux.as_chunks::<8>().0);
+                let mut sums = [0.0f32; 8];
+                weights.iter().zip(flux).for_each(|(w, f)| (0..8).for_each(|k| sums[k] += w[k] * f[k]));
+                sums.iter().sum::<f32>() as f64
+            };
+            self.weights.iter().map(|weights| fluxes.each_ref().map(|flux| sum(weights, flux))).collect()
+        };
+        let options = FitOptions { lobes, ..FitOptions::default() };
+        fit_cells(&cells, &self.directions, &targets, &options, previous)
+    }
+}
+
+fn fit_cells(
+    cells: &[Cell],
+    directions: &[[f64; 3]],
+    targets: &dyn Fn(&[[f64; 3]]) -> Vec<[f64; 3]>,
+    options: &FitOptions,
+    previous: Option<&[SphericalGaussian]>,
+) -> Vec<SphericalGaussian> {
+    let count = options.lobes.clamp(1, MOST_LOBES);
     let total: f64 = cells.iter().map(Cell::energy).sum();
     if total <= 0.0 {
         return Vec::new();
     }
-    let tests = Tests::new(&cells);
+    let tests = Tests { directions: directions.to_vec(), targets: targets(directions) };
     let previous = previous.filter(|lobes| lobes.len() == count);
-    let start = previous.map_or_else(|| cluster(&cells, count), <[SphericalGaussian]>::to_vec);
+    let start = previous.map_or_else(|| cluster(cells, count), <[SphericalGaussian]>::to_vec);
     let mut x: Vec<f64> = start.iter().flat_map(|lobe| to_numbers(lobe, total)).collect();
     let mut lower = vec![-2.0; x.len()];
     let mut upper = vec![2.0; x.len()];
@@ -127,18 +174,25 @@ struct Tests {
 }
 
 impl Tests {
-    fn new(cells: &[Cell]) -> Self {
-        let directions: Vec<[f64; 3]> = spread(TESTS).collect();
-        let scale = 1.0 / sphere_integral(TEST_SHARPNESS);
-        let targets = crate::parallel::map(directions.len(), |k| {
+    fn directions() -> Vec<[f64; 3]> {
+        spread(TESTS).collect()
+    }
+
+    /// Weight of a cell in a test lobe.
+    fn weight(cell: &Cell, test: [f64; 3]) -> f64 {
+        (TEST_SHARPNESS * (dot(cell.direction, test) - 1.0)).exp() / sphere_integral(TEST_SHARPNESS)
+    }
+
+    /// Mean radiance of the cells through test lobes.
+    fn through(cells: &[Cell], directions: &[[f64; 3]]) -> Vec<[f64; 3]> {
+        crate::parallel::map(directions.len(), |k| {
             let mut sum = [0.0; 3];
             for cell in cells {
-                let weight = scale * (TEST_SHARPNESS * (dot(cell.direction, directions[k]) - 1.0)).exp();
+                let weight = Self::weight(cell, directions[k]);
                 (0..3).for_each(|c| sum[c] += weight * cell.flux[c]);
             }
             sum
-        });
-        Tests { directions, targets }
+        })
     }
 
     /// Mean of the squared differences over the mean radiance squared, and its gradient.
@@ -300,7 +354,8 @@ mod tests {
     #[test]
     fn the_gradient_is_the_slope() {
         let cells = Cell::of(&scene());
-        let tests = Tests::new(&cells);
+        let directions = Tests::directions();
+        let tests = Tests { targets: Tests::through(&cells, &directions), directions };
         let total: f64 = cells.iter().map(Cell::energy).sum();
         let x: Vec<f64> = cluster(&cells, 3).iter().flat_map(|lobe| to_numbers(lobe, total)).collect();
         let mut gradient = vec![0.0; x.len()];

@@ -5,6 +5,8 @@ pub mod environment;
 #[cfg(feature = "encode")]
 pub mod fit;
 #[cfg(feature = "encode")]
+pub mod follow;
+#[cfg(feature = "encode")]
 pub mod levels;
 #[cfg(feature = "encode")]
 mod minimise;

@@ -1,7 +1,8 @@
 //! Light ready for shading: a few spherical Gaussians for diffuse reflection, prefiltered levels for specular reflection.
 
 use super::SphericalGaussian;
-use super::octahedral::{Taps, solid_angles, taps};
+use super::environment::turn_y;
+use super::octahedral::{Taps, directions, solid_angles, taps};
 
 /// Sharpness of the levels that the encoder makes, from a mirror's to nearly diffuse (Sonoda 2011, section 4.2).
 pub const SHARPNESS: [f64; 7] = [21_000.0, 5_250.0, 1_312.0, 328.0, 82.0, 20.0, 5.0];
@@ -71,6 +72,34 @@ impl Light {
         let (a, b) = (dull.mean(direction), sharp.mean(direction));
         std::array::from_fn(|c| a[c] + part * (b[c] - a[c]))
     }
+    /// With all radiance times `factor`.
+    pub fn scaled(self, factor: f64) -> Self {
+        let diffuse = self.diffuse.iter().map(|lobe| lobe.scaled(factor)).collect();
+        let scaled = |mut level: Level| {
+            level.cells.iter_mut().flatten().for_each(|x| *x = (*x * factor as f32).clamp(0.0, f32::MAX));
+            level
+        };
+        Light { diffuse, levels: self.levels.into_iter().map(scaled).collect() }
+    }
+    /// Turned about +Y, as [`super::Environment::rotated_y`].
+    pub fn turned_y(self, degrees: f64) -> Self {
+        if degrees == 0.0 {
+            return self;
+        }
+        let turn = |lobe: SphericalGaussian| SphericalGaussian { axis: turn_y(lobe.axis, degrees), ..lobe };
+        let turned = |level: Level| {
+            let cells = directions(level.size).into_iter().map(|d| level.mean(turn_y(d, -degrees))).collect();
+            Level { cells, ..level }
+        };
+        let levels = self.levels.into_iter().map(turned).collect();
+        Light { diffuse: self.diffuse.into_iter().map(turn).collect(), levels }
+    }
+    /// The environment as its sharpest level has it; `None` without levels.
+    pub fn environment(&self) -> Option<super::Environment> {
+        let sharpest = self.levels.first()?;
+        // Pixels at the horizon about as large as cells.
+        Some(super::Environment::from_fn((2 * sharpest.size).clamp(32, 1024), |d| sharpest.mean(d)))
+    }
     /// Irradiance of the diffuse lobes on a surface that nothing shadows.
     pub fn irradiance(&self, normal: [f64; 3]) -> [f64; 3] {
         let mut sum = [0.0; 3];
@@ -94,7 +123,6 @@ impl Light {
 
 #[cfg(test)]
 mod tests {
-    use super::super::octahedral::directions;
     use super::*;
 
     #[test]

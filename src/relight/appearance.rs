@@ -1,5 +1,6 @@
 //! What the surface is made of at each point.
 
+use super::gloss::Gloss;
 use super::material::{Material, Specular};
 use super::surround::level_of;
 use glam::Vec3;
@@ -20,6 +21,11 @@ pub struct Prepared {
     pub specular: Specular,
     /// Half vectors, their probability density, and the level of light for a tap seen along its half vector.
     pub(super) taps: Vec<(Vec3, f32, f32)>,
+    /// The part as tables, where they do it justice.
+    pub(super) gloss: Option<Gloss>,
+    /// Sharpness (the mean of both directions) and amplitude of its lobes, and the sum of the latter.
+    pub(super) lobes: Vec<(f32, f32)>,
+    pub(super) peak: f32,
 }
 
 impl Prepared {
@@ -34,7 +40,11 @@ impl Prepared {
             (half.as_vec3(), density, level_of(sharpness))
         });
         let taps = taps.collect();
-        Prepared { specular, taps }
+        let gloss = Gloss::new(&*specular.brdf);
+        let mean = |s: [f64; 2]| (s[0] * s[1]).sqrt() as f32;
+        let lobes: Vec<(f32, f32)> = specular.lobes.iter().map(|l| (mean(l.sharpness), l.amplitude as f32)).collect();
+        let peak = lobes.iter().map(|l| l.1).sum::<f32>().max(1e-30);
+        Prepared { specular, taps, gloss, lobes, peak }
     }
 }
 

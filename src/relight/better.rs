@@ -36,8 +36,8 @@ pub(super) fn irradiance(object: &Object, surround: &Surround, shadows: bool) ->
     })
 }
 
-/// Radiance towards the camera, diffuse and specular; `known` is what [`reflected`] gives, where it is known already.
-pub(super) fn radiance(scene: &Scene, point: &Point, appearance: &Appearance, known: Option<Vec3>) -> [Vec3; 2] {
+/// Radiance towards the camera, diffuse and specular.
+pub(super) fn radiance(scene: &Scene, point: &Point, appearance: &Appearance) -> [Vec3; 2] {
     let [a, b, c] = point.corners.map(|v| scene.irradiance[v as usize]);
     let mut irradiance = a * point.weights.x + b * point.weights.y + c * point.weights.z;
     let specular = appearance.specular.filter(|_| appearance.specular_scale.max_element() > 0.0);
@@ -52,7 +52,8 @@ pub(super) fn radiance(scene: &Scene, point: &Point, appearance: &Appearance, kn
         }
         let reach = match scene.shadows.get(k) {
             Some(Some(map)) => {
-                map.reach(point.position.as_dvec3().to_array(), point.geometric.dot(direction) as f64) as f32
+                let (position, normal) = (point.position.as_dvec3(), point.geometric.as_dvec3());
+                map.soft_reach(position.to_array(), normal.to_array(), Surround::disc(light)) as f32
             }
             _ => 1.0,
         };
@@ -63,7 +64,7 @@ pub(super) fn radiance(scene: &Scene, point: &Point, appearance: &Appearance, kn
         }
     }
     if let Some(prepared) = specular {
-        shine += known.unwrap_or_else(|| reflected(scene, point, prepared));
+        shine += reflected(scene, point, prepared);
     }
     [appearance.albedo * irradiance / PI, appearance.specular_scale * shine]
 }

@@ -73,17 +73,18 @@ pub fn ground_shadow(mesh: &Mesh, surround: &Surround, ground: &Ground, camera: 
             .sum()
     });
     let taken = Grid { width: POINTS, height: POINTS, data: taken };
-    let maps: Vec<(Vec3, Option<ShadowMap>)> = surround
+    let maps: Vec<(Vec3, f64, Option<ShadowMap>)> = surround
         .distant
         .iter()
         .filter(|light| Vec3::from_array(light.direction).dot(up) > 0.0)
         .map(|light| {
             let direction = Vec3::from_array(light.direction);
             let position = (middle + 40.0 * radius as f32 * direction).as_dvec3().to_array();
-            (Vec3::from_array(light.irradiance) * direction.dot(up), ShadowMap::distant(mesh, position))
+            let irradiance = Vec3::from_array(light.irradiance) * direction.dot(up);
+            (irradiance, Surround::disc(light), ShadowMap::distant(mesh, position))
         })
         .collect();
-    let all = whole + maps.iter().map(|(light, _)| *light).sum::<Vec3>();
+    let all = whole + maps.iter().map(|(light, ..)| *light).sum::<Vec3>();
     let (width, height) = (camera.width as usize, camera.height as usize);
     let centre = single(camera.centre());
     let rows = crate::parallel::map(height, |row| {
@@ -96,9 +97,9 @@ pub fn ground_shadow(mesh: &Mesh, surround: &Surround, ground: &Ground, camera: 
             let point = centre + ray * t;
             let at = Vec2::new((point - origin).dot(x), (point - origin).dot(y));
             let mut light = all - between(&taken, at, reach);
-            for (part, map) in &maps {
+            for (part, disc, map) in &maps {
                 if let Some(map) = map {
-                    light -= *part * (1.0 - map.reach(point.as_dvec3().to_array(), 1.0) as f32);
+                    light -= *part * (1.0 - map.soft_reach(point.as_dvec3().to_array(), ground.up, *disc) as f32);
                 }
             }
             let ratio = light.max(Vec3::ZERO) / all.max(Vec3::splat(1e-20));

@@ -1,19 +1,21 @@
 //! A picture asked for in one JSON file, so that another renderer can be asked for the same.
 
 use super::material::{Material, Specular};
-use super::models::TorranceSparrow;
+use super::models::{TorranceSparrow, above_its_least};
 use crate::asset::Camera;
-use crate::brdf::Brdf;
 use crate::brdf::models::{ClassicalModel, Lobe};
+use crate::brdf::{Brdf, materials};
+use crate::container::{Container, Tag};
 use crate::error::{Error, Result};
+use crate::limits::Limits;
 use serde::{Deserialize, Serialize};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// What to render. Paths are relative to the folder of the job's file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Job {
-    /// The mesh: PLY, OBJ or GLB. With `material`, in place of `asset`.
+    /// The mesh: PLY, OBJ or GLB, or a `.tsuya` file, whose visibility (`tsuya bake`) is used. With `material`, in place of `asset`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mesh: Option<PathBuf>,
     /// What the mesh is made of.
@@ -60,7 +62,7 @@ pub enum JobEvaluator {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct JobEnvironment {
-    /// The picture.
+    /// The picture, or a `.tsuya` file with light.
     pub file: PathBuf,
     /// Factor of its radiance.
     #[serde(default = "one")]
@@ -145,8 +147,15 @@ impl Colour {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct JobMaterial {
-    /// `lambert`, `blinn-phong`, `cook-torrance`, `ward`, `ashikhmin-shirley`, `lafortune` or `torrance-sparrow`.
+    /// `lambert`, `blinn-phong`, `cook-torrance`, `ward`, `ashikhmin-shirley`, `lafortune` or `torrance-sparrow`; `dsbrdf` (lobes of
+    /// section `mATl`, or fitted to what it has) or `fitted` (any form of it) of `file`.
     pub model: String,
+    /// A `.tsuya` file with fitted materials, for `dsbrdf` and `fitted`; `diffuse` and `specular` are factors of its two parts then.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub file: Option<PathBuf>,
+    /// Which of its materials [default: the first].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub name: Option<String>,
     /// Diffuse albedo.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub diffuse: Option<Parameter<Colour>>,
@@ -223,12 +232,51 @@ impl JobMaterial {
             other => {
                 return Err(Error::Unsupported(format!(
                     "material model {other}; known: lambert, blinn-phong, cook-torrance, ward, ashikhmin-shirley, lafortune, \
-                     torrance-sparrow"
+                     torrance-sparrow, dsbrdf, fitted"
                 )));
             }
         };
         lobe.check()?;
         Ok(Some(Box::new(ClassicalModel { diffuse: [0.0; 3], specular: [1.0; 3], lobe })))
+    }
+
+    /// The material, read from its file (relative to `folder`) where the model needs one.
+    pub fn material(&self, folder: &Path, limits: Limits) -> Result<Material> {
+        if !matches!(self.model.as_str(), "dsbrdf" | "fitted") {
+            return self.uniform();
+        }
+        let factor = |parameter: &Option<Parameter<Colour>>| match parameter {
+            None => Ok([1.0; 3]),
+            Some(Parameter::Constant(colour)) => Ok(colour.rgb()),
+            Some(Parameter::Texture { .. }) => {
+                Err(Error::parameter(format!("material: {} takes factors, not textures", self.model)))
+            }
+        };
+        let (diffuse, specular_scale) = (factor(&self.diffuse)?, factor(&self.specular)?);
+        let Some(file) = &self.file else {
+            return Err(Error::parameter(format!("material: {} needs file", self.model)));
+        };
+        let path = folder.join(file);
+        let reader = std::fs::File::open(&path).map_err(|e| Error::io(&path, e))?;
+        let mut container = Container::open_seek(reader, limits)?;
+        let section = container.read_section(Tag::MATERIALS)?;
+        let materials = materials::decode(&section, &container.budget())?;
+        let known = || materials.iter().map(|m| m.name.as_str()).collect::<Vec<_>>().join(", ");
+        let found = match &self.name {
+            Some(name) => materials.iter().find(|m| m.name == *name),
+            None => materials.first(),
+        };
+        let Some(found) = found else {
+            let message = format!("no material '{}'; it has: {}", self.name.as_deref().unwrap_or(""), known());
+            return Err(Error::input(&path, message));
+        };
+        let brdf: Box<dyn Brdf + Send> = match self.model.as_str() {
+            "dsbrdf" => Box::new(found.material.lobes()?),
+            _ => Box::new(found.material.clone()),
+        };
+        let (albedo, rest) = above_its_least(brdf);
+        let albedo = std::array::from_fn(|c| albedo[c] * diffuse[c]);
+        Ok(Material { albedo, specular: Some(Specular::new(rest)), specular_scale })
     }
 
     /// The material, where nothing in it varies; what does is taken as 1.

@@ -4,15 +4,18 @@
 //! captured views (Miyazaki 2007, equations 12 to 16).
 
 mod appearance;
+mod bands;
 mod better;
 mod cameras;
 mod detail;
+mod gloss;
 #[cfg(feature = "encode")]
 mod ground;
 #[cfg(feature = "encode")]
 pub mod job;
 mod material;
 mod models;
+mod motion;
 mod occlusion;
 mod octahedral;
 mod published;
@@ -32,6 +35,7 @@ pub use detail::add_detail;
 pub use ground::{Ground, composite, ground_shadow};
 pub use material::{HalfLobe, Material, Specular, WarpedLobe, fit_lobes};
 pub use models::TorranceSparrow;
+pub use motion::{Frame, Motion};
 pub use occlusion::Occlusion;
 #[cfg(feature = "encode")]
 pub use reference::{ReferenceOptions, reference};
@@ -117,6 +121,8 @@ pub fn render(asset: &Asset, camera: &Camera, options: &RenderOptions) -> Result
     Renderer::new(asset)?.render(camera, options)
 }
 
+#[cfg(all(test, feature = "encode"))]
+mod scene_tests;
 #[cfg(all(test, feature = "encode"))]
 pub(crate) mod test_capture;
 #[cfg(all(test, feature = "encode"))]

@@ -1,4 +1,4 @@
-//! The specular model of a file's reflectance maps as a reflection function.
+//! Reflection functions of files: the specular model of reflectance maps, and measured materials taken apart.
 
 use crate::brdf::Brdf;
 use crate::reflectance::geometry::LEAST_COS_VIEW;
@@ -20,4 +20,35 @@ impl Brdf for TorranceSparrow {
         let alpha = sum[0].hypot(sum[1]).atan2(sum[2]) / self.sigma;
         [(-0.5 * alpha * alpha).exp() / (view.max(LEAST_COS_VIEW as f64) * light.max(1e-3)); 3]
     }
+}
+
+/// A function without its Lambertian part.
+#[cfg(feature = "encode")]
+struct Rest {
+    brdf: Box<dyn Brdf + Send>,
+    least: [f64; 3],
+}
+
+#[cfg(feature = "encode")]
+impl Brdf for Rest {
+    fn evaluate(&self, incoming: [f64; 3], outgoing: [f64; 3]) -> [f64; 3] {
+        let f = self.brdf.evaluate(incoming, outgoing);
+        std::array::from_fn(|c| (f[c] - self.least[c]).max(0.0))
+    }
+}
+
+/// A function as the albedo of its Lambertian part, for each colour its least value up to 75 degrees from the normal, and what is left.
+#[cfg(feature = "encode")]
+pub(super) fn above_its_least(brdf: Box<dyn Brdf + Send>) -> ([f64; 3], Box<dyn Brdf + Send>) {
+    const STEPS: usize = 7;
+    let direction = |theta: f64, phi: f64| [theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos()];
+    let angle = |k: usize| (75.0 * k as f64 / (STEPS - 1) as f64).to_radians();
+    let mut least = [f64::INFINITY; 3];
+    for k in 0..STEPS * STEPS * STEPS {
+        let phi = std::f64::consts::PI * (k / STEPS / STEPS) as f64 / (STEPS - 1) as f64;
+        let f = brdf.evaluate(direction(angle(k % STEPS), 0.0), direction(angle(k / STEPS % STEPS), phi));
+        (0..3).for_each(|c| least[c] = least[c].min(f[c]));
+    }
+    let least = least.map(|x| if x.is_finite() { x.max(0.0) } else { 0.0 });
+    (least.map(|x| x * std::f64::consts::PI), Box::new(Rest { brdf, least }))
 }

@@ -1,6 +1,6 @@
 //! The published evaluator (Sonoda 2011, equations 13 and 15): spherical Gaussians throughout.
 
-use super::appearance::Appearance;
+use super::appearance::{Appearance, Prepared};
 use super::scene::{Point, Scene};
 use crate::lighting::SphericalGaussian;
 use glam::Vec3;
@@ -8,45 +8,66 @@ use std::f32::consts::PI;
 
 /// Radiance towards the camera, diffuse and specular.
 pub(super) fn radiance(scene: &Scene, point: &Point, appearance: &Appearance) -> [Vec3; 2] {
-    let Some(light) = scene.light else { return [Vec3::ZERO; 2] };
+    let irradiance = irradiance_at(scene, point.normal, point.corners, point.weights);
+    let specular = appearance.specular.filter(|_| appearance.specular_scale.max_element() > 0.0);
+    let shine = specular.map_or(Vec3::ZERO, |prepared| reflected(scene, point, prepared));
+    [appearance.albedo * irradiance / PI, appearance.specular_scale * shine]
+}
+
+/// Irradiance of every vertex.
+pub(super) fn irradiance(scene: &Scene) -> Vec<Vec3> {
+    let normals = &scene.object.normals;
+    crate::parallel::map(normals.len(), |k| irradiance_at(scene, normals[k], [k as u32; 3], Vec3::X))
+}
+
+/// The lobes of the light, each times the clamped cosine and cut by the visibility (13).
+fn irradiance_at(scene: &Scene, normal: Vec3, corners: [u32; 3], weights: Vec3) -> Vec3 {
+    let Some(light) = scene.light else { return Vec3::ZERO };
     let occlusion = scene.object.occlusion.filter(|_| scene.options.shadows);
-    let distance = |axis: [f64; 3]| occlusion.map(|o| o.towards(point.corners, point.weights, single(axis)) as f64);
-    let cosine = SphericalGaussian::cosine_published(point.normal.as_dvec3().to_array());
+    let cosine = SphericalGaussian::cosine_published(normal.as_dvec3().to_array());
     let mut irradiance = Vec3::ZERO;
     for lobe in &light.diffuse {
         let product = cosine.product(lobe);
-        let sum = match distance(product.axis) {
+        let distance = occlusion.map(|o| o.towards(corners, weights, single(product.axis)) as f64);
+        let sum = match distance {
             Some(distance) => product.visible_published(distance),
             None => product.integral(),
         };
         irradiance += single(sum);
     }
+    irradiance
+}
+
+/// Specular reflection: the material's lobes, warped, times the clamped cosine, cut by the visibility, through the levels (15).
+pub(super) fn reflected(scene: &Scene, point: &Point, prepared: &Prepared) -> Vec3 {
+    let Some(light) = scene.light else { return Vec3::ZERO };
+    let occlusion = scene.object.occlusion.filter(|_| scene.options.shadows);
+    let cosine = SphericalGaussian::cosine_published(point.normal.as_dvec3().to_array());
+    let frame = point.frame();
+    let outgoing = (frame.transpose() * point.outgoing).as_dvec3().to_array();
     let mut shine = Vec3::ZERO;
-    if let Some(prepared) = appearance.specular.filter(|_| appearance.specular_scale.max_element() > 0.0) {
-        let frame = point.frame();
-        let outgoing = (frame.transpose() * point.outgoing).as_dvec3().to_array();
-        for lobe in prepared.specular.lobes.iter().flat_map(|lobe| lobe.warp_published(outgoing)) {
-            let axis = lobe.axis;
-            if axis[2] <= 0.0 {
-                continue;
-            }
-            // What is smooth beside the distribution, at the axis: masking, Fresnel's term.
-            let half = std::array::from_fn(|k| axis[k] + outgoing[k]);
-            let length = half.iter().map(|x: &f64| x * x).sum::<f64>().sqrt().max(1e-12);
-            let half = half.map(|x| x / length);
-            let distribution: f64 = prepared.specular.lobes.iter().map(|l| l.evaluate(half)).sum();
-            let smooth = single(prepared.specular.brdf.evaluate(axis, outgoing)) / distribution.max(1e-30) as f32;
-            let world = SphericalGaussian { axis: (frame * single(axis)).as_dvec3().to_array(), ..lobe };
-            let product = cosine.product(&world);
-            let shadowed = match distance(product.axis) {
-                Some(distance) => product.shadowed_published(distance),
-                None => product,
-            };
-            let mean = light.prefiltered(product.axis, product.sharpness);
-            shine += smooth * single(shadowed.integral()) * Vec3::from_array(mean);
+    for lobe in prepared.specular.lobes.iter().flat_map(|lobe| lobe.warp_published(outgoing)) {
+        let axis = lobe.axis;
+        if axis[2] <= 0.0 {
+            continue;
         }
+        // What is smooth beside the distribution, at the axis: masking, Fresnel's term.
+        let half = std::array::from_fn(|k| axis[k] + outgoing[k]);
+        let length = half.iter().map(|x: &f64| x * x).sum::<f64>().sqrt().max(1e-12);
+        let half = half.map(|x| x / length);
+        let distribution: f64 = prepared.specular.lobes.iter().map(|l| l.evaluate(half)).sum();
+        let smooth = single(prepared.specular.brdf.evaluate(axis, outgoing)) / distribution.max(1e-30) as f32;
+        let world = SphericalGaussian { axis: (frame * single(axis)).as_dvec3().to_array(), ..lobe };
+        let product = cosine.product(&world);
+        let distance = occlusion.map(|o| o.towards(point.corners, point.weights, single(product.axis)) as f64);
+        let shadowed = match distance {
+            Some(distance) => product.shadowed_published(distance),
+            None => product,
+        };
+        let mean = light.prefiltered(product.axis, product.sharpness);
+        shine += smooth * single(shadowed.integral()) * Vec3::from_array(mean);
     }
-    [appearance.albedo * irradiance / PI, appearance.specular_scale * shine]
+    shine
 }
 
 fn single(v: [f64; 3]) -> Vec3 {

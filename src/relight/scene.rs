@@ -1,6 +1,7 @@
 //! An object under light from all around: what every evaluator shares.
 
 use super::appearance::Look;
+use super::bands::Samples;
 use super::cameras::bounds;
 use super::occlusion::Occlusion;
 use super::shadow::ShadowMap;
@@ -9,7 +10,7 @@ use crate::asset::{Camera, Mesh};
 use crate::error::{Error, Result};
 use crate::image::{Grid, RgbImage};
 use crate::lighting;
-use crate::surface::raster::{Raster, check_work, rasterise, vertex_normals};
+use crate::surface::raster::{check_work, vertex_normals};
 use glam::Vec3;
 
 /// How light is summed.
@@ -34,14 +35,11 @@ pub struct EnvironmentOptions {
     pub samples: u32,
     /// Places of the specular lobe looked at, [`Evaluator::Better`] only.
     pub taps: usize,
-    /// Sums the specular lobe at one of four samples and interpolates it between like normals, [`Evaluator::Better`] only: for pictures
-    /// in motion.
-    pub fast: bool,
 }
 
 impl Default for EnvironmentOptions {
     fn default() -> Self {
-        EnvironmentOptions { evaluator: Evaluator::Better, shadows: true, samples: 2, taps: 24, fast: false }
+        EnvironmentOptions { evaluator: Evaluator::Better, shadows: true, samples: 2, taps: 24 }
     }
 }
 
@@ -144,76 +142,19 @@ impl<'a> Scene<'a> {
     /// Renders one picture.
     pub fn render(&self, camera: &Camera, look: &dyn Look) -> Result<Relit> {
         let drawn = Drawn::new(self.object, camera, self.options.samples)?;
-        let fast = self.options.fast && self.options.evaluator == Evaluator::Better;
-        let coarse = fast.then(|| self.coarse(&drawn, look));
-        Ok(draw(self.object, &drawn, |point: &Point, index| {
+        Ok(draw(self.object, &drawn, |point: &Point, _| {
             let appearance = look.at(point.triangle, point.weights, point.position);
-            match (self.options.evaluator, &coarse) {
-                (Evaluator::Published, _) => super::published::radiance(self, point, &appearance),
-                (Evaluator::Better, Some(coarse)) => {
-                    let shine = coarse.between(index % drawn.raster.width, index / drawn.raster.width, point.normal);
-                    super::better::radiance(self, point, &appearance, shine)
-                }
-                (Evaluator::Better, None) => super::better::radiance(self, point, &appearance, None),
+            match self.options.evaluator {
+                Evaluator::Published => super::published::radiance(self, point, &appearance),
+                Evaluator::Better => super::better::radiance(self, point, &appearance),
             }
         }))
-    }
-
-    /// Specular reflection of the levels at every second sample of every second row.
-    fn coarse(&self, drawn: &Drawn, look: &dyn Look) -> Coarse {
-        let (width, height) = (drawn.raster.width.div_ceil(2), drawn.raster.height.div_ceil(2));
-        let rows = crate::parallel::map(height, |y| {
-            let at = |x: usize| {
-                // Of the four samples the first that shows the object.
-                let index = (0..4)
-                    .map(|k| {
-                        ((2 * x + k % 2).min(drawn.raster.width - 1), (2 * y + k / 2).min(drawn.raster.height - 1))
-                    })
-                    .map(|(x, y)| y * drawn.raster.width + x)
-                    .find(|&index| drawn.raster.is_covered(index))?;
-                let point = drawn.point(self.object, index);
-                let appearance = look.at(point.triangle, point.weights, point.position);
-                let prepared = appearance.specular.filter(|_| point.normal.dot(point.outgoing) > 0.0)?;
-                Some((point.normal, super::better::reflected(self, &point, prepared)))
-            };
-            (0..width).map(at).collect::<Vec<_>>()
-        });
-        Coarse { width, height, values: rows.concat() }
-    }
-}
-
-/// Normal and specular reflection of every fourth sample, where it shows a shiny object.
-struct Coarse {
-    width: usize,
-    height: usize,
-    values: Vec<Option<(Vec3, Vec3)>>,
-}
-
-impl Coarse {
-    /// Between the four nearest, those with a like normal counting most; `None` where none shows the object.
-    fn between(&self, x: usize, y: usize, normal: Vec3) -> Option<Vec3> {
-        let (column, row) = (x / 2, y / 2);
-        let beside =
-            |at: usize, odd: bool, size: usize| if odd { (at + 1).min(size - 1) } else { at.saturating_sub(1) };
-        let columns = [(column, 0.75), (beside(column, x % 2 == 1, self.width), 0.25)];
-        let rows = [(row, 0.75), (beside(row, y % 2 == 1, self.height), 0.25)];
-        let (mut sum, mut total) = (Vec3::ZERO, 0.0);
-        for (row, share) in rows {
-            for (column, part) in columns {
-                if let Some((other, value)) = self.values[row * self.width + column] {
-                    let weight = share * part * (1e-3 + (normal.dot(other).max(0.0)).powi(32));
-                    sum += weight * value;
-                    total += weight;
-                }
-            }
-        }
-        (total > 0.0).then(|| sum / total)
     }
 }
 
 /// A mesh drawn with all samples of a picture.
 pub(super) struct Drawn {
-    raster: Raster,
+    raster: Samples,
     centre: Vec3,
     samples: usize,
 }
@@ -224,7 +165,9 @@ impl Drawn {
         let fine = finer(camera, samples);
         check_work(object.mesh, &fine)?;
         let centre = Vec3::from_array(camera.centre().map(|x| x as f32));
-        Ok(Drawn { raster: rasterise(object.mesh, &fine), centre, samples: samples as usize })
+        let mut raster = Samples::default();
+        raster.draw(object.mesh, &fine);
+        Ok(Drawn { raster, centre, samples: samples as usize })
     }
 
     fn point(&self, object: &Object, index: usize) -> Point {
@@ -278,10 +221,10 @@ fn finer(camera: &Camera, samples: u32) -> Camera {
     }
 }
 
-fn surface_point(object: &Object, raster: &Raster, index: usize, centre: Vec3) -> Point {
+fn surface_point(object: &Object, raster: &Samples, index: usize, centre: Vec3) -> Point {
     let triangle = raster.triangle[index] as usize;
     let corners = object.mesh.triangles[triangle];
-    let [b, c] = raster.barycentric[index];
+    let [b, c] = raster.weights[index];
     let weights = Vec3::new(1.0 - b - c, b, c);
     let [p, q, r] = corners.map(|v| Vec3::from_array(object.mesh.positions[v as usize]));
     let position = p * weights.x + q * weights.y + r * weights.z;

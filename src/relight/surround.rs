@@ -11,6 +11,9 @@ use glam::Vec3;
 /// Cells along a side of the sharpest levels' grids.
 #[cfg(feature = "encode")]
 const LARGEST: usize = 256;
+/// Most distant lights.
+#[cfg(feature = "encode")]
+const MOST_LIGHTS: usize = 64;
 
 /// A small bright part of the environment.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -26,7 +29,7 @@ pub struct DistantLight {
 /// How an environment is taken apart.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SurroundOptions {
-    /// Distant lights at most; 0 leaves all light in the levels.
+    /// Distant lights at most, 64 or fewer; 0 leaves all light in the levels.
     pub distant_lights: usize,
     /// Radiance, in units of the mean, above which a pixel may belong to a distant light.
     pub threshold: f32,
@@ -63,6 +66,11 @@ impl Surround {
         let mut levels: Vec<Sphere> = levels.iter().take(SHARPNESS.len()).map(read).collect();
         levels.resize_with(SHARPNESS.len(), || Sphere::new(1, |_, _| Vec3::ZERO));
         Surround { distant: Vec::new(), levels }
+    }
+
+    /// Radius of a disc with a light's [`DistantLight::radius`], radians.
+    pub(super) fn disc(light: &DistantLight) -> f64 {
+        std::f64::consts::SQRT_2 * light.radius as f64
     }
 
     /// The compact bright sources.
@@ -132,7 +140,7 @@ fn take_out_bright(environment: &Environment, options: &SurroundOptions) -> (Env
         }
     }
     let mut parts = if bright.is_empty() { Vec::new() } else { vec![bright] };
-    while parts.len() < options.distant_lights {
+    while parts.len() < options.distant_lights.min(MOST_LIGHTS) {
         // The part whose spread weighs most is cut across its longest extent.
         let spread = |p: &Vec<Bright>| if p.len() < 2 { 0.0 } else { moments(p).2 };
         let Some((most, _)) = (0..parts.len())

@@ -44,7 +44,8 @@ impl Composite {
         let (job, folder) = surroundings::read_job(&self.job)?;
         let camera = job.camera()?;
         let _busy = progress::busy("rendering");
-        let environment = surroundings::environment(&job.environment, &folder)?;
+        let light = surroundings::light(&job.environment, &folder)?;
+        let environment = &light.environment;
         let photograph: RgbImage = if self.photograph.as_os_str() == "environment" {
             let (width, height) = (camera.width as usize, camera.height as usize);
             let pixel = |k: usize| {
@@ -67,12 +68,12 @@ impl Composite {
             Some(height) => Ground { point: up.map(|x| x * height), up },
             None => Ground::below(subject.mesh(), up),
         };
-        let surround = Surround::new(&environment, &SurroundOptions::default());
+        let surround = Surround::new(environment, &SurroundOptions::default());
         let shadow = ground_shadow(subject.mesh(), &surround, &ground, &camera)?;
         let quality =
             Quality { evaluator: job.evaluator, shadows: job.shadows, samples: job.samples.unwrap_or(2), detail: true };
         let gain = self.exposure.exp2() as f32;
-        surroundings::pictures(&subject, &environment, &[camera], quality, |_, relit| {
+        surroundings::pictures(&subject, &light, &[camera], quality, |_, relit| {
             let image = composite(&photograph, &relit, &shadow)?.map(|pixel| pixel.map(|v| v * gain));
             let bytes =
                 if is_exr { pictures::exr(&image, false)? } else { pictures::png(&to_display(&image, [1.0; 3]))? };

@@ -8,7 +8,7 @@ use serde_json::json;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
-use tsuya::container::{Container, SectionCodec, Tag, Writer, edit};
+use tsuya::container::{SectionCodec, Tag, Writer, edit};
 use tsuya::lighting::fit::{self, FitOptions};
 use tsuya::lighting::read::{Fisheye, Looks, Projection, ReadOptions, read};
 use tsuya::lighting::{Environment, code, levels};
@@ -125,7 +125,7 @@ impl Fit {
                 .push(format!("{negative} pixels with negative and {not_finite} without finite values were replaced"));
         }
         output::warn(&warnings);
-        let previous = self.from.as_deref().map(read_light).transpose()?;
+        let previous = self.from.as_deref().map(source::read_light).transpose()?;
         let busy = progress::busy("fitting light");
         let start = Instant::now();
         let options = FitOptions { lobes: self.lobes.into(), ..Default::default() };
@@ -176,12 +176,6 @@ impl Fit {
             exposures: self.exposures.clone().map_or(Vec::new(), |numbers| numbers.0),
         }
     }
-}
-
-fn read_light(path: &Path) -> Result<lighting::Light> {
-    let mut file = Container::open_seek(source::open(path)?, limits()).with_context(|| source::name(path))?;
-    let section = file.read_section(Tag::LIGHT).with_context(|| source::name(path))?;
-    code::decode(&section, &file.budget()).with_context(|| source::name(path))
 }
 
 /// What is reported.

@@ -65,7 +65,7 @@ pub struct Render {
 
 #[derive(Args)]
 struct Surround {
-    /// Light from all around: EXR, HDR, PNG or JPEG, 2:1 latitude and longitude or a cube.
+    /// Light from all around: EXR, HDR, PNG or JPEG, 2:1 latitude and longitude or a cube; or a .tsuya file with light (tsuya light fit).
     #[arg(long, value_name = "FILE", conflicts_with_all = ["light", "capture_light", "job"])]
     env: Option<PathBuf>,
     /// Factor of the environment's radiance.
@@ -168,9 +168,9 @@ impl Render {
         };
         let _busy = progress::busy("rendering");
         let subject = surroundings::subject(&job, &folder, quality.detail)?;
-        let environment = surroundings::environment(&job.environment, &folder)?;
+        let light = surroundings::light(&job.environment, &folder)?;
         let gain = self.exposure.exp2() as f32;
-        surroundings::pictures(&subject, &environment, &[job.camera()?], quality, |_, relit| {
+        surroundings::pictures(&subject, &light, &[job.camera()?], quality, |_, relit| {
             self.write(&relit.image, gain, [1.0; 3], &self.output, is_exr)
         })
     }
@@ -188,9 +188,9 @@ impl Render {
         let Surround { env_scale: scale, env_rotation: rotation_y_deg, .. } = self.surround;
         let environment = JobEnvironment { file: file.to_owned(), scale, rotation_y_deg };
         let _busy = progress::busy("rendering");
-        let environment = surroundings::environment(&environment, Path::new(""))?;
+        let light = surroundings::light(&environment, Path::new(""))?;
         let gain = self.exposure.exp2() as f32;
-        surroundings::pictures(&Subject::Asset(Box::new(asset)), &environment, &cameras, quality, |k, relit| {
+        surroundings::pictures(&Subject::Asset(Box::new(asset)), &light, &cameras, quality, |k, relit| {
             self.write(&relit.image, gain, [1.0; 3], &paths[k], is_exr)
         })
     }

@@ -6,7 +6,7 @@ use std::io::{Cursor, Read, Seek};
 use std::path::Path;
 use std::sync::OnceLock;
 use tsuya::asset::Asset;
-use tsuya::container::Container;
+use tsuya::container::{Container, Tag};
 use tsuya::decoder::{DecodeOptions, Selection, decode_from};
 use tsuya::{Error, Limits};
 
@@ -61,6 +61,13 @@ pub fn decode(path: &Path, selection: Selection) -> Result<(Asset, u64)> {
     let options = DecodeOptions { selection, limits: limits() };
     let asset = decode_from(&mut file, &options).with_context(|| name(path))?;
     Ok((asset, file.file_bytes()))
+}
+
+/// The light of a file.
+pub fn read_light(path: &Path) -> Result<tsuya::lighting::Light> {
+    let mut file = open_container(path)?;
+    let section = file.read_section(Tag::LIGHT).with_context(|| name(path))?;
+    tsuya::lighting::code::decode(&section, &file.budget()).with_context(|| name(path))
 }
 
 /// How messages call a file.

@@ -12,6 +12,7 @@ use tsuya::relight::{
     AssetLook, EnvironmentOptions, Evaluator, Look, Object, Occlusion, ReferenceOptions, Relit, Renderer, Scene,
     Surround, SurroundOptions, Texture, TexturedLook, Textures, Uniform, add_detail, reference,
 };
+use tsuya::visibility::Visibility;
 use tsuya::visibility::bake::{BakeOptions, bake};
 use tsuya::{Error, mesh};
 
@@ -21,7 +22,7 @@ const LEVEL_SIDE: usize = 256;
 /// What is shown: an asset, or a mesh of one material.
 pub enum Subject {
     Asset(Box<Asset>),
-    Mesh { mesh: Mesh, material: Box<JobMaterial>, folder: PathBuf, file: PathBuf },
+    Mesh { mesh: Mesh, visibility: Option<Visibility>, material: Box<JobMaterial>, folder: PathBuf, file: PathBuf },
 }
 
 impl Subject {
@@ -35,10 +36,10 @@ impl Subject {
     fn look(&self, taps: usize) -> Result<Box<dyn Look + '_>> {
         Ok(match self {
             Subject::Asset(asset) => Box::new(AssetLook::new(asset, taps)?),
-            Subject::Mesh { mesh, material, folder, file } => {
+            Subject::Mesh { mesh, material, folder, file, .. } => {
                 let textures = textures(material, folder, file)?;
                 if textures == Textures::default() {
-                    return Ok(Box::new(Uniform::new(material.uniform()?, taps)));
+                    return Ok(Box::new(Uniform::new(material.material(folder, source::limits())?, taps)));
                 }
                 // A roughness that varies is left out of the material that is the same all over.
                 let varies = textures.roughness.is_some();
@@ -64,25 +65,42 @@ pub struct Quality {
     pub detail: bool,
 }
 
-/// Reads the environment of a job.
-pub fn environment(job: &JobEnvironment, folder: &Path) -> Result<Environment> {
-    let (environment, cleaned) = lighting::read::read(&[folder.join(&job.file)], &Default::default())?;
-    if cleaned.negative + cleaned.not_finite > 0 {
-        tracing::info!("{} negative and {} missing pixels replaced", cleaned.negative, cleaned.not_finite);
-    }
+/// Light from all around.
+pub struct Light {
+    pub environment: Environment,
+    /// Lobes and levels, where a file has them.
+    stored: Option<lighting::Light>,
+}
+
+/// Reads the environment of a job: a picture, or the light of a `.tsuya` file.
+pub fn light(job: &JobEnvironment, folder: &Path) -> Result<Light> {
     if !(job.scale.is_finite() && job.scale >= 0.0 && job.rotation_y_deg.is_finite()) {
         return Err(
             Error::parameter("an environment's scale and rotation are finite, the scale is not negative").into()
         );
     }
+    let path = folder.join(&job.file);
+    if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("tsuya")) {
+        let stored = source::read_light(&path)?.turned_y(job.rotation_y_deg).scaled(job.scale);
+        let Some(environment) = stored.environment() else {
+            return Err(Error::input(&path, "its light has no levels: tsuya light fit makes them").into());
+        };
+        return Ok(Light { environment, stored: Some(stored) });
+    }
+    let (environment, cleaned) = lighting::read::read(&[path], &Default::default())?;
+    if cleaned.negative + cleaned.not_finite > 0 {
+        tracing::info!("{} negative and {} missing pixels replaced", cleaned.negative, cleaned.not_finite);
+    }
     let environment = environment.scaled(job.scale as f32);
-    Ok(if job.rotation_y_deg == 0.0 { environment } else { environment.rotated_y(job.rotation_y_deg) })
+    let turned = job.rotation_y_deg != 0.0;
+    let environment = if turned { environment.rotated_y(job.rotation_y_deg) } else { environment };
+    Ok(Light { environment, stored: None })
 }
 
 /// Pictures of a subject from several cameras.
 pub fn pictures(
     subject: &Subject,
-    environment: &Environment,
+    light: &Light,
     cameras: &[Camera],
     quality: Quality,
     mut done: impl FnMut(usize, Relit) -> Result<()>,
@@ -113,16 +131,20 @@ pub fn pictures(
         let object = Object::new(mesh, None)?;
         let options = ReferenceOptions { samples: quality.samples, shadows: quality.shadows, ..Default::default() };
         for (k, camera) in cameras.iter().enumerate() {
-            finish(k, reference(&object, environment, camera, &*look, &options)?)?;
+            finish(k, reference(&object, &light.environment, camera, &*look, &options)?)?;
         }
         return Ok(());
     }
     let occlusion = if quality.shadows { Some(occlusion(subject)?) } else { None };
     let object = Object::new(mesh, occlusion.as_ref())?;
+    let environment = &light.environment;
     let surround = Surround::new(environment, &SurroundOptions::default());
-    let light = (options.evaluator == Evaluator::Published).then(|| lighting::Light {
-        diffuse: fit::fit(environment, &fit::FitOptions::default(), None),
-        levels: levels::levels(environment, LEVEL_SIDE),
+    let light = (options.evaluator == Evaluator::Published).then(|| match &light.stored {
+        Some(stored) => stored.clone(),
+        None => lighting::Light {
+            diffuse: fit::fit(environment, &fit::FitOptions::default(), None),
+            levels: levels::levels(environment, LEVEL_SIDE),
+        },
     });
     let scene = Scene::new(&object, &surround, light.as_ref(), options)?;
     for (k, camera) in cameras.iter().enumerate() {
@@ -133,9 +155,11 @@ pub fn pictures(
 
 /// The visibility of a file, or computed now where it has none.
 fn occlusion(subject: &Subject) -> Result<Occlusion> {
-    if let Subject::Asset(asset) = subject
-        && let Some(visibility) = &asset.visibility
-    {
+    let stored = match subject {
+        Subject::Asset(asset) => &asset.visibility,
+        Subject::Mesh { visibility, .. } => visibility,
+    };
+    if let Some(visibility) = stored {
         return Ok(Occlusion::of(visibility));
     }
     tracing::info!("the file has no visibility (tsuya bake): computing it");
@@ -158,8 +182,15 @@ pub fn subject(job: &Job, folder: &Path, detail: bool) -> Result<Subject> {
         }
         (None, Some(file), Some(material)) => {
             let file = folder.join(file);
-            let mesh = mesh::read::read(&file)?;
-            Ok(Subject::Mesh { mesh, material: Box::new(material.clone()), folder: folder.to_owned(), file })
+            // What `tsuya bake` writes brings its visibility along.
+            let (mesh, visibility) = if file.extension().is_some_and(|e| e.eq_ignore_ascii_case("tsuya")) {
+                let (asset, _) = source::decode(&file, Selection::None)?;
+                (asset.mesh, asset.visibility)
+            } else {
+                (mesh::read::read(&file)?, None)
+            };
+            let (material, folder) = (Box::new(material.clone()), folder.to_owned());
+            Ok(Subject::Mesh { mesh, visibility, material, folder, file })
         }
         _ => Err(Error::parameter("a job has either asset, or mesh and material").into()),
     }

@@ -1,10 +1,11 @@
 """Relighting against Mitsuba 3: the same jobs rendered by both, PSNR of the pictures (sRGB-encoded, white = 1, clamped).
 
     pip install mitsuba numpy    (llvm_ad_rgb needs LLVM; DRJIT_LIBLLVM_PATH names it)
-    python tools/bench/relight/compare.py --tsuya target/release/tsuya --data DATA [--out DIR] [--samples 512] [CASE ...]
+    python tools/bench/relight/compare.py --tsuya target/release/tsuya --data DATA [--out DIR] [--references DIR] [--samples 256] [CASE ...]
 
 DATA holds meshes/ and envmaps/. A case is MATERIAL-MESH-ENVIRONMENT, such as glossy-bunny-museum; all of them without any.
-Both pictures have a black background. "object" is the PSNR over the pixels of the object only.
+Both pictures have a black background. In brackets: the PSNR over the pixels of the object only. "noise" is that of the peer's picture,
+by its two halves: no figure near it says anything. The peer's pictures are kept in the folder of --references and used again.
 """
 
 import argparse
@@ -57,16 +58,21 @@ def main():
     arguments.add_argument("--tsuya", default="target/release/tsuya")
     arguments.add_argument("--data", required=True)
     arguments.add_argument("--out", default="relight-bench")
-    arguments.add_argument("--samples", type=int, default=512, help="paths a pixel of the peer")
+    arguments.add_argument("--references", help="folder of the peer's pictures [default: that of --out]")
+    arguments.add_argument("--samples", type=int, default=256, help="paths a pixel of the peer")
     arguments.add_argument("--size", type=int, nargs=2, default=[320, 240])
     arguments.add_argument("--evaluators", default="published,better")
+    arguments.add_argument("--references-only", action="store_true", help="make the peer's pictures, nothing else")
     arguments.add_argument("cases", nargs="*")
     options = arguments.parse_args()
+    options.references = options.references or options.out
     os.makedirs(options.out, exist_ok=True)
+    os.makedirs(options.references, exist_ok=True)
     cases = options.cases or [f"{m}-{o}-{e}" for m in ASKED for o in MESHES for e in ENVIRONMENTS]
     evaluators = options.evaluators.split(",")
-    print("| case | " + " | ".join(f"{e}, dB (object)" for e in evaluators) + " |")
-    print("|---|" + "---|" * len(evaluators))
+    print("| case | " + " | ".join(f"{e}, dB (object)" for e in evaluators) + " | noise |", flush=True)
+    print("|---|" + "---|" * (len(evaluators) + 1))
+    worst = dict.fromkeys(evaluators, float("inf"))
     for case in cases:
         material, mesh, environment = case.split("-")
         path = lambda *parts: os.path.abspath(os.path.join(options.data, *parts))
@@ -81,10 +87,23 @@ def main():
             "samples": 4,
         }
         place = os.path.join(options.out, case)
-        if not os.path.exists(place + "-mitsuba.exr"):
-            picture = peer.render(job, "", options.samples).astype(np.float32)
-            mi.Bitmap(picture).write(place + "-mitsuba.exr")
-        wanted = read(place + "-mitsuba.exr")
+        reference = os.path.join(options.references, f"{case}-{options.size[0]}x{options.size[1]}-{options.samples}.npz")
+        if not os.path.exists(reference):
+            mean, noise = peer.render(job, "", options.samples)
+            np.savez_compressed(reference, mean=mean.astype(np.float32), noise=noise.astype(np.float32))
+        stored = np.load(reference)
+        wanted, noise = stored["mean"], stored["noise"]
+        if options.references_only:
+            print(case, flush=True)
+            continue
+        hit = wanted.sum(axis=2) > 0
+        floor = (encoded(wanted + noise) - encoded(wanted)) ** 2
+        # Visibility is baked once for each mesh.
+        baked = os.path.join(options.out, mesh + ".tsuya")
+        if not os.path.exists(baked):
+            command = [options.tsuya, "bake", job["mesh"], "-o", baked, "--position-bits", "24"]
+            subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+        job["mesh"] = os.path.abspath(baked)
         columns, rows = [], [encoded(wanted)]
         for evaluator in evaluators:
             job["evaluator"] = evaluator
@@ -96,12 +115,13 @@ def main():
             seconds = time.time() - start
             found = read(f"{place}-{evaluator}.exr")
             squares = (encoded(found) - encoded(wanted)) ** 2
-            object_only = squares[wanted.sum(axis=2) > 0]
-            columns.append(f"{psnr(squares):.1f} ({psnr(object_only):.1f}), {seconds:.1f} s")
+            columns.append(f"{psnr(squares):.1f} ({psnr(squares[hit]):.1f}), {seconds:.1f} s")
+            worst[evaluator] = min(worst[evaluator], psnr(squares))
             rows += [encoded(found)]
         sheet = (np.concatenate(rows, axis=1) * 255 + 0.5).astype(np.uint8)
         mi.Bitmap(sheet).write(place + ".png")
-        print(f"| {case} | " + " | ".join(columns) + " |", flush=True)
+        print(f"| {case} | " + " | ".join(columns) + f" | {psnr(floor):.1f} ({psnr(floor[hit]):.1f}) |", flush=True)
+    print("least: " + ", ".join(f"{e} {worst[e]:.1f} dB" for e in evaluators))
 
 
 if __name__ == "__main__":

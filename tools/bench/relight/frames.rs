@@ -1,75 +1,266 @@
-//! How long a picture under an environment takes: `cargo bench --bench relight`. A mesh of about 6,000 vertices, 640 x 480 pixels.
+//! Relighting in figures: `TSUYA_DATA=DATA cargo bench --bench relight -- [bake] [light] [frames]`. DATA holds meshes/ and envmaps/; all
+//! three parts without any name.
+//!
+//! - bake: visibility of the bunny with about as many vertices as the published meshes, and finer ones.
+//! - light: lobes and levels of an environment of 512 x 256, and their update while it turns, with errors.
+//! - frames: the bunny of about 6,000 vertices at 640 x 480 while the camera goes round it, one sample a pixel; "of stills" is the PSNR of
+//!   the object's pixels against still pictures of the same evaluator (sRGB, white = 1), which compare.py sets beside another renderer's.
 
 #![allow(missing_docs)]
 
-use criterion::{Criterion, criterion_group, criterion_main};
-use tsuya::asset::Mesh;
-use tsuya::lighting::Environment;
+use std::collections::HashMap;
+use std::f64::consts::FRAC_PI_2;
+use std::path::Path;
+use std::time::Instant;
+use tsuya::asset::{Camera, Mesh};
+use tsuya::lighting::follow::Follower;
+use tsuya::lighting::{Environment, Light, fit, levels, octahedral, read};
+use tsuya::relight::job::JobMaterial;
 use tsuya::relight::{
-    EnvironmentOptions, Object, Occlusion, Scene, Surround, SurroundOptions, Uniform, job::JobMaterial, look_at,
+    EnvironmentOptions, Evaluator, Motion, Object, Occlusion, Scene, Surround, SurroundOptions, Uniform, bounds,
+    look_at,
 };
+use tsuya::visibility::Visibility;
 use tsuya::visibility::bake::{BakeOptions, bake};
+use tsuya::visibility::rays::{Grid, Scratch, Surroundings};
 
-/// A bumpy ball.
-fn ball() -> Mesh {
-    let (rings, sectors) = (55, 110);
-    let vertex = |k: usize| {
-        let (theta, phi) = (
-            (k / sectors) as f32 / (rings - 1) as f32 * std::f32::consts::PI,
-            (k % sectors) as f32 / sectors as f32 * std::f32::consts::TAU,
-        );
-        let radius = 1.0 + 0.15 * (5.0 * theta).sin() * (6.0 * phi).sin();
-        [radius * theta.sin() * phi.cos(), radius * theta.cos(), radius * theta.sin() * phi.sin()]
-    };
-    let at = |ring: usize, sector: usize| (ring * sectors + sector % sectors) as u32;
-    let quad = |k: usize| {
-        let (ring, sector) = (k / sectors, k % sectors);
-        let (a, b, c, d) = (at(ring, sector), at(ring, sector + 1), at(ring + 1, sector + 1), at(ring + 1, sector));
-        [[a, b, c], [a, c, d]]
-    };
-    Mesh {
-        positions: (0..rings * sectors).map(vertex).collect(),
-        triangles: (0..(rings - 1) * sectors).flat_map(quad).collect(),
+type Outcome = Result<(), Box<dyn std::error::Error>>;
+
+fn main() -> Outcome {
+    let asked: Vec<String> = std::env::args().skip(1).filter(|a| !a.starts_with('-')).collect();
+    let wants = |part: &str| asked.is_empty() || asked.iter().any(|a| a == part);
+    let data = std::env::var("TSUYA_DATA")?;
+    let data = Path::new(&data);
+    let bunny = tsuya::mesh::clean::clean(tsuya::mesh::read::read(&data.join("meshes/stanford-bunny.obj"))?).0;
+    let environments = ["museum.exr", "KernerEnvLatLong.exr", "studio.exr"];
+    if wants("bake") {
+        baking(&bunny)?;
     }
+    if wants("light") {
+        for name in environments {
+            light(name, &environment(data, name)?);
+        }
+    }
+    if wants("frames") {
+        for name in &environments[..2] {
+            frames(&clustered(&bunny, 6_000), name, &environment(data, name)?)?;
+        }
+    }
+    Ok(())
 }
 
-fn relight(criterion: &mut Criterion) {
-    let mesh = ball();
-    let sun = |d: [f64; 3]| if d[0] * 0.6 + d[1] * 0.64 + d[2] * 0.48 > 0.9995 { 500.0 } else { 0.0 };
-    let environment = Environment::from_fn(512, |d| [0.3 + sun(d), 0.4 + d[1].max(0.0) as f32 + sun(d), 0.5 + sun(d)]);
-    let Ok(baked) = bake(&mesh, &BakeOptions::default()) else { return };
+fn environment(data: &Path, name: &str) -> Result<Environment, Box<dyn std::error::Error>> {
+    Ok(read::read(&[data.join("envmaps").join(name)], &read::ReadOptions::default())?.0.resized(512, 256))
+}
+
+fn baking(bunny: &Mesh) -> Outcome {
+    println!(
+        "| vertices | triangles | bake, 48 terms | bytes a vertex | error of the angle | wrong signs | between vertices |"
+    );
+    println!("|---|---|---|---|---|---|---|");
+    for wanted in [830, 5_734, usize::MAX, 50_000] {
+        let mesh = match wanted {
+            usize::MAX => bunny.clone(),
+            50_000 => subdivided(&clustered(bunny, 12_500)),
+            _ => clustered(bunny, wanted),
+        };
+        let baked = bake(&mesh, &BakeOptions::default())?;
+        let (error, vertices) = (baked.visibility.error(), mesh.positions.len());
+        let (between, signs) = between(&mesh, &baked.visibility);
+        println!(
+            "| {vertices} | {} | {:.2} s | {:.1} | {:.2} degrees | {:.2} % | {:.2} degrees, {:.2} % |",
+            mesh.triangles.len(),
+            baked.seconds,
+            baked.bytes.len() as f64 / vertices as f64,
+            error.rms_radians.to_degrees(),
+            100.0 * error.wrong_signs,
+            between.to_degrees(),
+            100.0 * signs
+        );
+    }
+    Ok(())
+}
+
+/// In the middles of triangles, where the weights of the vertices are interpolated: root mean square error of the angle, radians, and share
+/// of wrong signs. What visibility for each texel could gain at most.
+fn between(mesh: &Mesh, visibility: &Visibility) -> (f64, f64) {
+    const TRIANGLES: usize = 96;
+    // The middles as vertices of the same surface, in triangles cut in three.
+    let mut cut = mesh.clone();
+    let chosen: Vec<usize> = (0..TRIANGLES).map(|k| k * mesh.triangles.len() / TRIANGLES).collect();
+    for &k in &chosen {
+        let [a, b, c] = mesh.triangles[k];
+        let corners = [a, b, c].map(|v| mesh.positions[v as usize]);
+        let middle = cut.positions.len() as u32;
+        cut.positions.push(std::array::from_fn(|i| corners.iter().map(|p| p[i]).sum::<f32>() / 3.0));
+        cut.triangles[k] = [a, b, middle];
+        cut.triangles.extend([[b, c, middle], [c, a, middle]]);
+    }
+    let (surroundings, grid, size) = (Surroundings::new(&cut, None), Grid::new(90), 90);
+    let (angles, directions) = (octahedral::solid_angles(size), octahedral::directions(size));
+    let (mut scratch, mut weights) = (Scratch::default(), vec![0.0; visibility.terms()]);
+    let (mut squares, mut wrong, mut all) = (0.0, 0.0, 0.0);
+    for (number, &k) in chosen.iter().enumerate() {
+        surroundings.signed_distances(mesh.positions.len() + number, &grid, &mut scratch);
+        visibility.interpolate(mesh.triangles[k].map(|v| v as usize), [1.0 / 3.0; 3], &mut weights);
+        for ((&direction, &exact), &angle) in directions.iter().zip(&scratch.distances).zip(&angles) {
+            let found = visibility.evaluate_weights(&weights, direction);
+            squares += angle * (found - (exact as f64).clamp(-FRAC_PI_2, FRAC_PI_2)).powi(2);
+            wrong += if (found > 0.0) == (exact > 0.0) { 0.0 } else { angle };
+            all += angle;
+        }
+    }
+    ((squares / all).sqrt(), wrong / all)
+}
+
+fn light(name: &str, environment: &Environment) {
+    const LOBES: usize = 10;
+    const FRAMES: usize = 20;
+    let clock = Instant::now();
+    let diffuse = fit::fit(environment, &fit::FitOptions::default(), None);
+    let first = clock.elapsed().as_secs_f64();
+    let clock = Instant::now();
+    let sharp = levels::levels(environment, 512);
+    println!("{name}: lobes in {first:.3} s, levels in {:.3} s", clock.elapsed().as_secs_f64());
+    let percents = |errors: &[f64]| errors.iter().map(|e| format!("{:.1}", 100.0 * e)).collect::<Vec<_>>().join(" ");
+    let errors = |environment: &Environment, light: &Light| {
+        let levels = levels::relative_errors(environment, &light.levels, 200);
+        format!(
+            "irradiance {:.2} %, levels {} %",
+            100.0 * fit::relative_error(environment, &light.diffuse),
+            percents(&levels)
+        )
+    };
+    println!("  error: {}", errors(environment, &Light { diffuse, levels: sharp }));
+    let mut follower = Follower::new(LOBES);
+    let turned: Vec<Environment> = (0..FRAMES).map(|k| environment.rotated_y(3.0 * k as f64)).collect();
+    follower.update(&turned[0]);
+    let clock = Instant::now();
+    for environment in &turned[1..] {
+        follower.update(environment);
+    }
+    let seconds = clock.elapsed().as_secs_f64() / (FRAMES - 1) as f64;
+    println!("  update, 3 degrees a frame: {:.1} ms, {:.0} a second", 1e3 * seconds, 1.0 / seconds);
+    println!("  error of the last: {}", errors(&turned[FRAMES - 1], follower.light()));
+}
+
+fn frames(mesh: &Mesh, name: &str, environment: &Environment) -> Outcome {
+    const FRAMES: usize = 60;
+    let baked = bake(mesh, &BakeOptions::default())?;
     let occlusion = Occlusion::of(&baked.visibility);
-    let surround = Surround::new(&environment, &SurroundOptions::default());
-    let Ok(object) = Object::new(&mesh, Some(&occlusion)) else { return };
-    let mut group = criterion.benchmark_group("relight");
-    group.sample_size(20);
-    group.bench_function("take in an environment", |b| {
-        b.iter(|| Surround::new(&environment, &SurroundOptions::default()))
-    });
-    for (name, taps, material) in [
-        ("frame, lambert", 1, r#"{"model": "lambert"}"#),
-        (
-            "frame, glossy, 7 taps",
-            7,
-            r#"{"model": "cook-torrance", "diffuse": 0.3, "roughness": 0.15, "reflectance": 0.5}"#,
-        ),
-    ] {
-        let Ok(material) = serde_json::from_str::<JobMaterial>(material) else { return };
-        let Ok(material) = material.uniform() else { return };
-        let look = Uniform::new(material, taps);
-        let options = EnvironmentOptions { samples: 1, taps, fast: true, ..EnvironmentOptions::default() };
-        let Ok(scene) = Scene::new(&object, &surround, None, options) else { return };
-        let mut turn = 0.0f64;
-        group.bench_function(name, |b| {
-            b.iter(|| {
-                turn += 0.1;
-                let eye = [3.6 * turn.sin(), 1.0, 3.6 * turn.cos()];
-                scene.render(&look_at(eye, [0.0; 3], [0.0, 1.0, 0.0], 640.0, 640, 480), &look)
+    let object = Object::new(mesh, Some(&occlusion))?;
+    let surround = Surround::new(environment, &SurroundOptions::default());
+    let light = Light {
+        diffuse: fit::fit(environment, &fit::FitOptions::default(), None),
+        levels: levels::levels(environment, 256),
+    };
+    println!("{name}, {} vertices, {} distant lights", mesh.positions.len(), surround.lights().len());
+    println!(
+        "| material | evaluator | taps | frames a second | pixels of the object | of stills |\n|---|---|---|---|---|---|"
+    );
+    let materials = [
+        ("lambert", r#"{"model": "lambert", "diffuse": 0.7}"#),
+        ("blinn-phong", r#"{"model": "blinn-phong", "diffuse": 0.3, "specular": 0.3, "exponent": 60}"#),
+        ("rough", r#"{"model": "cook-torrance", "diffuse": 0.2, "roughness": 0.35, "reflectance": 0.3}"#),
+        ("glossy", r#"{"model": "cook-torrance", "diffuse": 0.1, "roughness": 0.12, "reflectance": 0.7}"#),
+    ];
+    for (material, text) in materials {
+        let material_of =
+            || serde_json::from_str::<JobMaterial>(text).map_err(Box::from).and_then(|m| Ok(m.uniform()?));
+        for (evaluator, taps) in [(Evaluator::Published, 7), (Evaluator::Better, 7), (Evaluator::Better, 24)] {
+            let named: Result<_, Box<dyn std::error::Error>> = material_of();
+            let look = Uniform::new(named?, taps);
+            let scene_of = |taps: usize, samples: u32| {
+                let options = EnvironmentOptions { evaluator, taps, samples, ..EnvironmentOptions::default() };
+                Scene::new(&object, &surround, Some(&light), options)
+            };
+            let scene = scene_of(taps, 1)?;
+            let mut motion = Motion::new(&scene);
+            motion.draw(&camera(mesh, 0), &look)?;
+            let (clock, mut pixels) = (Instant::now(), 0);
+            for k in 0..FRAMES {
+                pixels += motion.draw(&camera(mesh, k), &look)?.hit.count();
+            }
+            let seconds = clock.elapsed().as_secs_f64() / FRAMES as f64;
+            let named: Result<_, Box<dyn std::error::Error>> = material_of();
+            let still = scene_of(24, 1)?.render(&camera(mesh, 7), &Uniform::new(named?, 24))?.image;
+            let moving = motion.draw(&camera(mesh, 7), &look)?;
+            let (mut squares, mut count) = (0.0, 0);
+            for (k, _) in moving.hit.data.iter().enumerate().filter(|&(_, &hit)| hit) {
+                for c in 0..3 {
+                    squares += (encoded(moving.image.data[k][c]) - encoded(still.data[k][c])).powi(2);
+                    count += 1;
+                }
+            }
+            println!(
+                "| {material} | {evaluator:?} | {taps} | {:.1} | {} | {:.1} dB |",
+                1.0 / seconds,
+                pixels / FRAMES,
+                -10.0 * (squares / count as f64).log10()
+            );
+        }
+    }
+    Ok(())
+}
+
+/// Round the object, which fills most of the picture's height.
+fn camera(mesh: &Mesh, k: usize) -> Camera {
+    let (middle, radius) = bounds(mesh);
+    let turn = 0.1 * k as f64;
+    let eye = [middle[0] + 3.2 * radius * turn.sin(), middle[1] + 0.8 * radius, middle[2] + 3.2 * radius * turn.cos()];
+    look_at(eye, middle, [0.0, 1.0, 0.0], 740.0, 640, 480)
+}
+
+fn encoded(x: f32) -> f64 {
+    let x = x.clamp(0.0, 1.0) as f64;
+    if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 }
+}
+
+/// About `wanted` vertices: those within a cube become their mean.
+fn clustered(mesh: &Mesh, wanted: usize) -> Mesh {
+    let (middle, radius) = bounds(mesh);
+    let cluster = |side: f64| {
+        let mut numbers = HashMap::new();
+        let mut sums: Vec<([f64; 3], f64)> = Vec::new();
+        let of: Vec<u32> = (mesh.positions.iter())
+            .map(|p| {
+                let cube: [i64; 3] = std::array::from_fn(|k| ((p[k] as f64 - middle[k]) / side).floor() as i64);
+                let number = *numbers.entry(cube).or_insert_with(|| {
+                    sums.push(([0.0; 3], 0.0));
+                    sums.len() - 1
+                });
+                (0..3).for_each(|k| sums[number].0[k] += p[k] as f64);
+                sums[number].1 += 1.0;
+                number as u32
+            })
+            .collect();
+        let positions = sums.iter().map(|(sum, count)| sum.map(|x| (x / count) as f32)).collect();
+        let triangles = mesh.triangles.iter().map(|t| t.map(|v| of[v as usize]));
+        let triangles = triangles.filter(|[a, b, c]| a != b && b != c && c != a).collect();
+        Mesh { positions, triangles }
+    };
+    let (mut fine, mut coarse) = (radius * 1e-3, radius);
+    for _ in 0..24 {
+        let side = (fine * coarse).sqrt();
+        if cluster(side).positions.len() > wanted { fine = side } else { coarse = side }
+    }
+    tsuya::mesh::clean::clean(cluster(coarse)).0
+}
+
+/// Each triangle in four.
+fn subdivided(mesh: &Mesh) -> Mesh {
+    let mut positions = mesh.positions.clone();
+    let mut middles = HashMap::new();
+    let mut triangles = Vec::with_capacity(4 * mesh.triangles.len());
+    for &[a, b, c] in &mesh.triangles {
+        let [ab, bc, ca] = [(a, b), (b, c), (c, a)].map(|(p, q)| {
+            *middles.entry((p.min(q), p.max(q))).or_insert_with(|| {
+                let (p, q) = (mesh.positions[p as usize], mesh.positions[q as usize]);
+                positions.push(std::array::from_fn(|k| 0.5 * (p[k] + q[k])));
+                positions.len() as u32 - 1
             })
         });
+        triangles.extend([[a, ab, ca], [b, bc, ab], [c, ca, bc], [ab, bc, ca]]);
     }
-    group.finish();
+    Mesh { positions, triangles }
 }
-
-criterion_group!(benches, relight);
-criterion_main!(benches);

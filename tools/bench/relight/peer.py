@@ -171,7 +171,8 @@ mi.register_bsdf("tsuya_reflection", Reflection)
 
 
 def render(job, folder, samples):
-    """Linear picture of a job (a dictionary as `tsuya render --job` reads it), `samples` paths a pixel."""
+    """Linear picture of a job (a dictionary as `tsuya render --job` reads it), `samples` paths a pixel, at least two parts of 64: its
+    mean, and half the difference of its two halves, which is its noise."""
     at = lambda name: os.path.join(folder, name)
     Reflection.material = job["material"]
     bsdf = mi.load_dict({"type": "tsuya_reflection"})
@@ -192,14 +193,15 @@ def render(job, folder, samples):
             "sampler": {"type": "independent"},
         },
     })
-    sum_of_parts, part = 0.0, 64
-    for k in range(max(1, samples // part)):
-        sum_of_parts = sum_of_parts + np.array(mi.render(scene, spp=part, seed=k))
-    return sum_of_parts / max(1, samples // part)
+    parts = max(2, samples // 64 // 2 * 2)
+    halves = [0.0, 0.0]
+    for k in range(parts):
+        halves[k % 2] = halves[k % 2] + np.array(mi.render(scene, spp=64, seed=k)) * (2 / parts)
+    return (halves[0] + halves[1]) / 2, (halves[0] - halves[1]) / 2
 
 
 if __name__ == "__main__":
     import sys
     job_file, out, samples = sys.argv[1], sys.argv[2], int(sys.argv[3])
-    picture = render(json.load(open(job_file)), os.path.dirname(os.path.abspath(job_file)), samples)
+    picture, _ = render(json.load(open(job_file)), os.path.dirname(os.path.abspath(job_file)), samples)
     mi.Bitmap(picture.astype(np.float32)).write(out)

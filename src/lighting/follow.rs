@@ -1,0 +1,314 @@
+//! Light that moves: lobes and levels of an environment from those of the one before, many times a second.
+//!
+//! Lobes start from the last ones. Sharp levels are blurred along rows, then along columns, of the latitude-longitude picture reduced to
+//! what the lobe can show: with the angles `t` from the pole and `p` around it
+//! `exp(l (cos a - 1)) = exp(l (cos(t - t') - 1)) exp(-l sin t sin t' (1 - cos(p - p')))`, where `sin t` in the second factor is taken to be
+//! `sin t'`. Around the poles, where that fails, and for wide lobes [`super::levels`] sums directly.
+
+use super::fit::{self, Projection};
+use super::levels::level;
+use super::octahedral::directions;
+use super::prefiltered::{Level, Light, SHARPNESS};
+use super::{Environment, SphericalGaussian};
+use crate::image::RgbImage;
+
+/// Columns of the picture at most.
+const COLUMNS: usize = 512;
+/// Sharp levels, blurred by rows and columns.
+const SHARP: usize = 4;
+/// Cells along a side of the levels.
+const SIZES: [usize; 7] = [256, 256, 256, 184, 64, 32, 24];
+/// Within this many standard deviations of a lobe from a pole cells are summed directly.
+const POLAR: f64 = 4.0;
+/// Samples of a blur end at this many standard deviations.
+const REACH: f64 = 3.3;
+
+/// How often the picture is halved for a sharp level.
+fn halvings(level: usize) -> usize {
+    level.saturating_sub(1)
+}
+
+/// Follows an environment from frame to frame.
+pub struct Follower {
+    /// Lobes of the fit.
+    lobes: usize,
+    plans: Vec<Plan>,
+    projection: Option<Projection>,
+    light: Light,
+}
+
+/// What of a sharp level depends on the size of the picture alone.
+struct Plan {
+    width: usize,
+    height: usize,
+    /// For each row the weights of the blur along it, from its middle outwards.
+    along: Vec<Vec<f32>>,
+    /// For each row the first row that it takes and the weights of those.
+    down: Vec<(usize, Vec<f32>)>,
+    places: Vec<Place>,
+    /// Pixels and their weights, of all cells around the poles.
+    polar: Vec<(u32, f32)>,
+}
+
+/// Where a cell's value is found.
+#[derive(Clone, Copy)]
+enum Place {
+    /// In the blurred picture: the upper left pixel and the place between that and the next.
+    Between(u32, f32, f32),
+    /// Around a pole: a sum over a part of [`Plan::polar`].
+    Polar(u32, u32),
+}
+
+impl Follower {
+    /// For environments of up to 512 columns (larger ones are reduced) and lights of `lobes` lobes, 1 to 64.
+    pub fn new(lobes: usize) -> Self {
+        Follower { lobes, plans: Vec::new(), projection: None, light: Light::default() }
+    }
+
+    /// The last light.
+    pub fn light(&self) -> &Light {
+        &self.light
+    }
+
+    /// Starts from a light known from elsewhere.
+    pub fn start(&mut self, light: Light) {
+        self.light = light;
+    }
+
+    /// The light of the next environment.
+    pub fn update(&mut self, environment: &Environment) -> &Light {
+        let image = environment.image();
+        let columns = COLUMNS.min(image.width).next_multiple_of(1 << (SHARP - 1)).max(64);
+        let reduced;
+        let image = if (image.width, image.height) == (columns, columns / 2) {
+            image
+        } else {
+            reduced = environment.resized(columns, columns / 2);
+            reduced.image()
+        };
+        if self.plans.first().is_none_or(|plan| plan.width != columns) {
+            self.plans = (0..SHARP).map(|k| Plan::new(columns >> halvings(k), k)).collect();
+            self.projection = None;
+        }
+        let mut pictures = vec![Planes::of(image)];
+        for k in 1..=halvings(SHARP - 1) {
+            let next = pictures[k - 1].halved();
+            pictures.push(next);
+        }
+        // The smallest picture serves for everything wide.
+        let coarse = pictures[halvings(SHARP - 1)].environment();
+        let Some(coarse) = coarse else { return &self.light };
+        let projection = self.projection.get_or_insert_with(|| Projection::new(&coarse));
+        let before = std::mem::take(&mut self.light.diffuse);
+        let before = (before.len() == self.lobes).then_some(before);
+        let diffuse: Vec<SphericalGaussian> = projection.fit(&coarse, self.lobes, before.as_deref());
+        let sharp = self.plans.iter().zip(SHARPNESS).zip(SIZES).enumerate();
+        let sharp =
+            sharp.filter_map(|(k, ((plan, sharpness), size))| plan.level(&pictures[halvings(k)], sharpness, size));
+        let mut levels: Vec<Level> = sharp.collect();
+        levels.extend((SHARP..SHARPNESS.len()).filter_map(|k| level(&coarse, SHARPNESS[k], SIZES[k])));
+        self.light = Light { diffuse, levels };
+        &self.light
+    }
+}
+
+/// A picture as three lists.
+struct Planes {
+    width: usize,
+    height: usize,
+    lists: [Vec<f32>; 3],
+}
+
+impl Planes {
+    fn of(image: &RgbImage) -> Self {
+        let lists = std::array::from_fn(|c| image.data.iter().map(|p| p[c]).collect());
+        Planes { width: image.width, height: image.height, lists }
+    }
+
+    /// Means of four pixels, rows by the sines of their angles.
+    fn halved(&self) -> Self {
+        let (width, height) = (self.width / 2, self.height / 2);
+        let sine = |y: usize| (std::f32::consts::PI * (y as f32 + 0.5) / self.height as f32).sin();
+        let lists = self.lists.each_ref().map(|list| {
+            let mut out = Vec::with_capacity(width * height);
+            for y in 0..height {
+                let (a, b) = (sine(2 * y), sine(2 * y + 1));
+                let [upper, lower] =
+                    [2 * y, 2 * y + 1].map(|y| list[y * self.width..][..self.width].as_chunks::<2>().0);
+                let (a, b) = (0.5 * a / (a + b), 0.5 * b / (a + b));
+                out.extend(upper.iter().zip(lower).map(|(u, l)| a * (u[0] + u[1]) + b * (l[0] + l[1])));
+            }
+            out
+        });
+        Planes { width, height, lists }
+    }
+
+    fn environment(&self) -> Option<Environment> {
+        let data = (0..self.width * self.height).map(|k| std::array::from_fn(|c| self.lists[c][k])).collect();
+        Environment::new(RgbImage { width: self.width, height: self.height, data }).ok().map(|(e, _)| e)
+    }
+}
+
+impl Plan {
+    /// Of a level and a picture of `width` x `width / 2` pixels.
+    fn new(width: usize, number: usize) -> Self {
+        use std::f64::consts::PI;
+        let (height, size, sharpness) = (width / 2, SIZES[number], SHARPNESS[number]);
+        let pixel = PI / height as f64;
+        let cell = 4.0 * PI / (size * size) as f64;
+        // The first picture's pixels are meant to be spread over tents. Reading between this picture's spreads them likewise, its own
+        // being means of several (a twelfth of the square) adds to it; so does reading between cells.
+        let first = pixel / (1 << halvings(number)) as f64;
+        let averaged = 0.25 * (pixel * pixel - first * first);
+        let variance = (1.0 / sharpness - cell / 6.0 - averaged).max(0.05 / sharpness);
+        let sine = |y: usize| (PI * (y as f64 + 0.5) / height as f64).sin();
+        let along = (0..height).map(|y| kernel(variance / (pixel * sine(y)).powi(2), width / 2 - 1)).collect();
+        let down = (0..height)
+            .map(|y| {
+                let half = kernel(variance / (pixel * pixel), height);
+                let reach = half.len() - 1;
+                let first = y.saturating_sub(reach);
+                let rows = first..(y + reach + 1).min(height);
+                let weights = rows.map(|row| half[row.abs_diff(y)] * (sine(row) / sine(y)).sqrt() as f32);
+                let weights: Vec<f32> = weights.collect();
+                let total: f32 = weights.iter().sum();
+                (first, weights.into_iter().map(|w| w / total).collect())
+            })
+            .collect();
+        let around = (POLAR / sharpness.sqrt()).min(1.2).max(1.5 * pixel).sin();
+        let direct = (1.0 / sharpness - cell / 6.0 - pixel * pixel / 12.0).max(0.3 * pixel * pixel);
+        let mut polar: Vec<(u32, f32)> = Vec::new();
+        let places = directions(size)
+            .iter()
+            .map(|d| {
+                let (theta, phi) = (d[1].clamp(-1.0, 1.0).acos(), d[0].atan2(-d[2]));
+                if (d[0] * d[0] + d[2] * d[2]).sqrt() < around {
+                    let first = polar.len();
+                    sum_around([theta, phi], direct, width, &mut polar);
+                    return Place::Polar(first as u32, polar.len() as u32);
+                }
+                let u = (phi / (2.0 * PI)).rem_euclid(1.0) * width as f64 - 0.5;
+                let v = (theta / PI * height as f64 - 0.5).clamp(0.0, height as f64 - 1.001);
+                let column = (u.floor() as isize).rem_euclid(width as isize) as usize;
+                let row = v as usize;
+                Place::Between((row * width + column) as u32, (u - u.floor()) as f32, (v - row as f64) as f32)
+            })
+            .collect();
+        Plan { width, height, along, down, places, polar }
+    }
+
+    fn level(&self, picture: &Planes, sharpness: f64, size: usize) -> Option<Level> {
+        let width = self.width;
+        let blurred: Vec<[Vec<f32>; 3]> = crate::parallel::map(self.height, |y| {
+            picture.lists.each_ref().map(|list| blur(&list[y * width..][..width], &self.along[y]))
+        });
+        // Each row with its first pixel once more at the end.
+        let rows: Vec<Vec<[f32; 3]>> = crate::parallel::map(self.height, |y| {
+            let (first, weights) = &self.down[y];
+            let mut sums = [0, 1, 2].map(|_| vec![0.0f32; width]);
+            for (row, &weight) in blurred[*first..].iter().zip(weights) {
+                for (sum, list) in sums.iter_mut().zip(row) {
+                    sum.iter_mut().zip(list).for_each(|(sum, value)| *sum += weight * value);
+                }
+            }
+            (0..width + 1).map(|x| sums.each_ref().map(|sum| sum[x % width])).collect()
+        });
+        let cells = crate::parallel::map(size, |row| {
+            let cells = (row * size..(row + 1) * size).map(|k| match self.places[k] {
+                Place::Polar(first, end) => {
+                    let pixels = &self.polar[first as usize..end as usize];
+                    let sum = |list: &Vec<f32>| pixels.iter().map(|&(at, weight)| weight * list[at as usize]).sum();
+                    picture.lists.each_ref().map(sum)
+                }
+                Place::Between(at, s, t) => {
+                    let (x, y) = (at as usize % width, at as usize / width);
+                    let (upper, lower) = (&rows[y][x..x + 2], &rows[y + 1][x..x + 2]);
+                    std::array::from_fn(|c| {
+                        let a = upper[0][c] + (upper[1][c] - upper[0][c]) * s;
+                        let b = lower[0][c] + (lower[1][c] - lower[0][c]) * s;
+                        a + (b - a) * t
+                    })
+                }
+            });
+            cells.collect::<Vec<[f32; 3]>>()
+        });
+        Level::new(sharpness, size, cells.concat())
+    }
+}
+
+/// Pixels around a direction (angle from +Y, angle around it) and their weights in a lobe of this variance.
+fn sum_around([theta, phi]: [f64; 2], variance: f64, width: usize, pixels: &mut Vec<(u32, f32)>) {
+    use std::f64::consts::PI;
+    let (height, first) = (width / 2, pixels.len());
+    let reach = (REACH * variance.sqrt()).max(2.0 * PI / width as f64);
+    let at = |angle: f64| (angle / PI * height as f64).clamp(0.0, height as f64);
+    let mut total = 0.0;
+    for y in at(theta - reach) as usize..at(theta + reach).ceil() as usize {
+        let angle = PI * (y as f64 + 0.5) / height as f64;
+        for x in 0..width {
+            let turn = 2.0 * PI * (x as f64 + 0.5) / width as f64 - phi;
+            let drop = 1.0 - (theta.cos() * angle.cos() + theta.sin() * angle.sin() * turn.cos());
+            if drop < 0.5 * REACH * REACH * variance + 1e-12 || drop < 0.5 * (PI / height as f64).powi(2) {
+                let weight = (-drop / variance).exp() * angle.sin();
+                total += weight;
+                pixels.push(((y * width + x) as u32, weight as f32));
+            }
+        }
+    }
+    pixels[first..].iter_mut().for_each(|(_, weight)| *weight /= total.max(1e-30) as f32);
+}
+
+/// Weights of a Gaussian of a variance, in squared pixels, at 0, 1, 2, ... pixels from its middle; with the other side they sum to 1.
+fn kernel(variance: f64, most: usize) -> Vec<f32> {
+    if variance < 0.4 {
+        // Three weights have this variance exactly.
+        return vec![(1.0 - variance) as f32, (0.5 * variance) as f32];
+    }
+    let reach = ((REACH * variance.sqrt()).ceil() as usize).min(most).max(1);
+    let weight = |k: usize| (-0.5 * (k * k) as f64 / variance).exp();
+    let total: f64 = 1.0 + 2.0 * (1..=reach).map(weight).sum::<f64>();
+    (0..=reach).map(|k| (weight(k) / total) as f32).collect()
+}
+
+/// A closed row through a symmetric kernel.
+fn blur(row: &[f32], half: &[f32]) -> Vec<f32> {
+    let (width, reach) = (row.len(), half.len() - 1);
+    let mut padded = Vec::with_capacity(width + 2 * reach);
+    padded.extend_from_slice(&row[width - reach..]);
+    padded.extend_from_slice(row);
+    padded.extend_from_slice(&row[..reach]);
+    let mut sums: Vec<f32> = row.iter().map(|x| x * half[0]).collect();
+    for (k, &weight) in half.iter().enumerate().skip(1) {
+        let (left, right) = (&padded[reach - k..][..width], &padded[reach + k..][..width]);
+        sums.iter_mut().zip(left).zip(right).for_each(|((sum, a), b)| *sum += weight * (a + b));
+    }
+    sums
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::fit::relative_error;
+    use super::super::levels::relative_errors;
+    use super::*;
+
+    #[test]
+    fn a_turning_environment_is_followed() {
+        let scene = |turn: f64| {
+            Environment::from_fn(512, |d| {
+                let d = super::super::environment::turn_y(d, turn);
+                let sun = (300.0 * (d[0] * 0.6 + d[1] * 0.8 - 1.0)).exp() as f32;
+                [0.2 + 20.0 * sun, 0.3 + d[1].max(0.0) as f32, if d[2] > 0.3 { 1.0 } else { 0.1 }]
+            })
+        };
+        let mut follower = Follower::new(6);
+        follower.update(&scene(0.0));
+        for turn in [4.0, 8.0] {
+            let environment = scene(turn);
+            let light = follower.update(&environment).clone();
+            assert!(relative_error(&environment, &light.diffuse) < 0.02);
+            let errors = relative_errors(&environment, &light.levels, 40);
+            println!("{errors:?}");
+            assert!(errors.len() == 7 && errors.iter().all(|&e| e < 0.03), "{errors:?}");
+        }
+    }
+}

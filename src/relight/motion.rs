@@ -1,0 +1,398 @@
+//! Pictures in motion: the sums of [`super::better`] and [`super::published`] in single precision, one sample a pixel, with everything
+//! prepared that stays when the camera moves.
+//!
+//! What differs from still pictures: reflection functions are read from tables ([`super::gloss`]); the better evaluator's
+//! specular light of the levels is summed at one of four samples and interpolated between like normals; the published one's diffuse light
+//! is summed at the vertices.
+
+use super::appearance::{Appearance, Look, Prepared};
+use super::bands::Samples;
+use super::occlusion::{Occlusion, ramp};
+use super::octahedral::to_square;
+use super::scene::{Evaluator, Scene};
+use super::surround::{Surround, level_of};
+use crate::asset::Camera;
+use crate::error::Result;
+use crate::image::{Mask, RgbImage};
+use crate::parallel::rows;
+use crate::surface::raster::check_work;
+use glam::{Mat3, Vec3};
+use std::f32::consts::PI;
+
+/// Radiance below which a distant light's reflection is left out; 1 is white.
+const FAINT: f32 = 1e-4;
+/// Rows that are worked on at a time.
+const ROWS: usize = 8;
+
+/// A scene prepared for many pictures.
+pub struct Motion<'a> {
+    stage: Stage<'a>,
+    samples: Samples,
+    coarse: [Vec<Option<(Vec3, Vec3)>>; 2],
+    frame: Frame,
+}
+
+/// A picture in motion.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Frame {
+    /// Linear radiance, Rec. 709; 0 where nothing is hit.
+    pub image: RgbImage,
+    /// Pixels whose central ray meets the mesh.
+    pub hit: Mask,
+}
+
+struct Stage<'a> {
+    scene: &'a Scene<'a>,
+    vertices: Vec<Vertex>,
+    faces: Vec<Face>,
+    /// The published evaluator's levels.
+    levels: Option<Surround>,
+}
+
+struct Vertex {
+    position: Vec3,
+    normal: Vec3,
+    /// Without the distant lights.
+    irradiance: Vec3,
+}
+
+/// A triangle: its normal, and the distant lights that reach all of its front or only a part.
+struct Face {
+    normal: Vec3,
+    lit: u64,
+    partial: u64,
+}
+
+/// A surface point in a picture.
+struct Spot {
+    position: Vec3,
+    normal: Vec3,
+    geometric: Vec3,
+    outgoing: Vec3,
+    corners: [u32; 3],
+    weights: Vec3,
+    triangle: usize,
+    turned: bool,
+}
+
+impl<'a> Motion<'a> {
+    /// Prepares the scene. Its `samples` are taken to be 1.
+    pub fn new(scene: &'a Scene<'a>) -> Self {
+        let published = scene.options.evaluator == Evaluator::Published;
+        let irradiance = if published { super::published::irradiance(scene) } else { scene.irradiance.clone() };
+        let mesh = scene.object.mesh;
+        let vertices = mesh.positions.iter().zip(&scene.object.normals).zip(irradiance);
+        let vertices = vertices.map(|((&position, &normal), irradiance)| Vertex {
+            position: Vec3::from_array(position),
+            normal,
+            irradiance,
+        });
+        let vertices = vertices.collect();
+        let faces = crate::parallel::map(mesh.triangles.len(), |triangle| face(scene, triangle));
+        let levels = scene.light.filter(|_| published).map(|light| Surround::of_levels(&light.levels));
+        let stage = Stage { scene, vertices, faces, levels };
+        Motion { stage, samples: Samples::default(), coarse: Default::default(), frame: Frame::default() }
+    }
+
+    /// Draws one picture.
+    pub fn draw(&mut self, camera: &Camera, look: &dyn Look) -> Result<&Frame> {
+        let mesh = self.stage.scene.object.mesh;
+        check_work(mesh, camera)?;
+        let Motion { stage, samples, coarse: [coarse, coarser], frame } = self;
+        samples.draw(mesh, camera);
+        let centre = Vec3::from_array(camera.centre().map(|x| x as f32));
+        let (width, height) = (samples.width, samples.height);
+        let (half_width, half_height) = (width.div_ceil(2), height.div_ceil(2));
+        coarse.resize(half_width * half_height, None);
+        coarser.resize(half_width * half_height, None);
+        let (part_of_coarse, part_of_coarser) = match stage.levels {
+            // The published evaluator sums at every sample.
+            Some(_) => (&mut coarse[..0], &mut coarser[..0]),
+            None => (&mut coarse[..], &mut coarser[..]),
+        };
+        rows(part_of_coarse, part_of_coarser, half_width * ROWS / 2, |part, values, _| {
+            for (k, value) in values.iter_mut().enumerate() {
+                let (x, y) = (k % half_width * 2, (part * ROWS / 2 + k / half_width) * 2);
+                // Of the four samples the first that shows the object.
+                let places = [(x, y), (x + 1, y), (x, y + 1), (x + 1, y + 1)];
+                let shown = places.iter().filter(|&&(x, y)| x < width && y < height).map(|&(x, y)| y * width + x);
+                let spot = shown.filter_map(|index| stage.spot(samples, index, centre)).next();
+                *value = spot.and_then(|spot| Some((spot.normal, stage.reflected(&spot, look)?)));
+            }
+        });
+        let coarse = Coarse { width: half_width, height: half_height, values: coarse };
+        if (frame.image.width, frame.image.height) != (width, height) {
+            frame.image = RgbImage::filled(width, height, [0.0; 3]);
+            frame.hit = Mask::filled(width, height, false);
+        }
+        rows(&mut frame.image.data, &mut frame.hit.data, width * ROWS, |part, image, hits| {
+            for (k, (pixel, hit)) in image.iter_mut().zip(hits).enumerate() {
+                let index = part * ROWS * width + k;
+                (*pixel, *hit) = ([0.0; 3], samples.is_covered(index));
+                if let Some(spot) = stage.spot(samples, index, centre) {
+                    *pixel = stage.radiance(&spot, look, &coarse, [index % width, index / width]).to_array();
+                }
+            }
+        });
+        Ok(frame)
+    }
+}
+
+fn face(scene: &Scene, triangle: usize) -> Face {
+    let corners = scene.object.mesh.triangles[triangle].map(|v| scene.object.mesh.positions[v as usize]);
+    let [p, q, r] = corners.map(Vec3::from_array);
+    let normal = (q - p).cross(r - p).normalize_or(Vec3::Y);
+    let (mut lit, mut partial) = (0, 0);
+    for (k, light) in scene.surround.distant.iter().enumerate() {
+        let cosine = normal.dot(Vec3::from_array(light.direction));
+        if scene.options.shadows && cosine <= 0.0 {
+            continue;
+        }
+        match scene.shadows.get(k) {
+            Some(Some(map)) => match map.over(corners.map(|c| c.map(f64::from)), cosine as f64) {
+                Some(true) => lit |= 1 << k,
+                Some(false) => {}
+                None => partial |= 1 << k,
+            },
+            _ => lit |= 1 << k,
+        }
+    }
+    Face { normal, lit, partial }
+}
+
+impl Stage<'_> {
+    /// The point that a sample shows, if it faces the camera.
+    #[inline]
+    fn spot(&self, samples: &Samples, index: usize, centre: Vec3) -> Option<Spot> {
+        if !samples.is_covered(index) {
+            return None;
+        }
+        let triangle = samples.triangle[index] as usize;
+        let corners = self.scene.object.mesh.triangles[triangle];
+        let [b, c] = samples.weights[index];
+        let weights = Vec3::new(1.0 - b - c, b, c);
+        let [p, q, r] = corners.map(|v| &self.vertices[v as usize]);
+        let position = p.position * weights.x + q.position * b + r.position * c;
+        let normal = (p.normal * weights.x + q.normal * b + r.normal * c).normalize_or(Vec3::Z);
+        let outgoing = (centre - position).normalize_or(Vec3::Z);
+        let geometric = self.faces[triangle].normal;
+        let turned = geometric.dot(outgoing) < 0.0;
+        let geometric = if turned { -geometric } else { geometric };
+        let spot = Spot { position, normal, geometric, outgoing, corners, weights, triangle, turned };
+        (normal.dot(outgoing) > 0.0).then_some(spot)
+    }
+
+    fn occlusion(&self) -> Option<&Occlusion> {
+        self.scene.object.occlusion.filter(|_| self.scene.options.shadows)
+    }
+
+    /// Specular light of the levels as the better evaluator has it; `None` where there is no specular part.
+    fn reflected(&self, spot: &Spot, look: &dyn Look) -> Option<Vec3> {
+        let appearance = look.at(spot.triangle, spot.weights, spot.position);
+        let prepared = appearance.specular.filter(|_| appearance.specular_scale.max_element() > 0.0)?;
+        Some(self.reflected_better(spot, prepared))
+    }
+
+    /// As [`super::better::reflected`].
+    fn reflected_better(&self, spot: &Spot, prepared: &Prepared) -> Vec3 {
+        let occlusion = self.occlusion();
+        let frame = frame(spot.normal);
+        let outgoing = frame.transpose() * spot.outgoing;
+        let count = prepared.taps.len() as f32;
+        let coarse = 4f32.ln().recip();
+        let mut sum = Vec3::ZERO;
+        for &(half, density, level) in &prepared.taps {
+            let cosine = half.dot(outgoing);
+            let incoming = 2.0 * cosine * half - outgoing;
+            if cosine <= 1e-4 || incoming.z <= 0.0 || half.z <= 0.0 {
+                continue;
+            }
+            let world = frame * incoming;
+            if occlusion.is_some() && spot.geometric.dot(world) <= 0.0 {
+                continue;
+            }
+            let density = density / (4.0 * cosine) * count;
+            let square = to_square(world);
+            let seen =
+                occlusion.map_or(1.0, |o| ramp(o.distance(spot.corners, spot.weights, square), 2.0 * PI * density));
+            if seen <= 0.0 {
+                continue;
+            }
+            let light = self.scene.surround.filtered(square, level + cosine.ln() * coarse);
+            let reflectance = match &prepared.gloss {
+                Some(gloss) => {
+                    let sine = (1.0 - half.z * half.z).max(0.0).sqrt();
+                    let value = gloss.distribution(sine) * gloss.rest(sine, cosine, incoming.z - outgoing.z);
+                    value / (incoming.z * outgoing.z)
+                }
+                None => exact(prepared, incoming, outgoing),
+            };
+            sum += light * reflectance * (incoming.z * seen / density);
+        }
+        sum
+    }
+
+    /// As [`super::published::radiance`].
+    fn reflected_published(&self, spot: &Spot, prepared: &Prepared, levels: &Surround) -> Vec3 {
+        let Some(gloss) = &prepared.gloss else {
+            let point = super::scene::Point {
+                position: spot.position,
+                normal: spot.normal,
+                geometric: spot.geometric,
+                outgoing: spot.outgoing,
+                corners: spot.corners,
+                weights: spot.weights,
+                triangle: spot.triangle,
+            };
+            return super::published::reflected(self.scene, &point, prepared);
+        };
+        let occlusion = self.occlusion();
+        let cosine = spot.normal.dot(spot.outgoing).max(1e-4);
+        let axis = 2.0 * cosine * spot.normal - spot.outgoing;
+        // The mirror's direction, whose half vector is the normal: what is smooth beside the distribution.
+        let smooth = gloss.distribution(0.0) * gloss.rest(0.0, cosine, 0.0) / (cosine * cosine) / prepared.peak;
+        let mut sum = 0.0 * smooth;
+        for &(sharpness, amplitude) in &prepared.lobes {
+            let sharpness = sharpness / (4.0 * cosine);
+            // Times the clamped cosine as a lobe.
+            let together = (sharpness * axis + COSINE_SHARPNESS * spot.normal) / (sharpness + COSINE_SHARPNESS);
+            let length = together.length();
+            let exponent = (sharpness + COSINE_SHARPNESS) * (length - 1.0);
+            let (axis, sharpness) = (together / length, (sharpness + COSINE_SHARPNESS) * length);
+            let whole = 2.0 * PI / sharpness * (1.0 - (-2.0 * sharpness).exp());
+            let square = to_square(axis);
+            let seen = occlusion.map_or(1.0, |o| {
+                let distance = o.distance(spot.corners, spot.weights, square);
+                let log = sharpness.ln();
+                let steep = ((0.204 * log - 0.892) * log + 2.995) * log + 0.067;
+                let part = |distance: f32| 1.05 / (1.0 + (-steep * distance).exp()) - 0.025;
+                part(distance) / part(0.5 * PI)
+            });
+            let scale = amplitude * COSINE_AMPLITUDE * exponent.exp() * whole * seen;
+            sum += levels.filtered(square, level_of(sharpness)) * scale;
+        }
+        sum * smooth
+    }
+
+    #[inline]
+    fn radiance(&self, spot: &Spot, look: &dyn Look, coarse: &Coarse, [x, y]: [usize; 2]) -> Vec3 {
+        let Appearance { albedo, specular_scale, specular } = look.at(spot.triangle, spot.weights, spot.position);
+        let specular = specular.filter(|_| specular_scale.max_element() > 0.0);
+        let [a, b, c] = spot.corners.map(|v| self.vertices[v as usize].irradiance);
+        let mut irradiance = a * spot.weights.x + b * spot.weights.y + c * spot.weights.z;
+        let mut shine = match (specular, &self.levels) {
+            (Some(prepared), Some(levels)) => self.reflected_published(spot, prepared, levels),
+            (Some(_), None) => coarse.between(x, y, spot.normal).unwrap_or(Vec3::ZERO),
+            (None, _) => Vec3::ZERO,
+        };
+        if self.levels.is_none() {
+            self.distant(spot, specular, specular_scale.max_element(), &mut irradiance, &mut shine);
+        }
+        albedo * irradiance / PI + specular_scale * shine
+    }
+
+    /// Adds the distant lights.
+    #[inline]
+    fn distant(&self, spot: &Spot, specular: Option<&Prepared>, most: f32, irradiance: &mut Vec3, shine: &mut Vec3) {
+        let lights = &self.scene.surround.distant;
+        let face = &self.faces[spot.triangle];
+        // From behind every light is tried.
+        let (lit, mut left) = if spot.turned {
+            (0, u64::MAX.checked_shr(64 - lights.len() as u32).unwrap_or(0))
+        } else {
+            (face.lit, face.lit | face.partial)
+        };
+        let cos_outgoing = spot.normal.dot(spot.outgoing);
+        while left != 0 {
+            let k = left.trailing_zeros() as usize;
+            left &= left - 1;
+            let light = &lights[k];
+            let direction = Vec3::from_array(light.direction);
+            let cosine = spot.normal.dot(direction);
+            if cosine <= 0.0 {
+                continue;
+            }
+            let mut reach = 1.0;
+            if lit >> k & 1 == 0 && self.scene.options.shadows {
+                let geometric = spot.geometric.dot(direction);
+                if geometric <= 0.0 {
+                    continue;
+                }
+                if let Some(Some(map)) = self.scene.shadows.get(k) {
+                    reach = map.reach(spot.position.as_dvec3().to_array(), geometric as f64) as f32;
+                }
+                if reach <= 0.0 {
+                    continue;
+                }
+            }
+            let arriving = Vec3::from_array(light.irradiance) * (cosine * reach);
+            *irradiance += arriving;
+            let Some(prepared) = specular else { continue };
+            let Some(gloss) = &prepared.gloss else {
+                let frame = frame(spot.normal).transpose();
+                *shine += arriving * exact(prepared, frame * direction, frame * spot.outgoing);
+                continue;
+            };
+            let sum = direction + spot.outgoing;
+            let length = sum.length().max(1e-6);
+            let cos_half = (cosine + cos_outgoing) / length;
+            let sine = (1.0 - cos_half * cos_half).max(0.0).sqrt();
+            let value = gloss.distribution(sine) / (cosine * cos_outgoing).max(1e-6);
+            if value * arriving.max_element() * most * gloss.most() > FAINT {
+                *shine += arriving * value * gloss.rest(sine, 0.5 * length, cosine - cos_outgoing);
+            }
+        }
+    }
+}
+
+/// The clamped cosine as one lobe, see [`crate::lighting::SphericalGaussian::cosine_published`].
+const COSINE_SHARPNESS: f32 = 2.133;
+const COSINE_AMPLITUDE: f32 = 1.170;
+
+/// Tangent frame, see [`crate::lighting::spherical_gaussian::tangents`].
+#[inline]
+fn frame(normal: Vec3) -> Mat3 {
+    let sign = 1f32.copysign(normal.z);
+    let a = -1.0 / (sign + normal.z);
+    let b = normal.x * normal.y * a;
+    Mat3::from_cols(
+        Vec3::new(1.0 + sign * normal.x * normal.x * a, sign * b, -sign * normal.x),
+        Vec3::new(b, sign + normal.y * normal.y * a, -normal.y),
+        normal,
+    )
+}
+
+fn exact(prepared: &Prepared, incoming: Vec3, outgoing: Vec3) -> Vec3 {
+    let f = prepared.specular.brdf.evaluate(incoming.as_dvec3().to_array(), outgoing.as_dvec3().to_array());
+    Vec3::from_array(f.map(|x| x as f32))
+}
+
+/// Normal and specular reflection of every fourth sample, where it shows a shiny object.
+struct Coarse<'a> {
+    width: usize,
+    height: usize,
+    values: &'a [Option<(Vec3, Vec3)>],
+}
+
+impl Coarse<'_> {
+    /// Between the four nearest, those with a like normal counting most; `None` where none shows the object.
+    #[inline]
+    fn between(&self, x: usize, y: usize, normal: Vec3) -> Option<Vec3> {
+        let (column, row) = (x / 2, y / 2);
+        let beside =
+            |at: usize, odd: bool, size: usize| if odd { (at + 1).min(size - 1) } else { at.saturating_sub(1) };
+        let columns = [(column, 0.75), (beside(column, x % 2 == 1, self.width), 0.25)];
+        let rows = [(row, 0.75), (beside(row, y % 2 == 1, self.height), 0.25)];
+        let (mut sum, mut total) = (Vec3::ZERO, 0.0);
+        for (row, share) in rows {
+            for (column, part) in columns {
+                if let Some((other, value)) = self.values[row * self.width + column] {
+                    let weight = share * part * (1e-3 + (normal.dot(other).max(0.0)).powi(32));
+                    sum += weight * value;
+                    total += weight;
+                }
+            }
+        }
+        (total > 0.0).then(|| sum / total)
+    }
+}

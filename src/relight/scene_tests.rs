@@ -1,0 +1,133 @@
+//! Figures of pictures under an environment: a ball over a plate.
+
+use super::job::JobMaterial;
+use super::*;
+use crate::asset::Mesh;
+use crate::lighting::{self, Environment};
+use crate::visibility::bake::{BakeOptions, bake};
+
+/// A ball of radius 1 over a square plate.
+fn ball_over_plate() -> Mesh {
+    let (rings, sectors, side) = (20, 32, 16);
+    let mut mesh = Mesh::default();
+    for k in 0..rings * sectors {
+        let theta = (k / sectors) as f32 / (rings - 1) as f32 * std::f32::consts::PI;
+        let (s, c) = ((k % sectors) as f32 / sectors as f32 * std::f32::consts::TAU).sin_cos();
+        mesh.positions.push([theta.sin() * c, 1.3 + theta.cos(), theta.sin() * s]);
+    }
+    let at = |ring: usize, sector: usize| (ring * sectors + sector % sectors) as u32;
+    for (ring, sector) in (0..rings - 1).flat_map(|r| (0..sectors).map(move |s| (r, s))) {
+        let [a, b, c, d] = [at(ring, sector), at(ring, sector + 1), at(ring + 1, sector + 1), at(ring + 1, sector)];
+        mesh.triangles.extend([[a, b, c], [a, c, d]]);
+    }
+    let first = mesh.positions.len();
+    let place = |k: usize| 5.0 * k as f32 / (side - 1) as f32 - 2.5;
+    mesh.positions.extend((0..side * side).map(|k| [place(k % side), 0.0, place(k / side)]));
+    let at = |x: usize, y: usize| (first + y * side + x) as u32;
+    for (x, y) in (0..side - 1).flat_map(|x| (0..side - 1).map(move |y| (x, y))) {
+        let [a, b, c, d] = [at(x, y), at(x, y + 1), at(x + 1, y + 1), at(x + 1, y)];
+        mesh.triangles.extend([[a, b, c], [a, c, d]]);
+    }
+    mesh
+}
+
+fn material(text: &str) -> Material {
+    serde_json::from_str::<JobMaterial>(text).unwrap().uniform().unwrap()
+}
+
+const GLOSSY: &str = r#"{"model": "cook-torrance", "diffuse": 0.3, "roughness": 0.2, "reflectance": 0.5}"#;
+
+fn psnr(a: &RgbImage, b: &RgbImage) -> f64 {
+    let encoded = |x: f32| (x.clamp(0.0, 1.0) as f64).powf(1.0 / 2.2);
+    let (a, b) = (a.data.as_flattened(), b.data.as_flattened());
+    let sum: f64 = a.iter().zip(b).map(|(&x, &y)| (encoded(x) - encoded(y)).powi(2)).sum();
+    -10.0 * (sum / a.len() as f64).log10()
+}
+
+#[test]
+fn an_even_sky_gives_every_point_the_albedo() {
+    let mesh = ball_over_plate();
+    let object = Object::new(&mesh, None).unwrap();
+    let environment = Environment::from_fn(64, |_| [1.0, 0.5, 2.0]);
+    let surround = Surround::new(&environment, &SurroundOptions::default());
+    let light = lighting::Light {
+        diffuse: lighting::fit::fit(&environment, &lighting::fit::FitOptions { lobes: 2, evaluations: 150 }, None),
+        levels: lighting::levels::levels(&environment, 64),
+    };
+    let camera = look_at([0.0, 1.3, 6.0], [0.0, 1.3, 0.0], [0.0, 1.0, 0.0], 60.0, 40, 40);
+    let look = Uniform::new(material(r#"{"model": "lambert", "diffuse": [0.5, 0.5, 0.1]}"#), 1);
+    // The cosine as a lobe is 8 % too bright.
+    for (evaluator, expected, within) in [(Evaluator::Better, 0.5, 0.01), (Evaluator::Published, 0.54, 0.03)] {
+        let options = EnvironmentOptions { evaluator, shadows: false, samples: 1, ..EnvironmentOptions::default() };
+        let scene = Scene::new(&object, &surround, Some(&light), options).unwrap();
+        let pixel = scene.render(&camera, &look).unwrap().image.at(20, 20).map(f64::from);
+        let moving = Motion::new(&scene).draw(&camera, &look).unwrap().image.at(20, 20).map(f64::from);
+        for pixel in [pixel, moving] {
+            assert!((pixel[0] - expected).abs() < within, "{evaluator:?}: {pixel:?}");
+            assert!((pixel[1] / pixel[0] - 0.5).abs() < 0.01 && (pixel[2] / pixel[0] - 0.4).abs() < 0.01);
+        }
+    }
+    let options = ReferenceOptions { samples: 1, shadows: false, ..ReferenceOptions::default() };
+    let exact = reference(&object, &environment, &camera, &look, &options).unwrap();
+    assert!((exact.image.at(20, 20)[0] - 0.5).abs() < 0.01);
+}
+
+#[test]
+fn evaluators_come_near_brute_force_and_motion_near_them() {
+    let mesh = ball_over_plate();
+    let baked = bake(&mesh, &BakeOptions { terms: [16, 16], ..BakeOptions::default() }).unwrap();
+    let occlusion = Occlusion::of(&baked.visibility);
+    let object = Object::new(&mesh, Some(&occlusion)).unwrap();
+    let environment = Environment::from_fn(128, |d| {
+        let sun = (400.0 * (d[0] * 0.6 + d[1] * 0.64 + d[2] * 0.48 - 1.0)).exp() as f32;
+        [0.3 + 40.0 * sun, 0.4 + 0.3 * d[1] as f32 + 35.0 * sun, 0.5 + 25.0 * sun]
+    });
+    let surround = Surround::new(&environment, &SurroundOptions::default());
+    let light = lighting::Light {
+        diffuse: lighting::fit::fit(&environment, &Default::default(), None),
+        levels: lighting::levels::levels(&environment, 128),
+    };
+    let camera = look_at([1.0, 3.0, 6.0], [0.0, 0.8, 0.0], [0.0, 1.0, 0.0], 90.0, 96, 72);
+    let look = Uniform::new(material(GLOSSY), 24);
+    let exact = reference(&object, &environment, &camera, &look, &ReferenceOptions::default()).unwrap().image;
+    let mut found = Vec::new();
+    for evaluator in [Evaluator::Better, Evaluator::Published] {
+        let options = EnvironmentOptions { evaluator, samples: 2, ..EnvironmentOptions::default() };
+        let scene = Scene::new(&object, &surround, Some(&light), options).unwrap();
+        let still = scene.render(&camera, &look).unwrap();
+        // One sample a pixel on both sides.
+        let single = EnvironmentOptions { samples: 1, ..options };
+        let single = Scene::new(&object, &surround, Some(&light), single).unwrap();
+        let (one, mut motion) = (single.render(&camera, &look).unwrap(), Motion::new(&scene));
+        let moving = motion.draw(&camera, &look).unwrap();
+        let hits =
+            moving.hit.data.iter().zip(&one.coverage.data).filter(|&(&hit, &share)| hit == (share > 0.0)).count();
+        assert_eq!(hits, moving.hit.data.len());
+        found.push((psnr(&still.image, &exact), psnr(&moving.image, &one.image)));
+    }
+    println!("against brute force, against stills: {found:?}");
+    assert!(found[0].0 > 35.0 && found[0].1 > 34.0 && found[1].1 > 34.0, "{found:?}");
+    assert!(found[0].0 > found[1].0 + 2.0, "better is not better: {found:?}");
+}
+
+#[test]
+fn what_is_missing_is_an_error_and_pictures_are_put_together() {
+    let mesh = ball_over_plate();
+    let object = Object::new(&mesh, None).unwrap();
+    let surround = Surround::new(&Environment::from_fn(32, |_| [1.0; 3]), &SurroundOptions::default());
+    let scene = |options: EnvironmentOptions| Scene::new(&object, &surround, None, options).map(|_| ());
+    let unshadowed = EnvironmentOptions { shadows: false, ..EnvironmentOptions::default() };
+    assert!(scene(unshadowed).is_ok());
+    assert!(scene(EnvironmentOptions::default()).is_err(), "no visibility");
+    assert!(scene(EnvironmentOptions { evaluator: Evaluator::Published, ..unshadowed }).is_err(), "no lobes");
+    assert!(scene(EnvironmentOptions { samples: 0, ..unshadowed }).is_err());
+    let other = Occlusion::new(4, 3, |_| vec![1.0; 16]);
+    assert!(Object::new(&mesh, Some(&other)).is_err(), "visibility of another mesh");
+    // Half covered: half of the object's share, half of the ground in its shadow.
+    let filled = |value: f32| RgbImage::filled(2, 1, [value; 3]);
+    let coverage = crate::image::Grid { width: 2, height: 1, data: vec![0.5, 0.0] };
+    let relit = Relit { image: filled(0.2), diffuse: filled(0.2), coverage };
+    let together = composite(&filled(1.0), &relit, &filled(0.4)).unwrap();
+    assert!((together.data[0][0] - (0.2 + 0.5 * 0.4)).abs() < 1e-6 && (together.data[1][0] - 0.6).abs() < 1e-6);
+    assert!(composite(&RgbImage::filled(1, 1, [1.0; 3]), &relit, &filled(1.0)).is_err());
+}
