@@ -5,7 +5,7 @@
 //! `exp(l (cos a - 1)) = exp(l (cos(t - t') - 1)) exp(-l sin t sin t' (1 - cos(p - p')))`, where `sin t` in the second factor is taken to be
 //! `sin t'`. Around the poles, where that fails, and for wide lobes [`super::levels`] sums directly.
 
-use super::fit::{self, Projection};
+use super::fit::Projection;
 use super::levels::level;
 use super::octahedral::directions;
 use super::prefiltered::{Level, Light, SHARPNESS};
