@@ -68,7 +68,9 @@ impl Composite {
             Some(height) => Ground { point: up.map(|x| x * height), up },
             None => Ground::below(subject.mesh(), up),
         };
-        let surround = Surround::new(environment, &SurroundOptions::default());
+        // More lights than on the object: steps between their shadows show most on a plane.
+        let finer = SurroundOptions { distant_lights: 32, ..SurroundOptions::default() };
+        let surround = Surround::new(environment, &finer);
         let shadow = ground_shadow(subject.mesh(), &surround, &ground, &camera)?;
         let quality =
             Quality { evaluator: job.evaluator, shadows: job.shadows, samples: job.samples.unwrap_or(2), detail: true };
