@@ -229,7 +229,11 @@ fn thumbnails_have_bounded_sides() {
 }
 
 /// Gives what is asked for, in small and overlapping pieces, until an operation has it.
-fn arrive<T>(file: &mut Arriving, bytes: &[u8], mut what: impl FnMut(&mut Arriving) -> Result<Arrival<T>>) -> (T, usize) {
+fn arrive<T>(
+    file: &mut Arriving,
+    bytes: &[u8],
+    mut what: impl FnMut(&mut Arriving) -> Result<Arrival<T>>,
+) -> (T, usize) {
     let mut given = 0;
     loop {
         let ranges = match what(file).unwrap() {
