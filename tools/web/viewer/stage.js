@@ -160,6 +160,8 @@ export class Stage {
 
   /** Light from all around for materials of three.js' own, from an environment of lobes. */
   surround({ lobes }) {
+    if (this.lobes === lobes) return;
+    this.lobes = lobes;
     const [width, height] = [128, 64];
     const data = new Float32Array(width * height * 4);
     const direction = new Vector3();
