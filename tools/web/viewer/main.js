@@ -370,8 +370,8 @@ function start() {
         appearance.cubic = !moving;
         // The lamp keeps its place before the camera.
         if (state.light === LAMP) appearance.lighting = { points: [lamp(appearance)] };
-        showStatus();
       },
+      onDrawn: showStatus,
     });
   } catch (error) {
     say("This browser can't draw the object", `WebGL 2 is needed: ${error.message}`);

@@ -51,9 +51,10 @@ function setClipping(camera, near, far) {
 }
 
 export class Stage {
-  constructor(canvas, { onDraw = () => {} } = {}) {
+  constructor(canvas, { onDraw = () => {}, onDrawn = () => {} } = {}) {
     this.canvas = canvas;
     this.onDraw = onDraw;
+    this.onDrawn = onDrawn;
     this.renderer = new WebGLRenderer({ canvas, antialias: true, alpha: true, premultipliedAlpha: false });
     this.renderer.outputColorSpace = SRGBColorSpace;
     this.renderer.setClearAlpha(0);
@@ -113,6 +114,7 @@ export class Stage {
     this.camera.updateProjectionMatrix();
     this.onDraw({ moving, camera: this.camera });
     this.renderer.render(this.scene, this.camera);
+    this.onDrawn();
     if (moving) this.invalidate();
   }
 
@@ -160,6 +162,8 @@ export class Stage {
 
   /** Light from all around for materials of three.js' own, from an environment of lobes. */
   surround({ lobes }) {
+    if (this.lobes === lobes) return;
+    this.lobes = lobes;
     const [width, height] = [128, 64];
     const data = new Float32Array(width * height * 4);
     const direction = new Vector3();
