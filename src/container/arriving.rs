@@ -280,7 +280,11 @@ impl Arriving {
             return Err(Error::format("file", length, format!("goes on after its end, up to byte {end}")));
         }
         for section in sections {
-            let start = section.offset + section.header_bytes();
+            let header = section.to_bytes();
+            let start = section.offset + header.len() as u64;
+            if here!(self.bytes(section.offset..start)?) != header {
+                return Err(Error::format(section.tag, 0u8, "header differs from the directory"));
+            }
             let stored = here!(self.bytes(start..start + section.stored)?);
             let mut hasher = section.hasher();
             hasher.update(stored);

@@ -217,7 +217,9 @@ pub fn fill_unused(map: &mut Grid<[f32; 3]>, mask: &Mask) {
     let used: Vec<[f32; 3]> = map.data.iter().zip(&mask.data).filter(|(_, m)| **m).map(|(x, _)| *x).collect();
     let mean = |c: usize| (used.iter().map(|x| x[c] as f64).sum::<f64>() / used.len().max(1) as f64) as f32;
     let mean = std::array::from_fn(mean);
-    map.data.iter_mut().filter(|x| x.iter().all(|v| *v == 0.0)).for_each(|x| *x = mean);
+    // Texels in use may be black; so may what the rings took from them, which then is as good as not reached.
+    let unused = map.data.iter_mut().zip(&mask.data).filter(|(x, used)| !**used && x.iter().all(|v| *v == 0.0));
+    unused.for_each(|(x, _)| *x = mean);
 }
 
 /// Fills texels outside `mask` from their neighbours, `rings` times: for GPU textures, whose filters reach further than bilinear.

@@ -3,7 +3,7 @@ import { COMPONENTS, Core, OPERATION, STATUS } from "./core.js";
 import { TsuyaError } from "./errors.js";
 import { sourceOf } from "./source.js";
 
-/** Views whose bytes are fetched ahead while one is decoded, and the most bytes of them under way. */
+/** Views whose bytes are fetched ahead while one is decoded. */
 const AHEAD = 8;
 
 export class Session {

@@ -233,7 +233,8 @@ fn view(file: &mut ArrivingFile, index: usize, flags: u32) -> Result<Answer> {
         names.push(json!([["images", component], kind]));
         arrays.push(pixels);
     }
-    let description = json!({"index": index, "width": mask.width, "height": mask.height, "images": {}, "arrays": names});
+    let description =
+        json!({"index": index, "width": mask.width, "height": mask.height, "images": {}, "arrays": names});
     Ok((Status::Here, std::iter::once(Output::Text(description.to_string())).chain(arrays).collect()))
 }
 
