@@ -7,7 +7,6 @@ pub mod code;
 pub mod geometry;
 pub mod lambert;
 pub mod maps;
-pub mod palette;
 
 #[cfg(feature = "encode")]
 mod gather;
