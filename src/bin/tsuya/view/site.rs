@@ -59,9 +59,12 @@ impl Site {
         };
         if !files.contains_key(FIRST) {
             let message = match assets {
-                Some(folder) => format!("{}: has no {FIRST}; tools/web/viewer/build makes the page in tools/web/dist", folder.display()),
-                None => "this program was built without the viewer's page: run tools/web/build and tools/web/viewer/build, and build it again, or name the page's folder \
-                         with --assets"
+                Some(folder) => format!(
+                    "{}: has no {FIRST}: run tools/web/build and tools/web/viewer/build, and name tools/web/dist",
+                    folder.display()
+                ),
+                None => "this program was built without the viewer's page: run tools/web/build and tools/web/viewer/build, \
+                         and build it again, or name the page's folder with --assets"
                     .into(),
             };
             return Err(Error::Unsupported(message).into());
