@@ -4,9 +4,9 @@ import assert from "node:assert/strict";
 import { createHash } from "node:crypto";
 import { readFileSync } from "node:fs";
 import { join } from "node:path";
-import { after, before, test } from "node:test";
+import { after, afterEach, before, test } from "node:test";
 import { serve } from "./support/server.mjs";
-import { at, closeAll, drawn, editGlb, open, psnr, rendered, root, tsuya, view } from "./support/viewer.mjs";
+import { at, closeAll, closeBrowser, drawn, editGlb, open, psnr, rendered, root, tsuya, view } from "./support/viewer.mjs";
 
 const EXTENSION = "TSUYA_materials_appearance";
 const [stream, glb] = [at("spot.tsuya"), at("spot.glb")];
@@ -20,6 +20,7 @@ before(() => {
   tsuya("gltf", "export", stream, "-o", glb);
 });
 after(closeAll);
+afterEach(closeBrowser);
 
 /** Compares captured, relit and new views with the program's. */
 async function compare(page, name, least) {

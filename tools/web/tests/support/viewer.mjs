@@ -67,9 +67,14 @@ export async function open(address, viewport = { width: 220, height: 180 }) {
   return { page, complaints };
 }
 
-export async function closeAll() {
+/** Ends the browser; the next page opens in a new one. */
+export async function closeBrowser() {
   await context?.close();
   context = null;
+}
+
+export async function closeAll() {
+  await closeBrowser();
   rmSync(folder, { recursive: true, force: true });
 }
 
