@@ -57,7 +57,7 @@ export async function open(address, viewport = { width: 220, height: 180 }) {
     const text = message.text();
     if (["error", "warning"].includes(message.type()) && !/ReadPixels|status of 404/.test(text)) complaints.push(text);
   });
-  // The page says itself when it is ready; its load event waits for the software renderer.
+  // The page says itself when it is ready.
   await page.goto(address, { waitUntil: "commit" });
   await page.waitForFunction(() => window.tsuyaViewer);
   const message = await page.evaluate(async () => {
