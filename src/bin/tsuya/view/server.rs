@@ -4,9 +4,9 @@ use super::range::{self, Wanted};
 use super::site::{Content, Site};
 use anyhow::Result;
 use std::fs::File;
-use std::io::{Cursor, Read, Seek, SeekFrom};
+use std::io::{Cursor, Read, Seek, SeekFrom, Write};
 use std::net::Ipv4Addr;
-use tiny_http::{Header, Method, Request, Response};
+use tiny_http::{Method, Request, StatusCode};
 use tsuya::Error;
 use tsuya::gltf;
 
@@ -22,6 +22,14 @@ pub struct Server {
 
 /// An answer's body, of known length.
 type Body = Box<dyn Read + Send>;
+
+/// What is answered to a request.
+struct Answer {
+    status: u16,
+    fields: Vec<(&'static str, String)>,
+    body: Body,
+    length: u64,
+}
 
 impl Server {
     /// Takes a port of 127.0.0.1; 0 is any that is free.
@@ -45,16 +53,16 @@ impl Server {
             for _ in 0..THREADS {
                 scope.spawn(|| {
                     while let Ok(request) = self.http.recv() {
-                        let response = self.answer(&request);
+                        let answer = self.answer(&request);
                         // Who asked may be gone.
-                        let _ = request.respond(response);
+                        let _ = send(request, answer);
                     }
                 });
             }
         });
     }
 
-    fn answer(&self, request: &Request) -> Response<Body> {
+    fn answer(&self, request: &Request) -> Answer {
         let header =
             |name: &'static str| request.headers().iter().find(|h| h.field.equiv(name)).map(|h| h.value.as_str());
         // Pages of other names that lead to this address must not read what is shown.
@@ -74,15 +82,15 @@ impl Server {
         };
         match body(content, header("Range")) {
             Ok((status, body, length, range)) => {
-                let mut response = Response::new(status.into(), Vec::new(), body, Some(length as usize), None)
-                    .with_chunked_threshold(usize::MAX);
-                let fields = [("Content-Type", media_type(&path)), ("Accept-Ranges", "bytes")];
-                fields.iter().for_each(|(name, value)| add(&mut response, name, value));
-                range.iter().for_each(|range| add(&mut response, "Content-Range", range));
-                // The file may be another one at the next call.
-                add(&mut response, "Cache-Control", "no-store");
-                add(&mut response, "X-Content-Type-Options", "nosniff");
-                response
+                let mut fields = vec![
+                    ("Content-Type", media_type(&path).to_string()),
+                    ("Accept-Ranges", "bytes".into()),
+                    // The file may be another one at the next call.
+                    ("Cache-Control", "no-store".into()),
+                    ("X-Content-Type-Options", "nosniff".into()),
+                ];
+                fields.extend(range.map(|range| ("Content-Range", range)));
+                Answer { status, fields, body, length }
             }
             Err(error) => words(404, &error.to_string()),
         }
@@ -118,19 +126,28 @@ fn body(content: &Content, range: Option<&str>) -> std::io::Result<(u16, Body, u
     Ok((status, body, count, range))
 }
 
-fn words(status: u16, text: &str) -> Response<Body> {
+fn words(status: u16, text: &str) -> Answer {
     let bytes = text.as_bytes().to_vec();
-    let length = bytes.len();
-    let mut response =
-        Response::new(status.into(), Vec::new(), Box::new(Cursor::new(bytes)) as Body, Some(length), None);
-    add(&mut response, "Content-Type", "text/plain; charset=utf-8");
-    response
+    let length = bytes.len() as u64;
+    let fields = vec![("Content-Type", "text/plain; charset=utf-8".to_string())];
+    Answer { status, fields, body: Box::new(Cursor::new(bytes)), length }
 }
 
-fn add(response: &mut Response<Body>, name: &str, value: &str) {
-    if let Ok(header) = Header::from_bytes(name, value) {
-        response.add_header(header);
+/// Writes an answer and ends the connection: tiny_http lets a connection that stays open keep its thread, and has only a
+/// few for more connections than browsers open.
+fn send(request: Request, answer: Answer) -> std::io::Result<()> {
+    let head_only = *request.method() == Method::Head;
+    let Answer { status, fields, mut body, length } = answer;
+    let mut writer = request.into_writer();
+    write!(writer, "HTTP/1.1 {status} {}\r\n", StatusCode(status).default_reason_phrase())?;
+    for (name, value) in fields {
+        write!(writer, "{name}: {value}\r\n")?;
     }
+    write!(writer, "Content-Length: {length}\r\nConnection: close\r\n\r\n")?;
+    if !head_only {
+        std::io::copy(&mut body, &mut writer)?;
+    }
+    writer.flush()
 }
 
 fn media_type(path: &str) -> &'static str {
