@@ -7,6 +7,7 @@
 use super::minimise::{Stop, minimise};
 use super::spherical_gaussian::sphere_integral;
 use super::{Environment, SphericalGaussian};
+use crate::vector::dot;
 
 /// How the fit is done.
 #[derive(Debug, Clone, PartialEq)]
@@ -44,7 +45,7 @@ pub fn fit(
     previous: Option<&[SphericalGaussian]>,
 ) -> Vec<SphericalGaussian> {
     let cells = Cell::of(environment);
-    fit_cells(&cells, &Tests::directions(), &|tests| Tests::through(&cells, tests), options, previous)
+    fit_cells(&cells, &Tests::through(&cells), options, previous)
 }
 
 /// For environments of one size: how their pixels are seen through the test lobes.
@@ -57,7 +58,8 @@ pub(super) struct Projection {
 impl Projection {
     pub(super) fn new(environment: &Environment) -> Self {
         let (cells, directions) = (Cell::of(environment), Tests::directions());
-        let weights = directions.iter().map(|&test| cells.iter().map(|c| Tests::weight(c, test) as f32).collect());
+        let scale = Tests::scale();
+        let weights = directions.iter().map(|&test| cells.iter().map(|c| (scale * c.seen(test)) as f32).collect());
         Projection { weights: weights.collect(), directions }
     }
 
@@ -70,24 +72,21 @@ impl Projection {
     ) -> Vec<SphericalGaussian> {
         let cells = Cell::of(environment);
         let fluxes: [Vec<f32>; 3] = std::array::from_fn(|c| cells.iter().map(|cell| cell.flux[c] as f32).collect());
-        let targets = |_: &[[f64; 3]]| {
-            let sum = |weights: &[f32], flux: &[f32]| {
-                let (weights, flux) = (weights.as_chunks::<8>().0, flux.as_chunks::<8>().0);
-                let mut sums = [0.0f32; 8];
-                weights.iter().zip(flux).for_each(|(w, f)| (0..8).for_each(|k| sums[k] += w[k] * f[k]));
-                sums.iter().sum::<f32>() as f64
-            };
-            self.weights.iter().map(|weights| fluxes.each_ref().map(|flux| sum(weights, flux))).collect()
+        let sum = |weights: &[f32], flux: &[f32]| {
+            let (weights, flux) = (weights.as_chunks::<8>().0, flux.as_chunks::<8>().0);
+            let mut sums = [0.0f32; 8];
+            weights.iter().zip(flux).for_each(|(w, f)| (0..8).for_each(|k| sums[k] += w[k] * f[k]));
+            sums.iter().sum::<f32>() as f64
         };
-        let options = FitOptions { lobes, ..FitOptions::default() };
-        fit_cells(&cells, &self.directions, &targets, &options, previous)
+        let targets = self.weights.iter().map(|weights| fluxes.each_ref().map(|flux| sum(weights, flux))).collect();
+        let tests = Tests { directions: self.directions.clone(), targets };
+        fit_cells(&cells, &tests, &FitOptions { lobes, ..FitOptions::default() }, previous)
     }
 }
 
 fn fit_cells(
     cells: &[Cell],
-    directions: &[[f64; 3]],
-    targets: &dyn Fn(&[[f64; 3]]) -> Vec<[f64; 3]>,
+    tests: &Tests,
     options: &FitOptions,
     previous: Option<&[SphericalGaussian]>,
 ) -> Vec<SphericalGaussian> {
@@ -96,7 +95,6 @@ fn fit_cells(
     if total <= 0.0 {
         return Vec::new();
     }
-    let tests = Tests { directions: directions.to_vec(), targets: targets(directions) };
     let previous = previous.filter(|lobes| lobes.len() == count);
     let start = previous.map_or_else(|| cluster(cells, count), <[SphericalGaussian]>::to_vec);
     let mut x: Vec<f64> = start.iter().flat_map(|lobe| to_numbers(lobe, total)).collect();
@@ -134,10 +132,6 @@ fn unit(v: [f64; 3]) -> ([f64; 3], f64) {
     (v.map(|x| x / length), length)
 }
 
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
 /// A part of the sphere and the light that comes from it.
 struct Cell {
     direction: [f64; 3],
@@ -164,6 +158,10 @@ impl Cell {
     fn energy(&self) -> f64 {
         self.flux.iter().sum()
     }
+    /// How much of it a test lobe sees, which is 1 at its axis.
+    fn seen(&self, test: [f64; 3]) -> f64 {
+        (TEST_SHARPNESS * (dot(self.direction, test) - 1.0)).exp()
+    }
 }
 
 /// The environment through the test lobes.
@@ -178,21 +176,22 @@ impl Tests {
         spread(TESTS).collect()
     }
 
-    /// Weight of a cell in a test lobe.
-    fn weight(cell: &Cell, test: [f64; 3]) -> f64 {
-        (TEST_SHARPNESS * (dot(cell.direction, test) - 1.0)).exp() / sphere_integral(TEST_SHARPNESS)
+    /// Makes the test lobes' integrals 1.
+    fn scale() -> f64 {
+        1.0 / sphere_integral(TEST_SHARPNESS)
     }
 
-    /// Mean radiance of the cells through test lobes.
-    fn through(cells: &[Cell], directions: &[[f64; 3]]) -> Vec<[f64; 3]> {
-        crate::parallel::map(directions.len(), |k| {
+    fn through(cells: &[Cell]) -> Self {
+        let (directions, scale) = (Self::directions(), Self::scale());
+        let targets = crate::parallel::map(directions.len(), |k| {
             let mut sum = [0.0; 3];
             for cell in cells {
-                let weight = Self::weight(cell, directions[k]);
+                let weight = scale * cell.seen(directions[k]);
                 (0..3).for_each(|c| sum[c] += weight * cell.flux[c]);
             }
             sum
-        })
+        });
+        Tests { directions, targets }
     }
 
     /// Mean of the squared differences over the mean radiance squared, and its gradient.
@@ -354,8 +353,7 @@ mod tests {
     #[test]
     fn the_gradient_is_the_slope() {
         let cells = Cell::of(&scene());
-        let directions = Tests::directions();
-        let tests = Tests { targets: Tests::through(&cells, &directions), directions };
+        let tests = Tests::through(&cells);
         let total: f64 = cells.iter().map(Cell::energy).sum();
         let x: Vec<f64> = cluster(&cells, 3).iter().flat_map(|lobe| to_numbers(lobe, total)).collect();
         let mut gradient = vec![0.0; x.len()];

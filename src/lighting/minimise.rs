@@ -2,6 +2,8 @@
 //! replaced by projection): the two-loop recursion on the variables that are off their bounds, then a line search along the
 //! projected path.
 
+use crate::vector::dot_slices;
+
 /// Pairs of steps and gradient changes that are remembered.
 const MEMORY: usize = 10;
 /// Decrease that a step must reach, as a share of what the slope promises.
@@ -43,26 +45,26 @@ pub fn minimise(
         }
         let mut factors = Vec::with_capacity(memory.len());
         for (step, change, product) in memory.iter().rev() {
-            let factor = dot(step, &direction) / product;
+            let factor = dot_slices(step, &direction) / product;
             (0..n).for_each(|k| direction[k] -= factor * change[k]);
             factors.push(factor);
         }
         match memory.last() {
             Some((_, change, product)) => {
-                let scale = product / dot(change, change);
+                let scale = product / dot_slices(change, change);
                 direction.iter_mut().for_each(|d| *d *= scale);
             }
             None => {
-                let scale = 0.1 / dot(&steepest, &steepest).sqrt();
+                let scale = 0.1 / dot_slices(&steepest, &steepest).sqrt();
                 direction.iter_mut().for_each(|d| *d *= scale);
             }
         }
         for ((step, change, product), factor) in memory.iter().zip(factors.into_iter().rev()) {
-            let back = dot(change, &direction) / product;
+            let back = dot_slices(change, &direction) / product;
             (0..n).for_each(|k| direction[k] += (factor - back) * step[k]);
         }
         (0..n).for_each(|k| direction[k] = if held(k) { 0.0 } else { direction[k] });
-        if dot(&direction, &gradient) >= 0.0 {
+        if dot_slices(&direction, &gradient) >= 0.0 {
             direction = steepest;
             memory.clear();
         }
@@ -95,8 +97,8 @@ pub fn minimise(
         };
         let step: Vec<f64> = (0..n).map(|k| next[k] - x[k]).collect();
         let change: Vec<f64> = (0..n).map(|k| next_gradient[k] - gradient[k]).collect();
-        let product = dot(&step, &change);
-        if product > 1e-12 * dot(&change, &change).sqrt() * dot(&step, &step).sqrt() {
+        let product = dot_slices(&step, &change);
+        if product > 1e-12 * dot_slices(&change, &change).sqrt() * dot_slices(&step, &step).sqrt() {
             if memory.len() == MEMORY {
                 memory.remove(0);
             }
@@ -108,10 +110,6 @@ pub fn minimise(
         value = found;
     }
     value
-}
-
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(x, y)| x * y).sum()
 }
 
 #[cfg(test)]

@@ -3,6 +3,7 @@
 //! Wang et al. 2009; the visibility of a half-space also after Tokuyoshi 2022. Where two forms stand side by side, `_published` is
 //! the one of Sonoda 2011.
 
+use crate::vector::dot;
 use std::f64::consts::PI;
 
 /// A spherical Gaussian of three colours.
@@ -16,6 +17,9 @@ pub struct SphericalGaussian {
     pub amplitude: [f64; 3],
 }
 
+/// Sharpness and amplitude of the clamped cosine as one lobe (Wang 2009).
+pub const COSINE_PUBLISHED: (f64, f64) = (2.133, 1.170);
+
 /// Sub-lobes of [`SphericalGaussian::split`].
 pub const SPLIT: usize = 7;
 
@@ -27,7 +31,7 @@ impl SphericalGaussian {
 
     /// The clamped cosine about a normal as one lobe, 8 % too bright in all, largest error 0.17 (Wang 2009).
     pub fn cosine_published(normal: [f64; 3]) -> Self {
-        Self::grey(normal, 2.133, 1.170)
+        Self::grey(normal, COSINE_PUBLISHED.0, COSINE_PUBLISHED.1)
     }
 
     /// Value in a unit direction.
@@ -145,11 +149,18 @@ pub fn half_space(sharpness: f64, sine: f64) -> f64 {
     hemisphere_integral(l) * (far + (1.0 - far) * share)
 }
 
-/// The same by the signed angle and Wang's fit; of `k`'s polynomial the argument is the logarithm of the sharpness.
+/// The same by the signed angle and Wang's fit.
 pub fn half_space_published(sharpness: f64, distance: f64) -> f64 {
+    half_space_share_published(sharpness as f32, distance as f32) as f64 * hemisphere_integral(sharpness)
+}
+
+/// [`half_space_published`] over the hemisphere's integral: a logistic function of the angle; of its steepness' polynomial the argument
+/// is the logarithm of the sharpness.
+#[inline]
+pub fn half_space_share_published(sharpness: f32, distance: f32) -> f32 {
     let log = sharpness.max(1e-3).ln();
-    let k = ((0.204 * log - 0.892) * log + 2.995) * log + 0.067;
-    (1.05 / (1.0 + (-k * distance).exp()) - 0.025) * hemisphere_integral(sharpness)
+    let steep = ((0.204 * log - 0.892) * log + 2.995) * log + 0.067;
+    1.05 / (1.0 + (-steep * distance).exp()) - 0.025
 }
 
 /// Share of the lobe that a half-space at a signed angle leaves, 0 to 1.
@@ -200,10 +211,6 @@ fn erf(x: f64) -> f64 {
     }
     let fraction = (1..=40).rev().fold(magnitude, |below, k| magnitude + k as f64 / 2.0 / below);
     (1.0 - gauss / fraction).copysign(x)
-}
-
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 #[cfg(test)]

@@ -64,19 +64,27 @@ pub(super) fn radiance(scene: &Scene, point: &Point, appearance: &Appearance) ->
         }
     }
     if let Some(prepared) = specular {
-        shine += reflected(scene, point, prepared);
+        shine += reflected(scene, point, prepared, |_, _, incoming, outgoing| evaluate(prepared, incoming, outgoing));
     }
     [appearance.albedo * irradiance / PI, appearance.specular_scale * shine]
 }
 
-fn evaluate(prepared: &Prepared, incoming: Vec3, outgoing: Vec3) -> Vec3 {
+/// The reflection function between two directions in the tangent frame.
+pub(super) fn evaluate(prepared: &Prepared, incoming: Vec3, outgoing: Vec3) -> Vec3 {
     let f = prepared.specular.brdf.evaluate(incoming.as_dvec3().to_array(), outgoing.as_dvec3().to_array());
     Vec3::from_array(f.map(|x| x as f32))
 }
 
 /// Specular reflection of everything but the distant lights: half vectors drawn from the lobes, each with the light around its own
-/// direction averaged over the solid angle that it stands for.
-pub(super) fn reflected(scene: &Scene, point: &Point, prepared: &Prepared) -> Vec3 {
+/// direction averaged over the solid angle that it stands for. `brdf` gets the half vector, its cosine to either direction, and the
+/// incoming and outgoing direction, all in the tangent frame.
+#[inline]
+pub(super) fn reflected(
+    scene: &Scene,
+    point: &Point,
+    prepared: &Prepared,
+    brdf: impl Fn(Vec3, f32, Vec3, Vec3) -> Vec3,
+) -> Vec3 {
     let frame = point.frame();
     let outgoing = frame.transpose() * point.outgoing;
     let occlusion = scene.object.occlusion.filter(|_| scene.options.shadows);
@@ -103,7 +111,7 @@ pub(super) fn reflected(scene: &Scene, point: &Point, prepared: &Prepared) -> Ve
         }
         // The tap's level is that of the half vector's density; the turn to the reflected one makes it coarser.
         let light = scene.surround.filtered(square, level + cosine.ln() * coarse);
-        sum += light * evaluate(prepared, incoming, outgoing) * (incoming.z * seen / density);
+        sum += light * brdf(half, cosine, incoming, outgoing) * (incoming.z * seen / density);
     }
     sum
 }

@@ -7,16 +7,17 @@
 
 use super::appearance::{Appearance, Look, Prepared};
 use super::bands::Samples;
-use super::occlusion::{Occlusion, ramp};
 use super::octahedral::to_square;
-use super::scene::{Evaluator, Scene};
+use super::scene::{Evaluator, Point, Scene};
 use super::surround::{Surround, level_of};
+use super::{better, published};
 use crate::asset::Camera;
 use crate::error::Result;
 use crate::image::{Mask, RgbImage};
+use crate::lighting::spherical_gaussian::{COSINE_PUBLISHED, half_space_share_published};
 use crate::parallel::rows;
 use crate::surface::raster::check_work;
-use glam::{Mat3, Vec3};
+use glam::Vec3;
 use std::f32::consts::PI;
 
 /// Radiance below which a distant light's reflection is left out; 1 is white.
@@ -65,13 +66,8 @@ struct Face {
 
 /// A surface point in a picture.
 struct Spot {
-    position: Vec3,
-    normal: Vec3,
-    geometric: Vec3,
-    outgoing: Vec3,
-    corners: [u32; 3],
-    weights: Vec3,
-    triangle: usize,
+    point: Point,
+    /// Whether the triangle's back is seen.
     turned: bool,
 }
 
@@ -79,7 +75,7 @@ impl<'a> Motion<'a> {
     /// Prepares the scene. Its `samples` are taken to be 1.
     pub fn new(scene: &'a Scene<'a>) -> Self {
         let published = scene.options.evaluator == Evaluator::Published;
-        let irradiance = if published { super::published::irradiance(scene) } else { scene.irradiance.clone() };
+        let irradiance = if published { published::irradiance(scene) } else { scene.irradiance.clone() };
         let mesh = scene.object.mesh;
         let vertices = mesh.positions.iter().zip(&scene.object.normals).zip(irradiance);
         let vertices = vertices.map(|((&position, &normal), irradiance)| Vertex {
@@ -117,7 +113,7 @@ impl<'a> Motion<'a> {
                 let places = [(x, y), (x + 1, y), (x, y + 1), (x + 1, y + 1)];
                 let shown = places.iter().filter(|&&(x, y)| x < width && y < height).map(|&(x, y)| y * width + x);
                 let spot = shown.filter_map(|index| stage.spot(samples, index, centre)).next();
-                *value = spot.and_then(|spot| Some((spot.normal, stage.reflected(&spot, look)?)));
+                *value = spot.and_then(|spot| Some((spot.point.normal, stage.reflected(&spot.point, look)?)));
             }
         });
         let coarse = Coarse { width: half_width, height: half_height, values: coarse };
@@ -178,97 +174,48 @@ impl Stage<'_> {
         let geometric = self.faces[triangle].normal;
         let turned = geometric.dot(outgoing) < 0.0;
         let geometric = if turned { -geometric } else { geometric };
-        let spot = Spot { position, normal, geometric, outgoing, corners, weights, triangle, turned };
-        (normal.dot(outgoing) > 0.0).then_some(spot)
-    }
-
-    fn occlusion(&self) -> Option<&Occlusion> {
-        self.scene.object.occlusion.filter(|_| self.scene.options.shadows)
+        let point = Point { position, normal, geometric, outgoing, corners, weights, triangle };
+        (normal.dot(outgoing) > 0.0).then_some(Spot { point, turned })
     }
 
     /// Specular light of the levels as the better evaluator has it; `None` where there is no specular part.
-    fn reflected(&self, spot: &Spot, look: &dyn Look) -> Option<Vec3> {
-        let appearance = look.at(spot.triangle, spot.weights, spot.position);
+    fn reflected(&self, point: &Point, look: &dyn Look) -> Option<Vec3> {
+        let appearance = look.at(point.triangle, point.weights, point.position);
         let prepared = appearance.specular.filter(|_| appearance.specular_scale.max_element() > 0.0)?;
-        Some(self.reflected_better(spot, prepared))
+        Some(better::reflected(self.scene, point, prepared, |half, cosine, incoming, outgoing| match &prepared.gloss {
+            Some(gloss) => {
+                let sine = (1.0 - half.z * half.z).max(0.0).sqrt();
+                let value = gloss.distribution(sine) * gloss.rest(sine, cosine, incoming.z - outgoing.z);
+                value / (incoming.z * outgoing.z)
+            }
+            None => better::evaluate(prepared, incoming, outgoing),
+        }))
     }
 
-    /// As [`super::better::reflected`].
-    fn reflected_better(&self, spot: &Spot, prepared: &Prepared) -> Vec3 {
-        let occlusion = self.occlusion();
-        let frame = frame(spot.normal);
-        let outgoing = frame.transpose() * spot.outgoing;
-        let count = prepared.taps.len() as f32;
-        let coarse = 4f32.ln().recip();
-        let mut sum = Vec3::ZERO;
-        for &(half, density, level) in &prepared.taps {
-            let cosine = half.dot(outgoing);
-            let incoming = 2.0 * cosine * half - outgoing;
-            if cosine <= 1e-4 || incoming.z <= 0.0 || half.z <= 0.0 {
-                continue;
-            }
-            let world = frame * incoming;
-            if occlusion.is_some() && spot.geometric.dot(world) <= 0.0 {
-                continue;
-            }
-            let density = density / (4.0 * cosine) * count;
-            let square = to_square(world);
-            let seen =
-                occlusion.map_or(1.0, |o| ramp(o.distance(spot.corners, spot.weights, square), 2.0 * PI * density));
-            if seen <= 0.0 {
-                continue;
-            }
-            let light = self.scene.surround.filtered(square, level + cosine.ln() * coarse);
-            let reflectance = match &prepared.gloss {
-                Some(gloss) => {
-                    let sine = (1.0 - half.z * half.z).max(0.0).sqrt();
-                    let value = gloss.distribution(sine) * gloss.rest(sine, cosine, incoming.z - outgoing.z);
-                    value / (incoming.z * outgoing.z)
-                }
-                None => exact(prepared, incoming, outgoing),
-            };
-            sum += light * reflectance * (incoming.z * seen / density);
-        }
-        sum
-    }
-
-    /// As [`super::published::radiance`].
-    fn reflected_published(&self, spot: &Spot, prepared: &Prepared, levels: &Surround) -> Vec3 {
-        let Some(gloss) = &prepared.gloss else {
-            let point = super::scene::Point {
-                position: spot.position,
-                normal: spot.normal,
-                geometric: spot.geometric,
-                outgoing: spot.outgoing,
-                corners: spot.corners,
-                weights: spot.weights,
-                triangle: spot.triangle,
-            };
-            return super::published::reflected(self.scene, &point, prepared);
-        };
-        let occlusion = self.occlusion();
-        let cosine = spot.normal.dot(spot.outgoing).max(1e-4);
-        let axis = 2.0 * cosine * spot.normal - spot.outgoing;
+    /// As [`published::reflected`].
+    fn reflected_published(&self, point: &Point, prepared: &Prepared, levels: &Surround) -> Vec3 {
+        let Some(gloss) = &prepared.gloss else { return published::reflected(self.scene, point, prepared) };
+        let occlusion = self.scene.object.occlusion.filter(|_| self.scene.options.shadows);
+        let cosine = point.normal.dot(point.outgoing).max(1e-4);
+        let axis = 2.0 * cosine * point.normal - point.outgoing;
         // The mirror's direction, whose half vector is the normal: what is smooth beside the distribution.
         let smooth = gloss.distribution(0.0) * gloss.rest(0.0, cosine, 0.0) / (cosine * cosine) / prepared.peak;
+        let (cosine_sharpness, cosine_amplitude) = (COSINE_PUBLISHED.0 as f32, COSINE_PUBLISHED.1 as f32);
         let mut sum = 0.0 * smooth;
         for &(sharpness, amplitude) in &prepared.lobes {
             let sharpness = sharpness / (4.0 * cosine);
             // Times the clamped cosine as a lobe.
-            let together = (sharpness * axis + COSINE_SHARPNESS * spot.normal) / (sharpness + COSINE_SHARPNESS);
+            let together = (sharpness * axis + cosine_sharpness * point.normal) / (sharpness + cosine_sharpness);
             let length = together.length();
-            let exponent = (sharpness + COSINE_SHARPNESS) * (length - 1.0);
-            let (axis, sharpness) = (together / length, (sharpness + COSINE_SHARPNESS) * length);
+            let exponent = (sharpness + cosine_sharpness) * (length - 1.0);
+            let (axis, sharpness) = (together / length, (sharpness + cosine_sharpness) * length);
             let whole = 2.0 * PI / sharpness * (1.0 - (-2.0 * sharpness).exp());
             let square = to_square(axis);
             let seen = occlusion.map_or(1.0, |o| {
-                let distance = o.distance(spot.corners, spot.weights, square);
-                let log = sharpness.ln();
-                let steep = ((0.204 * log - 0.892) * log + 2.995) * log + 0.067;
-                let part = |distance: f32| 1.05 / (1.0 + (-steep * distance).exp()) - 0.025;
-                part(distance) / part(0.5 * PI)
+                let distance = o.distance(point.corners, point.weights, square);
+                half_space_share_published(sharpness, distance) / half_space_share_published(sharpness, 0.5 * PI)
             });
-            let scale = amplitude * COSINE_AMPLITUDE * exponent.exp() * whole * seen;
+            let scale = amplitude * cosine_amplitude * exponent.exp() * whole * seen;
             sum += levels.filtered(square, level_of(sharpness)) * scale;
         }
         sum * smooth
@@ -276,13 +223,14 @@ impl Stage<'_> {
 
     #[inline]
     fn radiance(&self, spot: &Spot, look: &dyn Look, coarse: &Coarse, [x, y]: [usize; 2]) -> Vec3 {
-        let Appearance { albedo, specular_scale, specular } = look.at(spot.triangle, spot.weights, spot.position);
+        let point = &spot.point;
+        let Appearance { albedo, specular_scale, specular } = look.at(point.triangle, point.weights, point.position);
         let specular = specular.filter(|_| specular_scale.max_element() > 0.0);
-        let [a, b, c] = spot.corners.map(|v| self.vertices[v as usize].irradiance);
-        let mut irradiance = a * spot.weights.x + b * spot.weights.y + c * spot.weights.z;
+        let [a, b, c] = point.corners.map(|v| self.vertices[v as usize].irradiance);
+        let mut irradiance = a * point.weights.x + b * point.weights.y + c * point.weights.z;
         let mut shine = match (specular, &self.levels) {
-            (Some(prepared), Some(levels)) => self.reflected_published(spot, prepared, levels),
-            (Some(_), None) => coarse.between(x, y, spot.normal).unwrap_or(Vec3::ZERO),
+            (Some(prepared), Some(levels)) => self.reflected_published(point, prepared, levels),
+            (Some(_), None) => coarse.between(x, y, point.normal).unwrap_or(Vec3::ZERO),
             (None, _) => Vec3::ZERO,
         };
         if self.levels.is_none() {
@@ -295,31 +243,32 @@ impl Stage<'_> {
     #[inline]
     fn distant(&self, spot: &Spot, specular: Option<&Prepared>, most: f32, irradiance: &mut Vec3, shine: &mut Vec3) {
         let lights = &self.scene.surround.distant;
-        let face = &self.faces[spot.triangle];
+        let point = &spot.point;
+        let face = &self.faces[point.triangle];
         // From behind every light is tried.
         let (lit, mut left) = if spot.turned {
             (0, u64::MAX.checked_shr(64 - lights.len() as u32).unwrap_or(0))
         } else {
             (face.lit, face.lit | face.partial)
         };
-        let cos_outgoing = spot.normal.dot(spot.outgoing);
+        let cos_outgoing = point.normal.dot(point.outgoing);
         while left != 0 {
             let k = left.trailing_zeros() as usize;
             left &= left - 1;
             let light = &lights[k];
             let direction = Vec3::from_array(light.direction);
-            let cosine = spot.normal.dot(direction);
+            let cosine = point.normal.dot(direction);
             if cosine <= 0.0 {
                 continue;
             }
             let mut reach = 1.0;
             if lit >> k & 1 == 0 && self.scene.options.shadows {
-                let geometric = spot.geometric.dot(direction);
+                let geometric = point.geometric.dot(direction);
                 if geometric <= 0.0 {
                     continue;
                 }
                 if let Some(Some(map)) = self.scene.shadows.get(k) {
-                    reach = map.reach(spot.position.as_dvec3().to_array(), geometric as f64) as f32;
+                    reach = map.reach(point.position.as_dvec3().to_array(), geometric as f64) as f32;
                 }
                 if reach <= 0.0 {
                     continue;
@@ -329,11 +278,11 @@ impl Stage<'_> {
             *irradiance += arriving;
             let Some(prepared) = specular else { continue };
             let Some(gloss) = &prepared.gloss else {
-                let frame = frame(spot.normal).transpose();
-                *shine += arriving * exact(prepared, frame * direction, frame * spot.outgoing);
+                let frame = point.frame().transpose();
+                *shine += arriving * better::evaluate(prepared, frame * direction, frame * point.outgoing);
                 continue;
             };
-            let sum = direction + spot.outgoing;
+            let sum = direction + point.outgoing;
             let length = sum.length().max(1e-6);
             let cos_half = (cosine + cos_outgoing) / length;
             let sine = (1.0 - cos_half * cos_half).max(0.0).sqrt();
@@ -343,28 +292,6 @@ impl Stage<'_> {
             }
         }
     }
-}
-
-/// The clamped cosine as one lobe, see [`crate::lighting::SphericalGaussian::cosine_published`].
-const COSINE_SHARPNESS: f32 = 2.133;
-const COSINE_AMPLITUDE: f32 = 1.170;
-
-/// Tangent frame, see [`crate::lighting::spherical_gaussian::tangents`].
-#[inline]
-fn frame(normal: Vec3) -> Mat3 {
-    let sign = 1f32.copysign(normal.z);
-    let a = -1.0 / (sign + normal.z);
-    let b = normal.x * normal.y * a;
-    Mat3::from_cols(
-        Vec3::new(1.0 + sign * normal.x * normal.x * a, sign * b, -sign * normal.x),
-        Vec3::new(b, sign + normal.y * normal.y * a, -normal.y),
-        normal,
-    )
-}
-
-fn exact(prepared: &Prepared, incoming: Vec3, outgoing: Vec3) -> Vec3 {
-    let f = prepared.specular.brdf.evaluate(incoming.as_dvec3().to_array(), outgoing.as_dvec3().to_array());
-    Vec3::from_array(f.map(|x| x as f32))
 }
 
 /// Normal and specular reflection of every fourth sample, where it shows a shiny object.

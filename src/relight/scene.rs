@@ -11,7 +11,7 @@ use crate::error::{Error, Result};
 use crate::image::{Grid, RgbImage};
 use crate::lighting;
 use crate::surface::raster::{check_work, vertex_normals};
-use glam::Vec3;
+use glam::{Mat3, Vec3};
 
 /// How light is summed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -92,11 +92,18 @@ pub(super) struct Point {
 }
 
 impl Point {
-    /// Tangent frame of the shading normal.
-    pub fn frame(&self) -> glam::Mat3 {
-        let (x, y) = crate::lighting::spherical_gaussian::tangents(self.normal.as_dvec3().to_array());
-        let vector = |v: [f64; 3]| Vec3::from_array(v.map(|c| c as f32));
-        glam::Mat3::from_cols(vector(x), vector(y), self.normal)
+    /// Tangent frame of the shading normal, see [`crate::lighting::spherical_gaussian::tangents`].
+    #[inline]
+    pub fn frame(&self) -> Mat3 {
+        let normal = self.normal;
+        let sign = 1f32.copysign(normal.z);
+        let a = -1.0 / (sign + normal.z);
+        let b = normal.x * normal.y * a;
+        Mat3::from_cols(
+            Vec3::new(1.0 + sign * normal.x * normal.x * a, sign * b, -sign * normal.x),
+            Vec3::new(b, sign + normal.y * normal.y * a, -normal.y),
+            normal,
+        )
     }
 }
 
