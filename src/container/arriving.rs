@@ -247,18 +247,23 @@ impl Arriving {
     /// The content of the first section with a tag: checksum compared, decompressed. `None` where the file has none.
     pub fn read(&mut self, tag: Tag) -> Result<Arrival<Option<Vec<u8>>>> {
         let Some(section) = here!(self.find(tag)?) else { return Ok(Arrival::Here(None)) };
+        let stored = here!(self.stored(&section)?).to_vec();
+        self.budget.charge("section", section.stored)?;
+        Ok(Arrival::Here(Some(section.decode(stored, &self.budget)?)))
+    }
+
+    /// What is stored of a section: its header and checksum are compared.
+    fn stored(&self, section: &Section) -> Result<Arrival<&[u8]>> {
         let header = section.to_bytes();
-        let start = section.offset + header.len() as u64;
-        let bytes = here!(self.bytes(section.offset..start + section.stored)?);
-        let (stored_header, stored) = bytes.split_at(header.len());
+        let end = section.offset + header.len() as u64 + section.stored;
+        let (stored_header, stored) = here!(self.bytes(section.offset..end)?).split_at(header.len());
         if stored_header != header {
-            return Err(Error::format(tag, 0u8, "header differs from the directory"));
+            return Err(Error::format(section.tag, 0u8, "header differs from the directory"));
         }
         let mut hasher = section.hasher();
         hasher.update(stored);
         section.check_crc(hasher)?;
-        self.budget.charge("section", section.stored)?;
-        Ok(Arrival::Here(Some(section.decode(stored.to_vec(), &self.budget)?)))
+        Ok(Arrival::Here(stored))
     }
 
     /// Compares the checksum of every section, and the directory.
@@ -280,15 +285,7 @@ impl Arriving {
             return Err(Error::format("file", length, format!("goes on after its end, up to byte {end}")));
         }
         for section in sections {
-            let header = section.to_bytes();
-            let start = section.offset + header.len() as u64;
-            if here!(self.bytes(section.offset..start)?) != header {
-                return Err(Error::format(section.tag, 0u8, "header differs from the directory"));
-            }
-            let stored = here!(self.bytes(start..start + section.stored)?);
-            let mut hasher = section.hasher();
-            hasher.update(stored);
-            section.check_crc(hasher)?;
+            here!(self.stored(section)?);
         }
         Ok(Arrival::Here(()))
     }

@@ -277,21 +277,10 @@ impl ArrivingFile {
                         None => Err(Error::parameter("the view is neither missing nor kept")),
                     };
                 };
-                let mut wanted = Vec::new();
-                let mut ready = None;
-                for &step in &steps {
-                    let Some(coded) = decoder.coded(step) else { continue };
-                    let range = stream_range(*streams, coded.offset, &coded.lengths);
-                    if let Arrival::Here(bytes) = self.file.bytes(range.clone())?
-                        && step == first
-                    {
-                        ready = Some(bytes);
-                    }
-                    wanted.push(range);
-                }
+                let ranges = stream_ranges(decoder, *streams, &steps)?;
                 // What is there is decoded while the rest arrives.
-                let Some(bytes) = ready else {
-                    here!(self.file.all(&wanted)?);
+                let Arrival::Here(bytes) = self.file.bytes(ranges[0].clone())? else {
+                    here!(self.file.all(&ranges)?);
                     return Err(Error::parameter("bytes are there and are not"));
                 };
                 let photograph = decoder.decode(first, bytes)?;
@@ -305,11 +294,8 @@ impl ArrivingFile {
     /// order is known.
     pub fn missing_for(&mut self, index: usize) -> Result<Vec<Range<u64>>> {
         let Some(Pictures::Tuned(decoder, streams)) = &mut self.pictures else { return Ok(Vec::new()) };
-        let mut wanted = Vec::new();
-        for step in decoder.missing(index)? {
-            let Some(coded) = decoder.coded(step) else { continue };
-            wanted.push(stream_range(*streams, coded.offset, &coded.lengths));
-        }
+        let steps = decoder.missing(index)?;
+        let wanted = stream_ranges(decoder, *streams, &steps)?;
         Ok(match self.file.all(&wanted)? {
             Arrival::Here(()) => Vec::new(),
             Arrival::Missing(ranges) => ranges,
@@ -336,7 +322,12 @@ fn handed_out<T>(budget: &Budget, decode: impl FnOnce(&Budget) -> Result<T>) -> 
     result
 }
 
-fn stream_range(streams: u64, offset: u64, lengths: &[u32]) -> Range<u64> {
-    let start = streams + offset;
-    start..start + lengths.iter().map(|&length| length as u64).sum::<u64>()
+/// Where in the file the streams of some steps lie.
+fn stream_ranges(decoder: &ViewDecoder, streams: u64, steps: &[usize]) -> Result<Vec<Range<u64>>> {
+    let range = |&step: &usize| {
+        let coded = decoder.coded(step).ok_or_else(|| Error::parameter("the step does not exist"))?;
+        let start = streams + coded.offset;
+        Ok(start..start + coded.lengths.iter().map(|&length| length as u64).sum::<u64>())
+    };
+    steps.iter().map(range).collect()
 }

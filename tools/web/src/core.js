@@ -40,30 +40,29 @@ export async function compile(where) {
 /** One file in one instance of the module. */
 export class Core {
   #exports;
-  #handle;
   #broken = null;
 
   /** `length` is null where it is not known; `seekable` says that ranges can be fetched. */
   constructor(module, length, seekable, memoryMib) {
     this.#exports = new WebAssembly.Instance(module, {}).exports;
-    this.#handle = this.#call("tsuya_open", length ?? -1, seekable ? 1 : 0, memoryMib);
+    this.#call("tsuya_open", length ?? -1, seekable ? 1 : 0, memoryMib);
   }
 
   /** Hands over bytes of the file. */
   give(offset, bytes) {
     const pointer = this.#call("tsuya_input", bytes.length);
     new Uint8Array(this.#exports.memory.buffer, pointer, bytes.length).set(bytes);
-    if (this.#call("tsuya_give", this.#handle, offset) === STATUS.error) throw this.#error();
+    if (this.#call("tsuya_give", offset) === STATUS.error) throw this.#error();
   }
 
   /** Says where the file ends. */
   end(length) {
-    this.#call("tsuya_end", this.#handle, length);
+    this.#call("tsuya_end", length);
   }
 
   /** Runs an operation: `{ status, value }`; `value` is the result or the missing ranges `[start, end]`. */
   run(operation, argument = 0, flags = 0) {
-    const status = this.#call("tsuya_run", this.#handle, operation, argument, flags);
+    const status = this.#call("tsuya_run", operation, argument, flags);
     if (status === STATUS.error) throw this.#error();
     if (status === STATUS.again) return { status, value: null };
     const value = JSON.parse(this.#text(0));

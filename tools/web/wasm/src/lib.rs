@@ -17,7 +17,7 @@ use tsuya::decoder::arriving::ArrivingFile;
 struct State {
     input: Vec<u8>,
     outputs: Vec<Output>,
-    files: Vec<Option<ArrivingFile>>,
+    file: Option<ArrivingFile>,
 }
 
 thread_local! {
@@ -33,12 +33,6 @@ fn with_state<T>(run: impl FnOnce(&mut State) -> T, otherwise: T) -> T {
     })
 }
 
-impl State {
-    fn file(&mut self, handle: u32) -> Option<&mut ArrivingFile> {
-        self.files.get_mut(handle as usize)?.as_mut()
-    }
-}
-
 /// Where `length` bytes may be written for [`tsuya_give`].
 #[unsafe(no_mangle)]
 pub extern "C" fn tsuya_input(length: u32) -> *mut u8 {
@@ -52,9 +46,9 @@ pub extern "C" fn tsuya_input(length: u32) -> *mut u8 {
     )
 }
 
-/// Begins a file of `length` bytes, negative where that is not known; returns its handle.
+/// Begins a file of `length` bytes, negative where that is not known. An instance holds one file.
 #[unsafe(no_mangle)]
-pub extern "C" fn tsuya_open(length: f64, is_seekable: u32, memory_mib: u32) -> u32 {
+pub extern "C" fn tsuya_open(length: f64, is_seekable: u32, memory_mib: u32) {
     std::panic::set_hook(Box::new(|info| {
         let place = info.location().map(|place| format!("{}:{}", place.file(), place.line())).unwrap_or_default();
         PANIC.with(|panic| panic.replace(place));
@@ -62,26 +56,16 @@ pub extern "C" fn tsuya_open(length: f64, is_seekable: u32, memory_mib: u32) -> 
     let length = (length >= 0.0).then_some(length as u64);
     let limits = Limits { memory_bytes: (memory_mib as u64) << 20, ..Limits::default() };
     let file = ArrivingFile::new(length, is_seekable != 0, limits);
-    with_state(
-        |state| {
-            let free = state.files.iter().position(Option::is_none).unwrap_or(state.files.len());
-            if free == state.files.len() {
-                state.files.push(None);
-            }
-            state.files[free] = Some(file);
-            free as u32
-        },
-        u32::MAX,
-    )
+    with_state(|state| state.file = Some(file), ());
 }
 
 /// Takes the bytes in the input for the file's place `offset`.
 #[unsafe(no_mangle)]
-pub extern "C" fn tsuya_give(handle: u32, offset: f64) -> u32 {
+pub extern "C" fn tsuya_give(offset: f64) -> u32 {
     with_state(
         |state| {
             let input = std::mem::take(&mut state.input);
-            let given = state.file(handle).map(|file| file.give(offset as u64, &input));
+            let given = state.file.as_mut().map(|file| file.give(offset as u64, &input));
             let (status, outputs) = operations::answer(given, |()| (Status::Here, Vec::new()));
             state.outputs = outputs;
             status as u32
@@ -92,10 +76,10 @@ pub extern "C" fn tsuya_give(handle: u32, offset: f64) -> u32 {
 
 /// Says where the file ends.
 #[unsafe(no_mangle)]
-pub extern "C" fn tsuya_end(handle: u32, length: f64) {
+pub extern "C" fn tsuya_end(length: f64) {
     with_state(
         |state| {
-            if let Some(file) = state.file(handle) {
+            if let Some(file) = &mut state.file {
                 file.end(length as u64);
             }
         },
@@ -103,28 +87,14 @@ pub extern "C" fn tsuya_end(handle: u32, length: f64) {
     );
 }
 
-/// Frees a file.
-#[unsafe(no_mangle)]
-pub extern "C" fn tsuya_close(handle: u32) {
-    with_state(
-        |state| {
-            if let Some(file) = state.files.get_mut(handle as usize) {
-                *file = None;
-            }
-            state.outputs = Vec::new();
-        },
-        (),
-    );
-}
-
 /// Runs one of [`operations::run`]; returns a [`Status`].
 #[unsafe(no_mangle)]
-pub extern "C" fn tsuya_run(handle: u32, operation: u32, argument: u32, flags: u32) -> u32 {
+pub extern "C" fn tsuya_run(operation: u32, argument: u32, flags: u32) -> u32 {
     with_state(
         |state| {
             // What was handed out before is freed first.
             state.outputs = Vec::new();
-            let result = state.file(handle).map(|file| operations::run(file, operation, argument, flags));
+            let result = state.file.as_mut().map(|file| operations::run(file, operation, argument, flags));
             let (status, outputs) = operations::answer(result, |answer| answer);
             state.outputs = outputs;
             status as u32
