@@ -98,7 +98,12 @@ pub fn rasterise(mesh: &Mesh, camera: &Camera) -> Raster {
             let rows = [row(0, py), row(1, py), row(2, py)];
             for x in columns.clone() {
                 let px = x as f64 + 0.5;
-                let e = [edge(0, rows[0], px), edge(1, rows[1], px), edge(2, rows[2], px)];
+                let (e0, e1) = (edge(0, rows[0], px), edge(1, rows[1], px));
+                // On different sides of two edges is outside.
+                if (e0 > 0.0 && e1 < 0.0) || (e0 < 0.0 && e1 > 0.0) {
+                    continue;
+                }
+                let e = [e0, e1, edge(2, rows[2], px)];
                 let inside = (e[0] >= 0.0 && e[1] >= 0.0 && e[2] >= 0.0) || (e[0] <= 0.0 && e[1] <= 0.0 && e[2] <= 0.0);
                 let area = e[0] + e[1] + e[2];
                 if !inside || area == 0.0 {
