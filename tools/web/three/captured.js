@@ -21,7 +21,8 @@ import {
   WebGLArrayRenderTarget,
   WebGLRenderTarget,
 } from "three";
-import { CANDIDATES, captureFragment, captureVertex, fullVertex, layerFragment, reflectance } from "./shading.js";
+import { captureFragment, captureVertex, fullVertex, layerFragment } from "./passes.js";
+import { CANDIDATES, reflectance } from "./shading.js";
 import { bounds, centre, subtract, dot } from "./views.js";
 
 /** Bytes that captured views may take on the graphics card. */

@@ -16,8 +16,9 @@ import {
   Vector4,
   WebGLRenderTarget,
 } from "three";
-import { LIGHTS, captureVertex, shadowFragment } from "./shading.js";
-import { depthRange, into } from "./captured.js";
+import { depthRange, into, rowsOf } from "./captured.js";
+import { captureVertex, shadowFragment } from "./passes.js";
+import { LIGHTS } from "./shading.js";
 import { bounds, cross, dot, normalize, subtract } from "./views.js";
 
 const SIDE = 1024;
@@ -80,7 +81,7 @@ export class Shadows {
       const least = gap.map(Math.abs).reduce((best, x, i, all) => (x < all[best] ? i : best), 0);
       const frame = lookAt(position, middle, [0, 1, 2].map((i) => (i === least ? 1 : 0)));
       const focal = ((SIDE / 2) * Math.sqrt(clear)) / radius;
-      const rows = frame.rotation.map((row, i) => new Vector4(...row, frame.translation[i]));
+      const rows = rowsOf(frame);
       // Stored depths are above 0, which is nothing.
       const from = Math.sqrt(dot(gap, gap)) - 2 * radius;
       rows.forEach((row, i) => uniforms.shadowRows.value[3 * k + i].copy(row));
