@@ -46,3 +46,13 @@ impl Mask {
         self.data.iter().filter(|&&m| m).count()
     }
 }
+
+/// Linear 0 to 1 as an sRGB signal, 0 to 1 (IEC 61966-2-1).
+pub fn to_srgb(linear: f64) -> f64 {
+    if linear <= 0.0031308 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
+}
+
+/// An sRGB signal, 0 to 1, as linear 0 to 1.
+pub fn from_srgb(signal: f64) -> f64 {
+    if signal <= 0.04045 { signal / 12.92 } else { ((signal + 0.055) / 1.055).powf(2.4) }
+}

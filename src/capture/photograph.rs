@@ -1,7 +1,7 @@
 //! Photographs out of files, as linear radiance: EXR, PNG, JPEG, TIFF.
 
 use crate::error::{Error, Result};
-use crate::image::{Grid, Mask, RgbImage};
+use crate::image::{Grid, Mask, RgbImage, from_srgb};
 use image::{ColorType, DynamicImage, ImageDecoder, ImageReader};
 use std::io::Cursor;
 use std::path::Path;
@@ -28,7 +28,7 @@ impl ColorSpace {
         let gamma = plain.strip_prefix("gamma").and_then(|g| g.trim_start_matches('-').parse::<f64>().ok());
         let decode: Box<dyn Fn(f64) -> f64> = match plain.as_str() {
             "linear" | "linear-rec709" | "linear-srgb" => Box::new(|v| v),
-            "srgb" => Box::new(|v| if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }),
+            "srgb" => Box::new(from_srgb),
             "rec709" | "bt709" | "rec.709" => {
                 Box::new(|v| if v < 0.081 { v / 4.5 } else { ((v + 0.099) / 1.099).powf(1.0 / 0.45) })
             }

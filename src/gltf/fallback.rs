@@ -4,7 +4,7 @@ use super::geometry::charts;
 use super::metallic_roughness::{Microfacets, equivalent_lobe, material};
 use crate::asset::Asset;
 use crate::error::{Error, Result};
-use crate::image::Grid;
+use crate::image::{Grid, from_srgb, to_srgb};
 use crate::reflectance::torrance_sparrow::SIGMA_RANGE;
 use crate::relight::bounds;
 use crate::surface::atlas::{bilinear_taps, fill_unused, rasterise_atlas};
@@ -52,7 +52,7 @@ pub fn bake(asset: &Asset, white_albedo: f64) -> Result<Fallback> {
     let grid = |data: Vec<[u8; 3]>| Grid { width: mask.width, height: mask.height, data };
     if !maps.relightable || maps.specular.data.is_empty() || maps.sigma.data.len() != texels {
         let scale = if maps.relightable { PI } else { 1.0 };
-        let colour = |k: &[f32; 3]| std::array::from_fn(|c| to_srgb(k[c] as f64 * scale * unit[c]));
+        let colour = |k: &[f32; 3]| std::array::from_fn(|c| to_code(k[c] as f64 * scale * unit[c]));
         return Ok(Fallback {
             base_colour: grid(diffuse.data.iter().map(colour).collect()),
             metallic_roughness: None,
@@ -78,10 +78,10 @@ pub fn bake(asset: &Asset, white_albedo: f64) -> Result<Fallback> {
     let each = |f: &dyn Fn(&Microfacets) -> [u8; 3]| grid(materials.iter().map(f).collect());
     let linear = |x: f64| (x.clamp(0.0, 1.0) * 255.0).round() as u8;
     Ok(Fallback {
-        base_colour: each(&|m| m.base_colour.map(to_srgb)),
+        base_colour: each(&|m| m.base_colour.map(to_code)),
         // Red would be the occlusion, if a texture served both.
         metallic_roughness: Some(each(&|m| [255, linear(m.roughness), linear(m.metallic)])),
-        specular_colour: Some(each(&|m| m.specular_colour.map(|s| to_srgb(s / specular_scale as f64)))),
+        specular_colour: Some(each(&|m| m.specular_colour.map(|s| to_code(s / specular_scale as f64)))),
         specular_scale,
         is_unlit: false,
         unit,
@@ -96,7 +96,7 @@ impl Fallback {
         for (index, weight) in bilinear_taps(self.base_colour.width, self.base_colour.height, position) {
             for (k, texture) in textures.iter().enumerate() {
                 let Some(texel) = texture.and_then(|texture| texture.data.get(index)) else { continue };
-                let linear = |code: u8| if k == 1 { code as f64 / 255.0 } else { from_srgb(code) };
+                let linear = |code: u8| if k == 1 { code as f64 / 255.0 } else { from_srgb(code as f64 / 255.0) };
                 (0..3).for_each(|c| sums[k][c] += weight * linear(texel[c]));
             }
         }
@@ -146,13 +146,6 @@ impl Lobes {
 }
 
 /// Linear 0 to 1 as 8-bit sRGB.
-fn to_srgb(x: f64) -> u8 {
-    let x = x.clamp(0.0, 1.0);
-    let encoded = if x <= 0.0031308 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 };
-    (encoded * 255.0).round() as u8
-}
-
-fn from_srgb(code: u8) -> f64 {
-    let x = code as f64 / 255.0;
-    if x <= 0.04045 { x / 12.92 } else { ((x + 0.055) / 1.055).powf(2.4) }
+fn to_code(x: f64) -> u8 {
+    (to_srgb(x.clamp(0.0, 1.0)) * 255.0).round() as u8
 }

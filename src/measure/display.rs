@@ -1,7 +1,7 @@
 //! Pictures for people: 8-bit sRGB, and differences.
 
 use super::psnr::signal;
-use crate::image::{Grid, Mask, RgbImage};
+use crate::image::{Grid, Mask, RgbImage, to_srgb};
 
 /// 8-bit sRGB pixels.
 pub type Picture = Grid<[u8; 3]>;
@@ -11,9 +11,8 @@ pub fn to_display(image: &RgbImage, white: [f64; 3]) -> Picture {
     image.map(|pixel| {
         std::array::from_fn(|c| {
             let x = (pixel[c] as f64 / white[c]).clamp(0.0, 1.0);
-            let encoded = if x <= 0.0031308 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 };
             // NaN becomes 0.
-            (encoded * 255.0).round() as u8
+            (to_srgb(x) * 255.0).round() as u8
         })
     })
 }

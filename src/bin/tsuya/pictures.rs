@@ -4,7 +4,7 @@ use anyhow::{Context, Result};
 use exr::prelude::{Encoding, Image, SpecificChannels, Vec2, WritableImage, f16};
 use image::{ExtendedColorType, ImageFormat};
 use std::io::Cursor;
-use tsuya::image::{Grid, Mask, RgbImage};
+use tsuya::image::{Grid, Mask, RgbImage, to_srgb};
 use tsuya::measure::Picture;
 
 /// 8-bit PNG.
@@ -17,8 +17,7 @@ pub fn png(picture: &Picture) -> Result<Vec<u8>> {
 pub fn png16(image: &RgbImage, white: [f64; 3]) -> Result<Vec<u8>> {
     let code = |value: f32, white: f64| {
         let x = (value as f64 / white).clamp(0.0, 1.0);
-        let encoded = if x <= 0.0031308 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 };
-        (encoded * 65535.0).round() as u16
+        (to_srgb(x) * 65535.0).round() as u16
     };
     let bytes: Vec<u8> = (image.data.iter())
         .flat_map(|pixel| std::array::from_fn::<u16, 3, _>(|c| code(pixel[c], white[c])))

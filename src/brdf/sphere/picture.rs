@@ -1,6 +1,6 @@
 //! Exposure, encoding and PSNR of pictures.
 
-use crate::image::{Mask, RgbImage};
+use crate::image::{Mask, RgbImage, to_srgb};
 
 /// What is shown as white: the 95th percentile over the mask of each pixel's greatest colour.
 pub fn exposure(picture: &RgbImage, mask: &Mask) -> f64 {
@@ -14,10 +14,7 @@ pub fn exposure(picture: &RgbImage, mask: &Mask) -> f64 {
 
 /// PSNR in dB of sRGB-encoded values over the mask, colours together; 100 where nothing differs.
 pub fn psnr_db(measured: &RgbImage, fitted: &RgbImage, mask: &Mask, white: f64) -> f64 {
-    let signal = |x: f32| {
-        let x = (f64::from(x) / white).clamp(0.0, 1.0);
-        if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 }
-    };
+    let signal = |x: f32| to_srgb((f64::from(x) / white).clamp(0.0, 1.0));
     let (mut squares, mut count) = (0.0, 0.0);
     for k in (0..mask.data.len()).filter(|&k| mask.data[k]) {
         for c in 0..3 {

@@ -212,8 +212,7 @@ fn camera(mesh: &Mesh, k: usize) -> Camera {
 }
 
 fn encoded(x: f32) -> f64 {
-    let x = x.clamp(0.0, 1.0) as f64;
-    if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 }
+    tsuya::image::to_srgb(x.clamp(0.0, 1.0) as f64)
 }
 
 /// About `wanted` vertices: those within a cube become their mean.
