@@ -1,4 +1,4 @@
-//! Products of three-vectors, in the order of operations that the format's texts give: sums from left to right, no fused multiply-add.
+//! Products of vectors, in the order of operations that the format's texts give: sums from left to right, no fused multiply-add.
 
 /// Scalar product.
 #[inline(always)]
@@ -10,4 +10,10 @@ pub(crate) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
 #[inline(always)]
 pub(crate) fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+/// Scalar product of as many numbers as both have.
+#[cfg(feature = "encode")]
+pub(crate) fn dot_slices(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }

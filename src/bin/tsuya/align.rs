@@ -1,6 +1,6 @@
 //! `tsuya align`: where a mesh stands in the photographs' world.
 
-use crate::{output, ply};
+use crate::{output, ply, source};
 use anyhow::Result;
 use clap::Args;
 use serde_json::{Value, json};
@@ -91,7 +91,7 @@ impl Align {
 
 /// The pose in a file that `align -o` wrote.
 pub fn read_pose(path: &Path) -> tsuya::Result<[[f64; 4]; 4]> {
-    let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
+    let bytes = source::read(path)?;
     let value: Value = serde_json::from_slice(&bytes).map_err(|e| Error::input(path, e.to_string()))?;
     let pose: Option<[[f64; 4]; 4]> =
         value.get("mesh_transform").and_then(|rows| serde_json::from_value(rows.clone()).ok());

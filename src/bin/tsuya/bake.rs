@@ -117,9 +117,7 @@ impl Bake {
 
 /// The bytes of a .tsuya file, if it is one, the mesh as a decoder has it, and its section.
 fn read(path: &Path, position_bits: u8) -> Result<(Option<Vec<u8>>, asset::Mesh, Vec<u8>)> {
-    let failed = |e| Error::io(path, e);
-    let mut bytes = Vec::new();
-    std::io::Read::read_to_end(&mut source::open(path)?, &mut bytes).map_err(failed)?;
+    let bytes = source::read(path)?;
     if bytes.starts_with(&SIGNATURE) {
         let mut file = Container::open_slice(&bytes, limits()).with_context(|| source::name(path))?;
         let section = file.read_section(Tag::MESH).with_context(|| source::name(path))?;

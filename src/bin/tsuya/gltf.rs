@@ -1,14 +1,13 @@
 //! `tsuya gltf`: GLB files that every viewer shows, with the stream inside.
 
 use crate::comparison::compare;
-use crate::source::{limits, name, open};
+use crate::source::{limits, name, read};
 use crate::values::{CaptureArguments, find_view};
 use crate::{Failed, output, pictures, progress};
 use anyhow::{Context, Result};
 use clap::{Args, Subcommand};
 use rayon::prelude::*;
 use serde_json::json;
-use std::io::Read;
 use std::path::{Path, PathBuf};
 use tsuya::asset::{Asset, Component, Photograph};
 use tsuya::container;
@@ -352,17 +351,6 @@ fn without_photographs(path: &Path, stream: &[u8]) -> Result<Asset> {
     decode(stream, &lightly()).with_context(|| name(path))
 }
 
-/// A file's bytes, no more than the limit.
-fn read(path: &Path) -> Result<Vec<u8>> {
-    let most = limits().memory_bytes;
-    let mut bytes = Vec::new();
-    open(path)?.take(most.saturating_add(1)).read_to_end(&mut bytes).map_err(|e| Error::io(path, e))?;
-    if bytes.len() as u64 > most {
-        return Err(Error::Limits { what: "a file", asked: bytes.len() as u64, allowed: most }.into());
-    }
-    Ok(bytes)
-}
-
 fn document(path: &Path) -> Result<Document> {
     Ok(Document::parse(path, &read(path)?, &Budget::new(limits()))?)
 }
@@ -374,15 +362,7 @@ fn beside_document(document: &Path, name: &str) -> tsuya::Result<Vec<u8>> {
             "the document refers to {name:?}: read it from its folder, not from standard input"
         )));
     }
-    let path = document.with_file_name("").join(name);
-    let mut bytes = Vec::new();
-    let most = limits().memory_bytes;
-    let file = std::fs::File::open(&path).map_err(|e| Error::io(&path, e))?;
-    file.take(most.saturating_add(1)).read_to_end(&mut bytes).map_err(|e| Error::io(&path, e))?;
-    if bytes.len() as u64 > most {
-        return Err(Error::Limits { what: "a file", asked: bytes.len() as u64, allowed: most });
-    }
-    Ok(bytes)
+    read(&document.with_file_name("").join(name))
 }
 
 /// The file beside a document that holds its stream.

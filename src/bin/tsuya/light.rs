@@ -12,7 +12,7 @@ use tsuya::container::{SectionCodec, Tag, Writer, edit};
 use tsuya::lighting::fit::{self, FitOptions};
 use tsuya::lighting::read::{Fisheye, Looks, Projection, ReadOptions, read};
 use tsuya::lighting::{Environment, code, levels};
-use tsuya::{Error, lighting};
+use tsuya::lighting;
 
 /// Environments as light: fits lobes and prefilters levels.
 #[derive(Args)]
@@ -142,9 +142,7 @@ impl Fit {
         let section = (Tag::LIGHT, SectionCodec::Own, bytes);
         let file = match &self.asset {
             Some(asset) => {
-                let mut old = Vec::new();
-                std::io::Read::read_to_end(&mut source::open(asset)?, &mut old).map_err(|e| Error::io(asset, e))?;
-                edit::with_sections(&old, &[section], limits()).with_context(|| source::name(asset))?
+                edit::with_sections(&source::read(asset)?, &[section], limits()).with_context(|| source::name(asset))?
             }
             None => {
                 let mut writer = Writer::new(Vec::new())?;

@@ -26,28 +26,38 @@ pub fn limit_memory(mebibytes: u64) {
 pub trait Source: Read + Seek {}
 impl<T: Read + Seek> Source for T {}
 
-/// The bytes of standard input.
-pub fn read_stdin() -> Result<Vec<u8>> {
-    let most = limits().memory_bytes;
-    let mut bytes = Vec::new();
-    std::io::stdin().lock().take(most + 1).read_to_end(&mut bytes).map_err(|e| Error::io("-", e))?;
-    if bytes.len() as u64 > most {
-        return Err(Error::Limits { what: "standard input", asked: bytes.len() as u64, allowed: most }.into());
-    }
-    Ok(bytes)
-}
-
 /// A readable file; `-` is standard input.
-pub fn open(path: &Path) -> Result<Box<dyn Source>> {
+pub fn open(path: &Path) -> tsuya::Result<Box<dyn Source>> {
     if is_stream(path) {
-        return Ok(Box::new(Cursor::new(read_stdin()?)));
+        return Ok(Box::new(Cursor::new(bounded(path, std::io::stdin().lock())?)));
     }
     let failed = |e| Error::io(path, e);
     let file = std::fs::File::open(path).map_err(failed)?;
     if file.metadata().map_err(failed)?.is_dir() {
-        return Err(failed(std::io::Error::new(std::io::ErrorKind::IsADirectory, "is a folder, not a file")).into());
+        return Err(failed(std::io::Error::new(std::io::ErrorKind::IsADirectory, "is a folder, not a file")));
     }
     Ok(Box::new(file))
+}
+
+/// The bytes of a file or of standard input, no more than the limit.
+pub fn read(path: &Path) -> tsuya::Result<Vec<u8>> {
+    if is_stream(path) { bounded(path, std::io::stdin().lock()) } else { bounded(path, open(path)?) }
+}
+
+fn bounded(path: &Path, source: impl Read) -> tsuya::Result<Vec<u8>> {
+    let most = limits().memory_bytes;
+    let mut bytes = Vec::new();
+    source.take(most.saturating_add(1)).read_to_end(&mut bytes).map_err(|e| Error::io(path, e))?;
+    if bytes.len() as u64 > most {
+        let what = if is_stream(path) { "standard input" } else { "a file" };
+        return Err(Error::Limits { what, asked: bytes.len() as u64, allowed: most });
+    }
+    Ok(bytes)
+}
+
+/// Whether a path has an extension, in small or capital letters.
+pub fn has_extension(path: &Path, extension: &str) -> bool {
+    path.extension().is_some_and(|e| e.eq_ignore_ascii_case(extension))
 }
 
 /// Opens a container; errors name the file.

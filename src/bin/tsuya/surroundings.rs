@@ -80,7 +80,7 @@ pub fn light(job: &JobEnvironment, folder: &Path) -> Result<Light> {
         );
     }
     let path = folder.join(&job.file);
-    if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("tsuya")) {
+    if source::has_extension(&path, "tsuya") {
         let stored = source::read_light(&path)?.turned_y(job.rotation_y_deg).scaled(job.scale);
         let Some(environment) = stored.environment() else {
             return Err(Error::input(&path, "its light has no levels: tsuya light fit makes them").into());
@@ -168,7 +168,7 @@ fn occlusion(subject: &Subject) -> Result<Occlusion> {
 
 /// Reads a job; paths in it are relative to its folder, which comes with it.
 pub fn read_job(path: &Path) -> Result<(Job, PathBuf)> {
-    let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
+    let bytes = source::read(path)?;
     let job = serde_json::from_slice(&bytes).map_err(|e| Error::input(path, e.to_string()))?;
     Ok((job, path.parent().unwrap_or(Path::new("")).to_owned()))
 }
@@ -183,7 +183,7 @@ pub fn subject(job: &Job, folder: &Path, detail: bool) -> Result<Subject> {
         (None, Some(file), Some(material)) => {
             let file = folder.join(file);
             // What `tsuya bake` writes brings its visibility along.
-            let (mesh, visibility) = if file.extension().is_some_and(|e| e.eq_ignore_ascii_case("tsuya")) {
+            let (mesh, visibility) = if source::has_extension(&file, "tsuya") {
                 let (asset, _) = source::decode(&file, Selection::None)?;
                 (asset.mesh, asset.visibility)
             } else {

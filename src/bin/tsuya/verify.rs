@@ -30,12 +30,7 @@ pub struct Verify {
 
 impl Verify {
     pub fn run(self) -> Result<()> {
-        let bytes = {
-            let mut bytes = Vec::new();
-            let failed = |e| tsuya::Error::io(&self.file, e);
-            std::io::Read::read_to_end(&mut source::open(&self.file)?, &mut bytes).map_err(failed)?;
-            bytes
-        };
+        let bytes = source::read(&self.file)?;
         let name = source::name(&self.file);
         let sections = container::verify(&bytes[..], limits()).with_context(|| name.clone())?;
         let mut text = format!("{name}: {} bytes in {} sections are undamaged\n", bytes.len(), sections.len());

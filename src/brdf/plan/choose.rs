@@ -2,6 +2,7 @@
 
 use super::{MIDDLE_PHI, NOISE};
 use crate::brdf::HalfDifference;
+use crate::vector::dot_slices;
 use std::f64::consts::FRAC_PI_2;
 
 /// What errors within 5 degrees of the highlight's centre count when samples are chosen: they are ten times those elsewhere, and would
@@ -93,8 +94,8 @@ impl Design<'_> {
             let mut best = (0.0, None);
             for n in (0..open.len()).filter(|&n| open[n]) {
                 let spread = times(&covariance, &self.along[n]);
-                let variance = dot(&spread, &self.along[n]) + self.left[n] + NOISE;
-                let gain = dot(&times(&metric, &spread), &spread) / variance;
+                let variance = dot_slices(&spread, &self.along[n]) + self.left[n] + NOISE;
+                let gain = dot_slices(&times(&metric, &spread), &spread) / variance;
                 if gain > best.0 {
                     best = (gain, Some(n));
                 }
@@ -112,7 +113,7 @@ impl Design<'_> {
         let mut covariance = self.prior();
         samples.iter().for_each(|(along, variance)| observe(&mut covariance, along, *variance));
         let metric = self.metric(1.0);
-        let of_components: f64 = metric.iter().zip(&covariance).map(|(m, c)| dot(m, c)).sum();
+        let of_components: f64 = metric.iter().zip(&covariance).map(|(m, c)| dot_slices(m, c)).sum();
         let of_rest: f64 = self.weights.iter().zip(self.left).map(|(w, l)| w * l).sum();
         ((of_components + of_rest) / self.along.len().max(1) as f64).max(0.0).sqrt()
     }
@@ -121,16 +122,12 @@ impl Design<'_> {
 /// The covariance after one more sample.
 fn observe(covariance: &mut [Vec<f64>], along: &[f64], left: f64) {
     let spread = times(covariance, along);
-    let variance = dot(&spread, along) + left + NOISE;
+    let variance = dot_slices(&spread, along) + left + NOISE;
     for (row, a) in covariance.iter_mut().zip(&spread) {
         row.iter_mut().zip(&spread).for_each(|(c, b)| *c -= a * b / variance);
     }
 }
 
 fn times(matrix: &[Vec<f64>], vector: &[f64]) -> Vec<f64> {
-    matrix.iter().map(|row| dot(row, vector)).collect()
-}
-
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
+    matrix.iter().map(|row| dot_slices(row, vector)).collect()
 }

@@ -16,6 +16,7 @@ pub use population::Population;
 use super::Sample;
 use super::tuned::{TERMS, terms};
 use crate::error::{Error, Result};
+use crate::vector::dot_slices;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 
@@ -167,8 +168,8 @@ impl Plan {
             let (Some(value), Some(terms)) = (usable, angles.terms()) else { continue };
             used += 1;
             let weight = 1.0 / (angles.variance + NOISE);
-            let mean = dot(&of.mean, &terms);
-            let along: Vec<f64> = of.components.iter().map(|c| dot(c, &terms)).collect();
+            let mean = dot_slices(&of.mean, &terms);
+            let along: Vec<f64> = of.components.iter().map(|c| dot_slices(c, &terms)).collect();
             let rest = value.map(|f| (f + of.floor).ln() - mean);
             for i in 0..count {
                 (0..3).for_each(|c| sides[i][c] += weight * along[i] * rest[c]);
@@ -191,8 +192,8 @@ impl Plan {
         let highest = values.iter().flatten().flatten().fold(0.0f64, |a, &b| a.max(b));
         let value = |s: &Sample| {
             let terms = terms(s.theta_h, s.theta_d, s.cos_incoming, s.cos_outgoing);
-            let ceiling = (highest.ln() + 2.0).max(dot(&of.mean, &terms) + 2.0);
-            [0, 1, 2].map(|c| (dot(&coefficients[c], &terms).min(ceiling).exp() - of.floor).max(0.0))
+            let ceiling = (highest.ln() + 2.0).max(dot_slices(&of.mean, &terms) + 2.0);
+            [0, 1, 2].map(|c| (dot_slices(&coefficients[c], &terms).min(ceiling).exp() - of.floor).max(0.0))
         };
         let mut samples = Sample::of(&Nothing, bins);
         samples.iter_mut().for_each(|s| s.value = value(s));
@@ -207,10 +208,6 @@ impl super::Brdf for Nothing {
     fn evaluate(&self, _: [f64; 3], _: [f64; 3]) -> [f64; 3] {
         [0.0; 3]
     }
-}
-
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
 /// `phi_d` at which plans along `theta_h` measure: in the middle, where the horizon cuts off least.

@@ -1,11 +1,12 @@
 //! What is known of a population of materials.
 
 use super::principal::{self, Principal};
-use super::{Angles, Components, FORMAT, Method, NOISE, Plan, choose, dot};
+use super::{Angles, Components, FORMAT, Method, NOISE, Plan, choose};
 use crate::brdf::merl::{CellGrid, MerlTable, PHI_D_BINS, THETA_D_BINS, THETA_H_BINS};
 use crate::brdf::tuned::{TERMS, coefficients, terms};
 use crate::brdf::{HalfDifference, Sample};
 use crate::error::{Error, Result};
+use crate::vector::dot_slices;
 
 /// What is added to the BRDF before its logarithm is taken.
 const FLOOR: f64 = 0.003;
@@ -143,7 +144,7 @@ impl Population {
         }
         let Principal { mean, components, variances } = principal::components(&self.vectors, COMPONENTS);
         let along: Vec<Vec<f64>> =
-            self.rows.iter().map(|row| components.iter().map(|c| dot(c, row)).collect()).collect();
+            self.rows.iter().map(|row| components.iter().map(|c| dot_slices(c, row)).collect()).collect();
         let left = self.left_over(&mean, &components, &along);
         let weights: Vec<f64> = self.weights.iter().map(|w| w / self.len() as f64).collect();
         let theta_h: Vec<f64> = self.angles.iter().map(|a| a.theta_h).collect();
@@ -176,7 +177,9 @@ impl Population {
         };
         let rows: Vec<(Vec<f64>, f64)> = angles
             .iter()
-            .filter_map(|a| a.terms().map(|terms| (components.iter().map(|c| dot(c, &terms)).collect(), a.variance)))
+            .filter_map(|a| {
+                a.terms().map(|terms| (components.iter().map(|c| dot_slices(c, &terms)).collect(), a.variance))
+            })
             .collect();
         let expected_log_rmse = design.expected(&rows);
         let components = Components { floor: FLOOR, mean, components, variances };
@@ -217,17 +220,17 @@ impl Population {
         let places: Vec<Vec<f64>> = (self.vectors.iter())
             .map(|vector| {
                 let rest: Vec<f64> = vector.iter().zip(mean).map(|(v, m)| v - m).collect();
-                components.iter().map(|c| dot(c, &rest)).collect()
+                components.iter().map(|c| dot_slices(c, &rest)).collect()
             })
             .collect();
         (0..self.cells.len())
             .map(|n| {
-                let middle = dot(mean, &self.rows[n]);
+                let middle = dot_slices(mean, &self.rows[n]);
                 let (mut sum, mut count) = (0.0, 0.0);
                 for (place, logarithms) in places.iter().zip(&self.logarithms) {
                     let logarithm = logarithms[n] as f64;
                     if !logarithm.is_nan() {
-                        sum += (logarithm - middle - dot(place, &along[n])).powi(2);
+                        sum += (logarithm - middle - dot_slices(place, &along[n])).powi(2);
                         count += 1.0;
                     }
                 }

@@ -1,5 +1,7 @@
 //! Principal components of a few vectors, and small linear systems.
 
+use crate::vector::dot_slices;
+
 /// Mean, components (unit length, by falling variance) and the variances along them.
 pub(super) struct Principal {
     pub mean: Vec<f64>,
@@ -13,7 +15,7 @@ pub(super) fn components(vectors: &[Vec<f64>], most: usize) -> Principal {
     let size = vectors.first().map_or(0, Vec::len);
     let mean: Vec<f64> = (0..size).map(|k| vectors.iter().map(|v| v[k]).sum::<f64>() / count.max(1) as f64).collect();
     let rest: Vec<Vec<f64>> = vectors.iter().map(|v| v.iter().zip(&mean).map(|(v, m)| v - m).collect()).collect();
-    let products = rest.iter().map(|a| rest.iter().map(|b| super::dot(a, b)).collect()).collect();
+    let products = rest.iter().map(|a| rest.iter().map(|b| dot_slices(a, b)).collect()).collect();
     let (values, directions) = eigen(products);
     let mut order: Vec<usize> = (0..count).collect();
     order.sort_by(|&a, &b| values[b].total_cmp(&values[a]));

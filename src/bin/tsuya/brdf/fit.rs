@@ -3,7 +3,7 @@
 use super::eval::environment;
 use super::material::{Kind, MODEL_FORMAT, ModelEntry, ModelFile, expand, read_all};
 use super::sheet;
-use crate::{output, pictures, progress};
+use crate::{output, pictures, progress, source};
 use anyhow::Result;
 use clap::{Args, ValueEnum};
 use serde_json::{Value, json};
@@ -281,21 +281,17 @@ pub fn write_fitted(path: &Path, all: Vec<(String, Fitted)>) -> Result<Vec<u8>> 
             Fitted::Classical(model) => models.push(ModelEntry { name, model }),
         }
     }
-    if !coded.is_empty() && !models.is_empty() || !coded.is_empty() && ends_with(path, "json") {
+    if !coded.is_empty() && !models.is_empty() || !coded.is_empty() && source::has_extension(path, "json") {
         let message = "the forms tuned and published are written as .tsuya, classical models as .json";
         return Err(Error::parameter(format!("{}: {message}", path.display())).into());
     }
     if !coded.is_empty() {
         return Ok(tsuya::encoder::encode_materials(&coded, &Metadata::default())?);
     }
-    if ends_with(path, "tsuya") {
+    if source::has_extension(path, "tsuya") {
         let message = "classical models are written as .json; --form tuned fits them anew";
         return Err(Error::parameter(format!("{}: {message}", path.display())).into());
     }
     let file = ModelFile { format: MODEL_FORMAT.into(), materials: models };
     Ok(format!("{}\n", serde_json::to_string_pretty(&file)?).into_bytes())
-}
-
-fn ends_with(path: &Path, extension: &str) -> bool {
-    path.extension().is_some_and(|found| found.eq_ignore_ascii_case(extension))
 }

@@ -1,6 +1,6 @@
 //! Which files the page consists of: its own, within the program or in a folder, and the one that it shows.
 
-use crate::source::limits;
+use crate::source::{self, has_extension, limits};
 use anyhow::Result;
 use serde_json::{Value, json};
 use std::borrow::Cow;
@@ -44,8 +44,7 @@ pub struct Site(BTreeMap<String, Content>);
 impl Site {
     /// The page from `assets` or within the program, and the file that it shows.
     pub fn new(file: &Path, assets: Option<&Path>) -> Result<Self> {
-        let extension = file.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase);
-        if !matches!(extension.as_deref(), Some("tsuya" | "glb" | "gltf")) {
+        if !["tsuya", "glb", "gltf"].iter().any(|extension| has_extension(file, extension)) {
             return Err(
                 Error::parameter(format!("{}: a .tsuya, .glb or .gltf file can be viewed", file.display())).into()
             );
@@ -63,15 +62,17 @@ impl Site {
                     "{}: has no {FIRST}: run tools/web/build and tools/web/viewer/build, and name tools/web/dist",
                     folder.display()
                 ),
-                None => "this program was built without the viewer's page: run tools/web/build and tools/web/viewer/build, \
+                None => {
+                    "this program was built without the viewer's page: run tools/web/build and tools/web/viewer/build, \
                          and build it again, or name the page's folder with --assets"
-                    .into(),
+                        .into()
+                }
             };
             return Err(Error::Unsupported(message).into());
         }
         let name = file.file_name().unwrap_or_default().to_string_lossy();
         files.insert(format!("{SHOWN}/{name}"), Content::File(file.to_owned()));
-        if extension.as_deref() != Some("tsuya") {
+        if !has_extension(file, "tsuya") {
             let folder = file.parent().unwrap_or(Path::new(""));
             for path in references(file) {
                 files.insert(format!("{SHOWN}/{path}"), Content::File(folder.join(path)));
@@ -115,7 +116,7 @@ fn folder_files(folder: &Path) -> Result<BTreeMap<String, Content>> {
 /// What a glTF file has beside it: buffers, pictures, streams that are there. What is wrong with the file, the page says.
 fn references(path: &Path) -> Vec<String> {
     let budget = Budget::new(limits());
-    let read = || Document::parse(path, &std::fs::read(path).ok()?, &budget).ok();
+    let read = || Document::parse(path, &source::read(path).ok()?, &budget).ok();
     let Some(document) = read() else { return Vec::new() };
     let appearances = document.json.get("extensions").and_then(|e| e.get(EXTENSION)?.get("appearances")?.as_array());
     let streams = appearances.map_or(&[][..], Vec::as_slice);
