@@ -9,10 +9,10 @@ use std::fmt::Write as _;
 use std::path::PathBuf;
 use std::time::Instant;
 use tsuya::container::{SectionCodec, Tag, Writer, edit};
+use tsuya::lighting;
 use tsuya::lighting::fit::{self, FitOptions};
 use tsuya::lighting::read::{Fisheye, Looks, Projection, ReadOptions, read};
 use tsuya::lighting::{Environment, code, levels};
-use tsuya::lighting;
 
 /// Environments as light: fits lobes and prefilters levels.
 #[derive(Args)]
