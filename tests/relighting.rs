@@ -45,7 +45,7 @@ fn visibility_of_a_small_bunny() {
     // With a ground below nothing comes from there.
     let ground = BakeOptions { ground_up: Some([0.0, 1.0, 0.0]), ..Default::default() };
     let above = bake(&coded.mesh, &ground).unwrap().visibility;
-    assert!((0..above.vertices()).all(|v| above.evaluate(v, [0.0, -1.0, 0.0]) < -0.3));
+    assert!((0..above.places().count()).all(|v| above.evaluate(v, [0.0, -1.0, 0.0]) < -0.3));
     // Visibility without its mesh, and without any section that stands for itself.
     assert!(decode(&file(&[(Tag::VISIBILITY, &baked.bytes)]), &DecodeOptions::default()).is_err());
     assert!(decode(&file(&[(Tag::MESH, &coded.bytes)]), &DecodeOptions::default()).is_err());

@@ -7,9 +7,9 @@ use tsuya::{Budget, Limits, visibility};
 fuzz_target!(|bytes: &[u8]| {
     let budget = Budget::new(Limits { memory_bytes: 1 << 24, ..Limits::default() });
     if let Ok(visibility) = visibility::code::decode(bytes, &scene::mesh(), &budget) {
-        assert_eq!(visibility.vertices(), 6);
-        for vertex in 0..7 {
-            assert!(visibility.evaluate(vertex, [0.48, -0.6, 0.64]).abs() <= 3.15);
+        assert_eq!(visibility.places().vertices(), 6);
+        for place in 0..=visibility.places().count() {
+            assert!(visibility.evaluate(place, [0.48, -0.6, 0.64]).abs() <= 3.15);
         }
     }
 });

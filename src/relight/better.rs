@@ -1,4 +1,4 @@
-//! The better evaluator: diffuse light summed over the whole sphere at each vertex, compact sources apart with exact shadows, specular
+//! The better evaluator: diffuse light summed over the whole sphere at each place of the mesh, compact sources apart with exact shadows, specular
 //! light from several places of the lobe.
 
 use super::appearance::{Appearance, Prepared};
@@ -13,7 +13,7 @@ use std::f32::consts::PI;
 /// Side of the grid that diffuse light is summed over where there is no visibility with a grid of its own.
 const SIDE: usize = 32;
 
-/// Irradiance of every vertex from everything but the distant lights.
+/// Irradiance of every place from everything but the distant lights.
 pub(super) fn irradiance(object: &Object, surround: &Surround, shadows: bool) -> Vec<Vec3> {
     let occlusion = object.occlusion.filter(|_| shadows);
     let side = occlusion.map_or(SIDE, |o| o.side());
@@ -21,15 +21,15 @@ pub(super) fn irradiance(object: &Object, surround: &Surround, shadows: bool) ->
     let directions: Vec<Vec3> = (0..side * side).map(|k| texel_direction(side, k % side, k / side)).collect();
     // A cell as a lobe of its solid angle.
     let sharpness: Vec<f32> = solid_angles(side).into_iter().map(|a| 2.0 * PI / a as f32).collect();
-    crate::parallel::map(object.normals.len(), |vertex| {
-        let normal = object.normals[vertex];
+    crate::parallel::map(object.normals.len(), |place| {
+        let normal = object.normals[place];
         let mut sum = Vec3::ZERO;
         for k in 0..cells.len() {
             let cosine = normal.dot(directions[k]);
             if cosine <= 0.0 {
                 continue;
             }
-            let seen = occlusion.map_or(1.0, |o| ramp(o.of_cell(vertex, k % side, k / side), sharpness[k]));
+            let seen = occlusion.map_or(1.0, |o| ramp(o.of_cell(place, k % side, k / side), sharpness[k]));
             sum += cells[k] * (cosine * seen);
         }
         sum
@@ -38,8 +38,8 @@ pub(super) fn irradiance(object: &Object, surround: &Surround, shadows: bool) ->
 
 /// Radiance towards the camera, diffuse and specular.
 pub(super) fn radiance(scene: &Scene, point: &Point, appearance: &Appearance) -> [Vec3; 2] {
-    let [a, b, c] = point.corners.map(|v| scene.irradiance[v as usize]);
-    let mut irradiance = a * point.weights.x + b * point.weights.y + c * point.weights.z;
+    let [a, b, c] = point.places.map(|place| scene.irradiance[place as usize]);
+    let mut irradiance = a * point.shares.x + b * point.shares.y + c * point.shares.z;
     let specular = appearance.specular.filter(|_| appearance.specular_scale.max_element() > 0.0);
     let frame = point.frame();
     let outgoing = frame.transpose() * point.outgoing;
@@ -105,7 +105,7 @@ pub(super) fn reflected(
         let density = density / (4.0 * cosine) * count;
         let sharpness = 2.0 * PI * density;
         let square = to_square(world);
-        let seen = occlusion.map_or(1.0, |o| ramp(o.distance(point.corners, point.weights, square), sharpness));
+        let seen = occlusion.map_or(1.0, |o| ramp(o.distance(point.places, point.shares, square), sharpness));
         if seen <= 0.0 {
             continue;
         }

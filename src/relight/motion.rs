@@ -3,7 +3,7 @@
 //!
 //! What differs from still pictures: reflection functions are read from tables ([`super::gloss`]); the better evaluator's
 //! specular light of the levels is summed at one of four samples and interpolated between like normals; the published one's diffuse light
-//! is summed at the vertices.
+//! is summed at the places that visibility is known at.
 
 use super::appearance::{Appearance, Look, Prepared};
 use super::bands::Samples;
@@ -45,6 +45,8 @@ pub struct Frame {
 struct Stage<'a> {
     scene: &'a Scene<'a>,
     vertices: Vec<Vertex>,
+    /// Of the places, without the distant lights.
+    irradiance: Vec<Vec3>,
     faces: Vec<Face>,
     /// The published evaluator's levels.
     levels: Option<Surround>,
@@ -53,8 +55,6 @@ struct Stage<'a> {
 struct Vertex {
     position: Vec3,
     normal: Vec3,
-    /// Without the distant lights.
-    irradiance: Vec3,
 }
 
 /// A triangle: its normal, and the distant lights that reach all of its front or only a part.
@@ -77,16 +77,12 @@ impl<'a> Motion<'a> {
         let published = scene.options.evaluator == Evaluator::Published;
         let irradiance = if published { published::irradiance(scene) } else { scene.irradiance.clone() };
         let mesh = scene.object.mesh;
-        let vertices = mesh.positions.iter().zip(&scene.object.normals).zip(irradiance);
-        let vertices = vertices.map(|((&position, &normal), irradiance)| Vertex {
-            position: Vec3::from_array(position),
-            normal,
-            irradiance,
-        });
-        let vertices = vertices.collect();
+        let vertices = mesh.positions.iter().zip(&scene.object.normals);
+        let vertex = |(&position, &normal)| Vertex { position: Vec3::from_array(position), normal };
+        let vertices = vertices.map(vertex).collect();
         let faces = crate::parallel::map(mesh.triangles.len(), |triangle| face(scene, triangle));
         let levels = scene.light.filter(|_| published).map(|light| Surround::of_levels(&light.levels));
-        let stage = Stage { scene, vertices, faces, levels };
+        let stage = Stage { scene, vertices, irradiance, faces, levels };
         Motion { stage, samples: Samples::default(), coarse: Default::default(), frame: Frame::default() }
     }
 
@@ -174,7 +170,8 @@ impl Stage<'_> {
         let geometric = self.faces[triangle].normal;
         let turned = geometric.dot(outgoing) < 0.0;
         let geometric = if turned { -geometric } else { geometric };
-        let point = Point { position, normal, geometric, outgoing, corners, weights, triangle };
+        let (places, shares) = self.scene.object.around(triangle, corners, weights);
+        let point = Point { position, normal, geometric, outgoing, triangle, weights, places, shares };
         (normal.dot(outgoing) > 0.0).then_some(Spot { point, turned })
     }
 
@@ -212,7 +209,7 @@ impl Stage<'_> {
             let whole = 2.0 * PI / sharpness * (1.0 - (-2.0 * sharpness).exp());
             let square = to_square(axis);
             let seen = occlusion.map_or(1.0, |o| {
-                let distance = o.distance(point.corners, point.weights, square);
+                let distance = o.distance(point.places, point.shares, square);
                 half_space_share_published(sharpness, distance) / half_space_share_published(sharpness, 0.5 * PI)
             });
             let scale = amplitude * cosine_amplitude * exponent.exp() * whole * seen;
@@ -226,8 +223,8 @@ impl Stage<'_> {
         let point = &spot.point;
         let Appearance { albedo, specular_scale, specular } = look.at(point.triangle, point.weights, point.position);
         let specular = specular.filter(|_| specular_scale.max_element() > 0.0);
-        let [a, b, c] = point.corners.map(|v| self.vertices[v as usize].irradiance);
-        let mut irradiance = a * point.weights.x + b * point.weights.y + c * point.weights.z;
+        let [a, b, c] = point.places.map(|place| self.irradiance[place as usize]);
+        let mut irradiance = a * point.shares.x + b * point.shares.y + c * point.shares.z;
         let mut shine = match (specular, &self.levels) {
             (Some(prepared), Some(levels)) => self.reflected_published(point, prepared, levels),
             (Some(_), None) => coarse.between(x, y, point.normal).unwrap_or(Vec3::ZERO),

@@ -1,40 +1,42 @@
-//! Signed spherical distances of all vertices, ready to be read in any direction.
+//! Signed spherical distances of all places of a mesh, ready to be read in any direction.
 
 use super::octahedral::to_square;
 use crate::lighting::octahedral::{self, wrap};
+use crate::surface::places::Places;
 use crate::visibility::{self, Visibility};
 use glam::{Vec2, Vec3};
 
 /// The angle, radians, that a stored byte of 127 stands for.
 const LARGEST: f32 = std::f32::consts::FRAC_PI_2;
 
-/// Signed spherical distance functions of a mesh's vertices on one octahedral grid.
+/// Signed spherical distance functions of a mesh's places on one octahedral grid.
 ///
 /// The distance in a direction is the angle to the nearest direction of the other kind, positive where nothing is in the way.
 pub struct Occlusion {
     side: usize,
-    /// `(side + 2)^2` bytes a vertex, with a border.
+    places: Places,
+    /// `(side + 2)^2` bytes a place, with a border.
     bytes: Vec<i8>,
 }
 
 impl Occlusion {
-    /// From `side * side` distances, radians, of each vertex in rows of [`crate::lighting::octahedral`]; a vertex with another number
+    /// From `side * side` distances, radians, of each place in rows of [`crate::lighting::octahedral`]; a place with another number
     /// of them counts as unshadowed.
-    pub fn new<D: AsRef<[f32]>>(side: usize, vertices: usize, distances: impl Fn(usize) -> D + Sync + Send) -> Self {
+    pub fn new<D: AsRef<[f32]>>(side: usize, places: Places, distances: impl Fn(usize) -> D + Sync + Send) -> Self {
         let pitch = side + 2;
-        let places: Vec<usize> = (-1..=side as isize)
+        let cells: Vec<usize> = (-1..=side as isize)
             .flat_map(|y| (-1..=side as isize).map(move |x| (x, y)))
             .map(|(x, y)| wrap(x, y, side))
             .collect();
-        let rows = crate::parallel::map(vertices, |vertex| {
-            let distances = distances(vertex);
+        let rows = crate::parallel::map(places.count(), |place| {
+            let distances = distances(place);
             let distances = distances.as_ref();
             if distances.len() != side * side {
                 return vec![127; pitch * pitch];
             }
-            places.iter().map(|&k| (distances[k] / LARGEST * 127.0).round().clamp(-127.0, 127.0) as i8).collect()
+            cells.iter().map(|&k| (distances[k] / LARGEST * 127.0).round().clamp(-127.0, 127.0) as i8).collect()
         });
-        Occlusion { side, bytes: rows.concat() }
+        Occlusion { side, places, bytes: rows.concat() }
     }
 
     /// Decodes a file's visibility.
@@ -47,15 +49,15 @@ impl Occlusion {
                 basis
             })
             .collect();
-        Self::new(visibility.size(), visibility.vertices(), |vertex| {
-            let weights = visibility.weights(vertex);
+        Self::new(visibility.size(), visibility.places().clone(), |place| {
+            let weights = visibility.weights(place);
             cells.iter().map(|basis| visibility::distance(basis, weights)).collect::<Vec<f32>>()
         })
     }
 
-    /// Number of vertices.
-    pub fn vertices(&self) -> usize {
-        self.bytes.len() / ((self.side + 2) * (self.side + 2))
+    /// Where on the mesh distances are known.
+    pub fn places(&self) -> &Places {
+        &self.places
     }
 
     /// Cells along a side.
@@ -63,34 +65,34 @@ impl Occlusion {
         self.side
     }
 
-    /// Distance of a cell of a vertex, radians.
+    /// Distance of a cell of a place, radians.
     #[inline]
-    pub(super) fn of_cell(&self, vertex: usize, x: usize, y: usize) -> f32 {
+    pub(super) fn of_cell(&self, place: usize, x: usize, y: usize) -> f32 {
         let pitch = self.side + 2;
-        self.bytes[vertex * pitch * pitch + (y + 1) * pitch + x + 1] as f32 * (LARGEST / 127.0)
+        self.bytes[place * pitch * pitch + (y + 1) * pitch + x + 1] as f32 * (LARGEST / 127.0)
     }
 
-    /// Distance in a direction between the corners of a triangle, radians.
+    /// Distance in a direction between three places, radians.
     #[inline]
-    pub(super) fn distance(&self, corners: [u32; 3], weights: Vec3, square: Vec2) -> f32 {
+    pub(super) fn distance(&self, places: [u32; 3], shares: Vec3, square: Vec2) -> f32 {
         let pitch = self.side + 2;
         let p = square * self.side as f32 + 0.5;
         let (x, y) = ((p.x as usize).min(self.side), (p.y as usize).min(self.side));
         let (s, t) = (p.x - x as f32, p.y - y as f32);
         let first = y * pitch + x;
-        let read = |vertex: u32| {
-            let from = vertex as usize * pitch * pitch + first;
+        let read = |place: u32| {
+            let from = place as usize * pitch * pitch + first;
             let (upper, lower) = (&self.bytes[from..from + 2], &self.bytes[from + pitch..from + pitch + 2]);
             let [a, b, c, d] = [upper[0], upper[1], lower[0], lower[1]].map(f32::from);
             (a + (b - a) * s) * (1.0 - t) + (c + (d - c) * s) * t
         };
-        let sum = weights.x * read(corners[0]) + weights.y * read(corners[1]) + weights.z * read(corners[2]);
+        let sum = shares.x * read(places[0]) + shares.y * read(places[1]) + shares.z * read(places[2]);
         sum * (LARGEST / 127.0)
     }
 
     /// As [`Self::distance`], by the direction.
-    pub(super) fn towards(&self, corners: [u32; 3], weights: Vec3, direction: Vec3) -> f32 {
-        self.distance(corners, weights, to_square(direction))
+    pub(super) fn towards(&self, places: [u32; 3], shares: Vec3, direction: Vec3) -> f32 {
+        self.distance(places, shares, to_square(direction))
     }
 }
 

@@ -8,27 +8,27 @@ use std::f32::consts::PI;
 
 /// Radiance towards the camera, diffuse and specular.
 pub(super) fn radiance(scene: &Scene, point: &Point, appearance: &Appearance) -> [Vec3; 2] {
-    let irradiance = irradiance_at(scene, point.normal, point.corners, point.weights);
+    let irradiance = irradiance_at(scene, point.normal, point.places, point.shares);
     let specular = appearance.specular.filter(|_| appearance.specular_scale.max_element() > 0.0);
     let shine = specular.map_or(Vec3::ZERO, |prepared| reflected(scene, point, prepared));
     [appearance.albedo * irradiance / PI, appearance.specular_scale * shine]
 }
 
-/// Irradiance of every vertex.
+/// Irradiance of every place.
 pub(super) fn irradiance(scene: &Scene) -> Vec<Vec3> {
     let normals = &scene.object.normals;
     crate::parallel::map(normals.len(), |k| irradiance_at(scene, normals[k], [k as u32; 3], Vec3::X))
 }
 
 /// The lobes of the light, each times the clamped cosine and cut by the visibility (13).
-fn irradiance_at(scene: &Scene, normal: Vec3, corners: [u32; 3], weights: Vec3) -> Vec3 {
+fn irradiance_at(scene: &Scene, normal: Vec3, places: [u32; 3], shares: Vec3) -> Vec3 {
     let Some(light) = scene.light else { return Vec3::ZERO };
     let occlusion = scene.object.occlusion.filter(|_| scene.options.shadows);
     let cosine = SphericalGaussian::cosine_published(normal.as_dvec3().to_array());
     let mut irradiance = Vec3::ZERO;
     for lobe in &light.diffuse {
         let product = cosine.product(lobe);
-        let distance = occlusion.map(|o| o.towards(corners, weights, single(product.axis)) as f64);
+        let distance = occlusion.map(|o| o.towards(places, shares, single(product.axis)) as f64);
         let sum = match distance {
             Some(distance) => product.visible_published(distance),
             None => product.integral(),
@@ -59,7 +59,7 @@ pub(super) fn reflected(scene: &Scene, point: &Point, prepared: &Prepared) -> Ve
         let smooth = single(prepared.specular.brdf.evaluate(axis, outgoing)) / distribution.max(1e-30) as f32;
         let world = SphericalGaussian { axis: (frame * single(axis)).as_dvec3().to_array(), ..lobe };
         let product = cosine.product(&world);
-        let distance = occlusion.map(|o| o.towards(point.corners, point.weights, single(product.axis)) as f64);
+        let distance = occlusion.map(|o| o.towards(point.places, point.shares, single(product.axis)) as f64);
         let shadowed = match distance {
             Some(distance) => product.shadowed_published(distance),
             None => product,

@@ -46,22 +46,37 @@ impl Default for EnvironmentOptions {
 /// A mesh with what its shadows need.
 pub struct Object<'a> {
     pub(super) mesh: &'a Mesh,
+    /// Unit normals of the places, those of the vertices first.
     pub(super) normals: Vec<Vec3>,
     pub(super) occlusion: Option<&'a Occlusion>,
 }
 
 impl<'a> Object<'a> {
-    /// A mesh; with `occlusion`, which has the mesh's vertices, shadows can be shown.
+    /// A mesh; with `occlusion`, which has the mesh's places, shadows can be shown.
     pub fn new(mesh: &'a Mesh, occlusion: Option<&'a Occlusion>) -> Result<Self> {
         let vertices = mesh.positions.len();
         if mesh.triangles.iter().flatten().any(|&v| v as usize >= vertices) {
             return Err(Error::parameter("the mesh names vertices that it does not have"));
         }
-        if occlusion.is_some_and(|o| o.vertices() != vertices) {
-            return Err(Error::parameter("the visibility belongs to another mesh: its number of vertices differs"));
+        if occlusion.is_some_and(|o| !o.places().are_on(mesh)) {
+            return Err(Error::parameter("the visibility belongs to another mesh: its vertices or triangles differ"));
         }
-        let normals = vertex_normals(mesh).into_iter().map(|n| Vec3::from_array(n.map(|x| x as f32))).collect();
+        let single = |n: [f64; 3]| Vec3::from_array(n.map(|x| x as f32));
+        let mut normals: Vec<Vec3> = vertex_normals(mesh).into_iter().map(single).collect();
+        for (triangle, weights) in occlusion.iter().flat_map(|o| o.places().inner()) {
+            let corners = mesh.triangles[triangle].map(|v| normals[v as usize]);
+            let sum = (0..3).fold(Vec3::ZERO, |sum, k| sum + corners[k] * weights[k] as f32);
+            normals.push(sum.normalize_or(Vec3::Z));
+        }
         Ok(Object { mesh, normals, occlusion })
+    }
+
+    /// The places around a point of a triangle and their shares, by its corners and their weights.
+    #[inline]
+    pub(super) fn around(&self, triangle: usize, corners: [u32; 3], weights: Vec3) -> ([u32; 3], Vec3) {
+        let Some(occlusion) = self.occlusion else { return (corners, weights) };
+        let (places, shares) = occlusion.places().around(triangle, corners, weights.to_array());
+        (places, Vec3::from_array(shares))
     }
 }
 
@@ -72,7 +87,7 @@ pub struct Scene<'a> {
     /// Lobes and levels, for [`Evaluator::Published`].
     pub(super) light: Option<&'a lighting::Light>,
     pub(super) options: EnvironmentOptions,
-    /// Of each vertex, without the distant lights.
+    /// Of each place, without the distant lights.
     pub(super) irradiance: Vec<Vec3>,
     pub(super) shadows: Vec<Option<ShadowMap>>,
 }
@@ -86,9 +101,12 @@ pub(super) struct Point {
     pub geometric: Vec3,
     /// Unit vector to the camera.
     pub outgoing: Vec3,
-    pub corners: [u32; 3],
-    pub weights: Vec3,
     pub triangle: usize,
+    /// Of the triangle's corners.
+    pub weights: Vec3,
+    /// Where visibility and irradiance are known around it, and how much each counts.
+    pub places: [u32; 3],
+    pub shares: Vec3,
 }
 
 impl Point {
@@ -240,5 +258,6 @@ fn surface_point(object: &Object, raster: &Samples, index: usize, centre: Vec3) 
     let outgoing = (centre - position).normalize_or(Vec3::Z);
     let geometric = (q - p).cross(r - p).normalize_or(normal);
     let geometric = if geometric.dot(outgoing) < 0.0 { -geometric } else { geometric };
-    Point { position, normal, geometric, outgoing, corners, weights, triangle }
+    let (places, shares) = object.around(triangle, corners, weights);
+    Point { position, normal, geometric, outgoing, triangle, weights, places, shares }
 }

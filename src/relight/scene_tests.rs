@@ -4,11 +4,12 @@ use super::job::JobMaterial;
 use super::*;
 use crate::asset::Mesh;
 use crate::lighting::{self, Environment};
+use crate::surface::places::Places;
 use crate::visibility::bake::{BakeOptions, bake};
 
-/// A ball of radius 1 over a square plate.
-fn ball_over_plate() -> Mesh {
-    let (rings, sectors, side) = (20, 32, 16);
+/// A ball of radius 1 over a square plate with `side` vertices along each side.
+fn ball_over_plate(side: usize) -> Mesh {
+    let (rings, sectors) = (20, 32);
     let mut mesh = Mesh::default();
     for k in 0..rings * sectors {
         let theta = (k / sectors) as f32 / (rings - 1) as f32 * std::f32::consts::PI;
@@ -46,7 +47,7 @@ fn psnr(a: &RgbImage, b: &RgbImage) -> f64 {
 
 #[test]
 fn an_even_sky_gives_every_point_the_albedo() {
-    let mesh = ball_over_plate();
+    let mesh = ball_over_plate(16);
     let object = Object::new(&mesh, None).unwrap();
     let environment = Environment::from_fn(64, |_| [1.0, 0.5, 2.0]);
     let surround = Surround::new(&environment, &SurroundOptions::default());
@@ -74,7 +75,7 @@ fn an_even_sky_gives_every_point_the_albedo() {
 
 #[test]
 fn evaluators_come_near_brute_force_and_motion_near_them() {
-    let mesh = ball_over_plate();
+    let mesh = ball_over_plate(16);
     let baked = bake(&mesh, &BakeOptions { terms: [16, 16], ..BakeOptions::default() }).unwrap();
     let occlusion = Occlusion::of(&baked.visibility);
     let object = Object::new(&mesh, Some(&occlusion)).unwrap();
@@ -111,8 +112,33 @@ fn evaluators_come_near_brute_force_and_motion_near_them() {
 }
 
 #[test]
+fn places_between_the_vertices_give_large_triangles_their_shadows() {
+    let mesh = ball_over_plate(2);
+    let environment = Environment::from_fn(128, |d| [(1.0 + d[1]) as f32; 3]);
+    let surround = Surround::new(&environment, &SurroundOptions::default());
+    let camera = look_at([1.0, 3.0, 6.0], [0.0, 0.8, 0.0], [0.0, 1.0, 0.0], 90.0, 96, 72);
+    let look = Uniform::new(material(r#"{"model": "lambert", "diffuse": [0.5, 0.5, 0.5]}"#), 1);
+    let error = |places: usize| {
+        let baked = bake(&mesh, &BakeOptions { places, ..BakeOptions::default() }).unwrap();
+        let occlusion = Occlusion::of(&baked.visibility);
+        let object = Object::new(&mesh, Some(&occlusion)).unwrap();
+        let exact = reference(&object, &environment, &camera, &look, &ReferenceOptions::default()).unwrap().image;
+        let scene = Scene::new(&object, &surround, None, EnvironmentOptions::default()).unwrap();
+        let still = psnr(&scene.render(&camera, &look).unwrap().image, &exact);
+        let single = EnvironmentOptions { samples: 1, ..EnvironmentOptions::default() };
+        let one = Scene::new(&object, &surround, None, single).unwrap().render(&camera, &look).unwrap();
+        let moving = psnr(&Motion::new(&scene).draw(&camera, &look).unwrap().image, &one.image);
+        (occlusion.places().count(), still, moving)
+    };
+    let (vertices, places) = (error(0), error(3000));
+    println!("places, against brute force, motion against stills: {vertices:?} {places:?}");
+    assert!(vertices.0 == mesh.positions.len() && (1000..=3000).contains(&places.0));
+    assert!(places.1 > 33.0 && places.1 > vertices.1 + 6.0 && places.2 > 40.0);
+}
+
+#[test]
 fn what_is_missing_is_an_error_and_pictures_are_put_together() {
-    let mesh = ball_over_plate();
+    let mesh = ball_over_plate(16);
     let object = Object::new(&mesh, None).unwrap();
     let surround = Surround::new(&Environment::from_fn(32, |_| [1.0; 3]), &SurroundOptions::default());
     let scene = |options: EnvironmentOptions| Scene::new(&object, &surround, None, options).map(|_| ());
@@ -121,7 +147,7 @@ fn what_is_missing_is_an_error_and_pictures_are_put_together() {
     assert!(scene(EnvironmentOptions::default()).is_err(), "no visibility");
     assert!(scene(EnvironmentOptions { evaluator: Evaluator::Published, ..unshadowed }).is_err(), "no lobes");
     assert!(scene(EnvironmentOptions { samples: 0, ..unshadowed }).is_err());
-    let other = Occlusion::new(4, 3, |_| vec![1.0; 16]);
+    let other = Occlusion::new(4, Places::at_vertices(3), |_| vec![1.0; 16]);
     assert!(Object::new(&mesh, Some(&other)).is_err(), "visibility of another mesh");
     // Half covered: half of the object's share, half of the ground in its shadow.
     let filled = |value: f32| RgbImage::filled(2, 1, [value; 3]);

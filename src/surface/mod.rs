@@ -6,6 +6,7 @@ pub mod charts;
 #[cfg(feature = "encode")]
 mod layout;
 pub mod patches;
+pub mod places;
 pub mod raster;
 pub mod split;
 pub mod texels;

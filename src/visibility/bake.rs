@@ -8,6 +8,7 @@ use super::{Visibility, VisibilityError};
 use crate::asset::Mesh;
 use crate::error::{Error, Result};
 use crate::lighting::octahedral;
+use crate::surface::places::Places;
 use std::time::Instant;
 
 /// How visibility is computed.
@@ -21,11 +22,13 @@ pub struct BakeOptions {
     pub ground_up: Option<[f64; 3]>,
     /// Finest step of the weights, in radians times the square root of a steradian.
     pub weight_step: f64,
+    /// Places on the mesh, at most, spread so that edges are cut alike; its vertices always count.
+    pub places: usize,
 }
 
 impl Default for BakeOptions {
     fn default() -> Self {
-        BakeOptions { size: 24, terms: [16, 32], ground_up: None, weight_step: 0.01 }
+        BakeOptions { size: 24, terms: [16, 32], ground_up: None, weight_step: 0.01, places: 0 }
     }
 }
 
@@ -40,33 +43,35 @@ pub struct Baked {
     pub seconds: f64,
 }
 
-/// Vertices whose distances the components are computed from, at most.
+/// Places whose distances the components are computed from, at most.
 const SAMPLES: usize = 4096;
-/// Vertices that are worked on at a time.
+/// Places that are worked on at a time.
 const BLOCK: usize = 64;
 
-/// Computes the visibility of all vertices of a mesh whose positions are finite. Vertices and triangles keep their order: the
-/// mesh must be the one that the file's MESH decodes to.
+/// Computes the visibility of all vertices of a mesh whose positions are finite, and of places between them where more are asked for.
+/// Vertices and triangles keep their order: the mesh must be the one that the file's MESH decodes to.
 pub fn bake(mesh: &Mesh, options: &BakeOptions) -> Result<Baked> {
     let start = Instant::now();
-    let vertices = mesh.positions.len();
     check(mesh, options)?;
+    let places = Places::most(mesh, options.places)?;
+    let cut = places.cut(mesh);
+    let count_of_places = places.count();
     // 1. Rays and distances, each value times the square root of its cell's solid angle.
-    let surroundings = Surroundings::new(mesh, options.ground_up);
+    let surroundings = Surroundings::new(mesh, &cut, options.ground_up);
     let grid = Grid::new(options.size);
     let cells = options.size * options.size;
     let roots: Vec<f32> = octahedral::solid_angles(options.size).iter().map(|a| a.sqrt() as f32).collect();
-    let distances = |vertices: &[usize]| {
+    let distances = |list: &[usize]| {
         let mut scratch = Scratch::default();
-        let mut values = Vec::with_capacity(vertices.len() * cells);
-        for &vertex in vertices {
-            surroundings.signed_distances(vertex, &grid, &mut scratch);
+        let mut values = Vec::with_capacity(list.len() * cells);
+        for &place in list {
+            surroundings.signed_distances(place, &grid, &mut scratch);
             values.extend(scratch.distances.iter().zip(&roots).map(|(distance, root)| distance * root));
         }
         values
     };
-    let chosen = vertices.min(SAMPLES);
-    let sampled: Vec<usize> = (0..chosen).map(|k| k * vertices / chosen).collect();
+    let chosen = count_of_places.min(SAMPLES);
+    let sampled: Vec<usize> = (0..chosen).map(|k| k * count_of_places / chosen).collect();
     let blocks: Vec<&[usize]> = sampled.chunks(BLOCK).collect();
     let sample = crate::parallel::map(blocks.len(), |k| distances(blocks[k])).concat();
     // 2. Mean and components, as the decoder will have them.
@@ -74,7 +79,7 @@ pub fn bake(mesh: &Mesh, options: &BakeOptions) -> Result<Baked> {
     let (mean, components) = principal::components(&sample, cells, count);
     let spread = spread(&sample, &mean, &components);
     let unroot = |values: &[f32]| -> Vec<f32> { values.iter().zip(&roots).map(|(value, root)| value / root).collect() };
-    let basis_error = (0.2 / (vertices as f64).sqrt()).clamp(0.0015, 0.007);
+    let basis_error = (0.2 / (count_of_places as f64).sqrt()).clamp(0.0015, 0.007);
     let mean = code::quantise(&unroot(&mean), basis_error);
     let bases: Vec<code::Quantised> = (components.iter().zip(&spread))
         .map(|(component, &spread)| code::quantise(&unroot(component), basis_error / spread.max(1e-3)))
@@ -89,21 +94,21 @@ pub fn bake(mesh: &Mesh, options: &BakeOptions) -> Result<Baked> {
         let centred: Vec<f32> = values.iter().enumerate().map(|(i, x)| x - stored_mean[i % cells]).collect();
         principal::project(&centred, cells, projection.as_ref())
     };
-    let mut weights = vec![0.0f32; vertices * count];
-    let mut place = |list: &[usize], values: &[f32]| {
-        for (&vertex, values) in list.iter().zip(values.chunks_exact(count)) {
-            weights[vertex * count..][..count].copy_from_slice(values);
+    let mut weights = vec![0.0f32; count_of_places * count];
+    let mut put = |list: &[usize], values: &[f32]| {
+        for (&place, values) in list.iter().zip(values.chunks_exact(count)) {
+            weights[place * count..][..count].copy_from_slice(values);
         }
     };
     let projected =
         crate::parallel::map(blocks.len(), |k| project(&sample[k * BLOCK * cells..][..blocks[k].len() * cells]));
-    blocks.iter().zip(&projected).for_each(|(list, values)| place(list, values));
+    blocks.iter().zip(&projected).for_each(|(list, values)| put(list, values));
     let mut left: Vec<usize> = Vec::new();
     let mut next = sampled.iter().copied().peekable();
-    left.extend((0..vertices).filter(|vertex| next.next_if_eq(vertex).is_none()));
+    left.extend((0..count_of_places).filter(|place| next.next_if_eq(place).is_none()));
     let blocks: Vec<&[usize]> = left.chunks(BLOCK).collect();
     let projected = crate::parallel::map(blocks.len(), |k| project(&distances(blocks[k])));
-    blocks.iter().zip(&projected).for_each(|(list, values)| place(list, values));
+    blocks.iter().zip(&projected).for_each(|(list, values)| put(list, values));
     let steps = weight_steps(&weights, count, options.weight_step);
     let integers = weights
         .chunks_exact(count)
@@ -121,6 +126,7 @@ pub fn bake(mesh: &Mesh, options: &BakeOptions) -> Result<Baked> {
         },
         mean: mean.integers,
         bases: bases.into_iter().map(|base| base.integers).collect(),
+        places: places.clone(),
         weights: integers,
     };
     let mut bytes = code::write(&content, mesh);

@@ -1,7 +1,7 @@
 //! Section `vISB`: bases and weights as integers, coded in two groups of terms; the first alone is visibility of its own.
 //!
-//! Bases are pictures on the octahedral grid, predicted from the cells left and above; a vertex's weights are predicted from
-//! those neighbours in the mesh that came before it. Normative text: `spec/visibility.md`.
+//! Bases are pictures on the octahedral grid, predicted from the cells left and above; a place's weights are predicted from
+//! those neighbours in the cut mesh that came before it. Normative text: `spec/visibility.md`.
 
 use super::{Visibility, VisibilityError};
 use crate::asset::Mesh;
@@ -9,10 +9,13 @@ use crate::container::Tag;
 use crate::entropy::{BitCoder, Number, RangeDecoder, code_end};
 use crate::error::{Error, Result};
 use crate::limits::Budget;
+use crate::surface::places::Places;
 
 const VERSION: u8 = 0;
-/// Version, flags, cells a side, terms of both groups, vertices, two errors, length of the first stream.
-const HEADER_BYTES: usize = 5 + 4 + 8 + 4;
+/// Version, flags, cells a side, terms of both groups, places, spacing, two errors, length of the first stream.
+const HEADER_BYTES: usize = 5 + 8 + 8 + 4;
+/// Where the errors stand.
+const ERRORS: usize = 13;
 /// Cells along a side of the grid. Part of the format.
 pub(super) const SIZES: std::ops::RangeInclusive<usize> = 8..=128;
 /// Most terms of a group. Part of the format.
@@ -40,7 +43,8 @@ pub(super) struct Content {
     pub steps: Steps,
     pub mean: Vec<i32>,
     pub bases: Vec<Vec<i32>>,
-    /// For each vertex one for each term.
+    pub places: Places,
+    /// For each place one for each term.
     pub weights: Vec<i8>,
 }
 
@@ -61,6 +65,7 @@ impl Content {
             ground: self.ground,
             error: self.error,
             bases,
+            places: self.places.clone(),
             weights: self.weights.clone(),
         }
     }
@@ -90,21 +95,23 @@ pub(super) fn quantise(values: &[f32], step: f64) -> Quantised {
     Quantised { step, integers }
 }
 
-/// The section, for the mesh whose vertices the weights belong to.
+/// The section, for the mesh whose places the weights belong to.
 #[cfg(feature = "encode")]
 pub(super) fn write(content: &Content, mesh: &Mesh) -> Vec<u8> {
+    let before = Before::new(&content.places.cut(mesh));
     let streams: [Vec<u8>; 2] = std::array::from_fn(|group| {
         let mut content = content.clone();
         let mut coder = crate::entropy::RangeEncoder::new();
         if content.terms[group] > 0 {
             // The encoder's own integers are within their ranges.
-            let _ = code_group(&mut coder, &mut content, group, &Before::new(mesh));
+            let _ = code_group(&mut coder, &mut content, group, &before);
         }
         coder.finish()
     });
     let mut bytes = vec![VERSION, content.ground as u8, content.size as u8];
     bytes.extend(content.terms.map(|terms| terms as u8));
-    bytes.extend((mesh.positions.len() as u32).to_le_bytes());
+    bytes.extend((content.places.count() as u32).to_le_bytes());
+    bytes.extend(content.places.spacing().to_le_bytes());
     bytes.extend(content.error.rms_radians.to_le_bytes());
     bytes.extend(content.error.wrong_signs.to_le_bytes());
     bytes.extend((streams[0].len() as u32).to_le_bytes());
@@ -117,7 +124,7 @@ pub(super) fn write(content: &Content, mesh: &Mesh) -> Vec<u8> {
 /// Writes the measured error into a section.
 #[cfg(feature = "encode")]
 pub(super) fn state_error(bytes: &mut [u8], error: VisibilityError) {
-    if let Some(place) = bytes.get_mut(9..17) {
+    if let Some(place) = bytes.get_mut(ERRORS..ERRORS + 8) {
         place[..4].copy_from_slice(&error.rms_radians.to_le_bytes());
         place[4..].copy_from_slice(&error.wrong_signs.to_le_bytes());
     }
@@ -139,13 +146,20 @@ pub fn decode(bytes: &[u8], mesh: &Mesh, budget: &Budget) -> Result<Visibility> 
     if !SIZES.contains(&size) || terms[0] == 0 || terms.iter().any(|&terms| terms > MOST_TERMS) {
         return Err(wrong(2, format!("{size} cells a side, {} and {} terms", terms[0], terms[1])));
     }
-    let vertices = mesh.positions.len();
-    if u32::from_le_bytes(word(5)) as usize != vertices {
-        return Err(wrong(5, format!("made for {} vertices, the mesh has {vertices}", u32::from_le_bytes(word(5)))));
+    let single = |at: usize| f32::from_le_bytes(word(at));
+    let spacing = single(9);
+    if !(spacing.is_finite() && spacing >= 0.0) {
+        return Err(wrong(9, format!("{spacing} is no distance of places")));
     }
-    let error = VisibilityError { rms_radians: f32::from_le_bytes(word(9)), wrong_signs: f32::from_le_bytes(word(13)) };
+    let places = Places::new(mesh, spacing, budget)?;
+    let count_of_places = places.count();
+    if u32::from_le_bytes(word(5)) as usize != count_of_places {
+        let stated = u32::from_le_bytes(word(5));
+        return Err(wrong(5, format!("made for {stated} places, the mesh has {count_of_places}")));
+    }
+    let error = VisibilityError { rms_radians: single(ERRORS), wrong_signs: single(ERRORS + 4) };
     if !(0.0..=4.0).contains(&error.rms_radians) || !(0.0..=1.0).contains(&error.wrong_signs) {
-        return Err(wrong(9, "errors are 0 to 4 radians and 0 to 1".into()));
+        return Err(wrong(ERRORS, "errors are 0 to 4 radians and 0 to 1".into()));
     }
     let Some((step_bytes, streams)) = rest.split_at_checked(4 * (1 + 2 * count)) else {
         return Err(wrong(bytes.len(), "ends within its steps".into()));
@@ -160,18 +174,22 @@ pub fn decode(bytes: &[u8], mesh: &Mesh, budget: &Budget) -> Result<Visibility> 
     }
     let steps =
         Steps { mean: numbers[0], terms: numbers[1..].chunks_exact(2).map(|pair| [pair[0], pair[1]]).collect() };
-    let first_length = u32::from_le_bytes(word(17)) as usize;
+    let first_length = u32::from_le_bytes(word(HEADER_BYTES - 4)) as usize;
     let streams_at = HEADER_BYTES + step_bytes.len();
     let Some((first_stream, second_stream)) = streams.split_at_checked(first_length) else {
-        return Err(wrong(17, format!("first stream of {first_length} bytes, {} are left", streams.len())));
+        return Err(wrong(
+            HEADER_BYTES - 4,
+            format!("first stream of {first_length} bytes, {} are left", streams.len()),
+        ));
     };
     if terms[1] == 0 && !second_stream.is_empty() {
         return Err(wrong(streams_at + first_length, "a second stream without terms".into()));
     }
     let cells = size * size;
     budget.charge_items("bases of the visibility", cells as u64 * (count as u64 + 1), 8)?;
-    budget.charge_items("weights of the visibility", vertices as u64, 2 * count + 24)?;
-    budget.charge_items("neighbours of the vertices", mesh.triangles.len() as u64, 40)?;
+    budget.charge_items("weights of the visibility", count_of_places as u64, 2 * count + 24)?;
+    let cut = places.cut(mesh);
+    budget.charge_items("neighbours of the places", cut.triangles.len() as u64, 40)?;
     let mut content = Content {
         size,
         terms,
@@ -180,9 +198,10 @@ pub fn decode(bytes: &[u8], mesh: &Mesh, budget: &Budget) -> Result<Visibility> 
         steps,
         mean: vec![0; cells],
         bases: vec![vec![0; cells]; count],
-        weights: vec![0; vertices * count],
+        weights: vec![0; count_of_places * count],
+        places: places.clone(),
     };
-    let before = Before::new(mesh);
+    let before = Before::new(&cut);
     for (group, stream) in [first_stream, second_stream].into_iter().enumerate() {
         let at = streams_at + group * first_length;
         let mut coder = RangeDecoder::new(stream);
@@ -214,10 +233,10 @@ fn code_group<C: BitCoder>(
         code_picture(coder, &mut models, base, *size)?;
     }
     let mut models: Vec<Number> = vec![Number::default(); CLASSES * range.len()];
-    let vertices = weights.len() / count;
-    for vertex in 0..vertices {
-        let neighbours = before.of(vertex);
-        // Magnitudes of this vertex's residuals so far, in quarters, fading.
+    let places = weights.len() / count;
+    for place in 0..places {
+        let neighbours = before.of(place);
+        // Magnitudes of this place's residuals so far, in quarters, fading.
         let mut activity = 8u32;
         for (k, term) in range.clone().enumerate() {
             let sum: i32 = neighbours.iter().map(|&n| weights[n as usize * count + term] as i32).sum();
@@ -225,7 +244,7 @@ fn code_group<C: BitCoder>(
                 0 => 0,
                 n => (2 * sum + n).div_euclid(2 * n),
             };
-            let weight = &mut weights[vertex * count + term];
+            let weight = &mut weights[place * count + term];
             let model = &mut models[k * CLASSES + class(activity >> 1)];
             let residual = model.code_signed(coder, *weight as i32 - predicted);
             *weight = i8::try_from(residual.saturating_add(predicted)).map_err(|_| "a weight of more than 8 bits")?;
@@ -274,7 +293,7 @@ fn class(activity: u32) -> usize {
     ((32 - activity.leading_zeros()) as usize).min(CLASSES - 1)
 }
 
-/// For each vertex those vertices of its triangles that come before it, each once, ascending.
+/// For each vertex of the cut mesh those vertices of its triangles that come before it, each once, ascending.
 struct Before {
     first: Vec<u32>,
     vertices: Vec<u32>,
@@ -315,9 +334,10 @@ mod tests {
     use crate::limits::Limits;
 
     /// A strip of triangles and numbers that vary along it.
-    fn sample(terms: [usize; 2]) -> (Mesh, Content) {
+    fn sample(terms: [usize; 2], spacing: f32) -> (Mesh, Content) {
         let positions = (0..30).map(|k| [k as f32, (k % 2) as f32, 0.0]).collect();
         let mesh = Mesh { positions, triangles: (0..28).map(|k| [k, k + 1, k + 2]).collect() };
+        let places = Places::new(&mesh, spacing, &Budget::new(Limits::default())).unwrap();
         let (size, count) = (8, terms[0] + terms[1]);
         let picture =
             |seed: usize| (0..size * size).map(move |k| ((k * seed) as f64 * 0.1).sin() * 90.0).map(|x| x as i32);
@@ -329,7 +349,8 @@ mod tests {
             steps: Steps { mean: 0.01, terms: vec![[0.02, 0.5]; count] },
             mean: picture(3).collect(),
             bases: (0..count).map(|k| picture(k + 5).collect()).collect(),
-            weights: (0..30 * count).map(|k| (k % 255) as i8).collect(),
+            weights: (0..places.count() * count).map(|k| (k % 255) as i8).collect(),
+            places,
         };
         (mesh, content)
     }
@@ -340,8 +361,8 @@ mod tests {
 
     #[test]
     fn content_comes_back_and_damage_is_an_error() {
-        for terms in [[3, 2], [2, 0]] {
-            let (mesh, content) = sample(terms);
+        for (terms, spacing) in [([3, 2], 0.0), ([2, 0], 1.2)] {
+            let (mesh, content) = sample(terms, spacing);
             let bytes = write(&content, &mesh);
             assert_eq!(read(&bytes, &mesh).unwrap(), content.visibility());
             for length in 0..bytes.len() {
@@ -360,8 +381,9 @@ mod tests {
                 (5, 31),
                 (8, 1),
                 (12, 0xff),
-                (17, 0xff),
-                (24, 0xff),
+                (16, 0xff),
+                (21, 0xff),
+                (28, 0xff),
             ];
             for (at, value) in heads {
                 let mut damaged = bytes.clone();
@@ -384,7 +406,7 @@ mod tests {
 
     #[test]
     fn evaluation_is_the_sum_of_terms() {
-        let (mesh, content) = sample([3, 2]);
+        let (mesh, content) = sample([3, 2], 0.0);
         let visibility = read(&write(&content, &mesh), &mesh).unwrap();
         let direction = crate::lighting::octahedral::directions(8)[20];
         let mut basis = [0.0; 6];
@@ -400,6 +422,6 @@ mod tests {
         visibility.interpolate([4, 4, 9], [0.5, 0.5, 0.0], &mut weights);
         assert!((visibility.evaluate_weights(&weights, direction) - clamped).abs() < 1e-3);
         assert_eq!(visibility.weights(30), &[] as &[i8]);
-        assert_eq!((visibility.vertices(), visibility.groups(), visibility.has_ground()), (30, [3, 2], true));
+        assert_eq!((visibility.places().count(), visibility.groups(), visibility.has_ground()), (30, [3, 2], true));
     }
 }

@@ -1,9 +1,10 @@
-//! Visibility of all directions from every vertex, as a signed distance on the sphere, in few numbers a vertex.
+//! Visibility of all directions from the vertices of a mesh, or from places between them as well, as a signed distance on the sphere, in
+//! few numbers a place.
 //!
 //! The signed spherical distance of a direction is its angle to the nearest direction of the other kind: positive where the
 //! direction is free, negative where the mesh blocks it (Wang 2009; Sonoda 2011, equation 2), here at most a right angle either
 //! way, beyond which no half-space differs from all or nothing. It is smooth enough for a
-//! principal component analysis over the vertices and for linear interpolation between them.
+//! principal component analysis over the places and for linear interpolation between them.
 
 #[cfg(feature = "encode")]
 pub mod bake;
@@ -16,9 +17,10 @@ mod principal;
 pub mod rays;
 
 use crate::lighting::octahedral::{Taps, taps};
+use crate::surface::places::Places;
 use std::f64::consts::FRAC_PI_2;
 
-/// Visibility of a mesh's vertices: `distance(vertex, direction) = mean(direction) + sum_k weight(vertex, k) base(direction, k)`.
+/// Visibility of a mesh's places: `distance(place, direction) = mean(direction) + sum_k weight(place, k) base(direction, k)`.
 ///
 /// Directions are those of the mesh's world. Bases are functions on the octahedral grid of [`crate::lighting::octahedral`],
 /// bilinear between its cells, already multiplied by the steps of their weights; weights are integers of 8 bits.
@@ -30,11 +32,13 @@ pub struct Visibility {
     error: VisibilityError,
     /// For each cell the mean, then one value for each term.
     bases: Vec<f32>,
-    /// For each vertex one integer for each term.
+    /// Where on the mesh.
+    places: Places,
+    /// For each place one integer for each term.
     weights: Vec<i8>,
 }
 
-/// How far the stored visibility is from the exact one, over all directions, vertices counted alike.
+/// How far the stored visibility is from the exact one, over all directions, places counted alike.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct VisibilityError {
     /// Root mean square error of the signed distance, radians.
@@ -44,9 +48,9 @@ pub struct VisibilityError {
 }
 
 impl Visibility {
-    /// Number of vertices.
-    pub fn vertices(&self) -> usize {
-        self.weights.len() / self.terms()
+    /// Where on the mesh it is known: at its vertices, which come first, and maybe between them.
+    pub fn places(&self) -> &Places {
+        &self.places
     }
     /// Number of terms, all of them.
     pub fn terms(&self) -> usize {
@@ -72,26 +76,26 @@ impl Visibility {
     pub fn bases(&self) -> &[f32] {
         &self.bases
     }
-    /// For each vertex one integer for each term.
+    /// For each place one integer for each term; the vertices come first.
     pub fn all_weights(&self) -> &[i8] {
         &self.weights
     }
-    /// Weights of a vertex, [`Visibility::terms`] of them; none for a vertex that there is not.
-    pub fn weights(&self, vertex: usize) -> &[i8] {
+    /// Weights of a place, [`Visibility::terms`] of them; none for a place that there is not.
+    pub fn weights(&self, place: usize) -> &[i8] {
         let terms = self.terms();
-        self.weights.get(vertex.saturating_mul(terms)..).and_then(|rest| rest.get(..terms)).unwrap_or(&[])
+        self.weights.get(place.saturating_mul(terms)..).and_then(|rest| rest.get(..terms)).unwrap_or(&[])
     }
-    /// Weights between three vertices: as many as `out` holds, [`Visibility::terms`] at most.
-    pub fn interpolate(&self, vertices: [usize; 3], barycentric: [f32; 3], out: &mut [f32]) {
+    /// Weights between three places, see [`Places::around`]: as many as `out` holds, [`Visibility::terms`] at most.
+    pub fn interpolate(&self, places: [u32; 3], shares: [f32; 3], out: &mut [f32]) {
         out.fill(0.0);
-        for (vertex, share) in vertices.into_iter().zip(barycentric) {
-            for (sum, &weight) in out.iter_mut().zip(self.weights(vertex)) {
+        for (place, share) in places.into_iter().zip(shares) {
+            for (sum, &weight) in out.iter_mut().zip(self.weights(place as usize)) {
                 *sum += share * weight as f32;
             }
         }
     }
     /// The mean and the bases in a direction: as many as `out` holds, [`Visibility::terms`] + 1 at most. With [`distance`] they
-    /// serve for every vertex.
+    /// serve for every place.
     pub fn basis(&self, direction: [f64; 3], out: &mut [f32]) {
         let stride = self.terms() + 1;
         let Taps { cells, weights } = taps(direction, self.size);
@@ -102,9 +106,9 @@ impl Visibility {
             }
         }
     }
-    /// Signed distance in radians, -pi/2 to pi/2, of a unit direction as seen from a vertex.
-    pub fn evaluate(&self, vertex: usize, direction: [f64; 3]) -> f64 {
-        let weights = self.weights(vertex);
+    /// Signed distance in radians, -pi/2 to pi/2, of a unit direction as seen from a place.
+    pub fn evaluate(&self, place: usize, direction: [f64; 3]) -> f64 {
+        let weights = self.weights(place);
         self.at_cells(direction, |values| {
             weights.iter().zip(values).map(|(&weight, &value)| weight as f32 * value).sum()
         })
@@ -126,7 +130,7 @@ impl Visibility {
     }
 }
 
-/// Signed distance in radians by a direction's [`Visibility::basis`] and a vertex's weights; may lie beyond a right angle.
+/// Signed distance in radians by a direction's [`Visibility::basis`] and a place's weights; may lie beyond a right angle.
 #[inline]
 pub fn distance(basis: &[f32], weights: &[i8]) -> f32 {
     let Some((mean, values)) = basis.split_first() else { return 0.0 };

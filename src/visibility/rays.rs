@@ -5,7 +5,7 @@ use crate::lighting::octahedral;
 use crate::surface::visibility::{Occluders, diagonal};
 use obvhs::triangle::Triangle;
 
-/// A mesh made ready for rays from its own vertices.
+/// A mesh made ready for rays from its own surface.
 pub struct Surroundings {
     occluders: Occluders,
     positions: Vec<[f32; 3]>,
@@ -25,9 +25,13 @@ const BELOW: f32 = -1e-4;
 const HALVINGS: usize = 3;
 
 impl Surroundings {
-    /// Builds the hierarchy. With `ground_up` an endless plane across that direction closes the lower half of the world.
-    /// Triangles and vertices must be finite, corners inside the vertex list.
-    pub fn new(mesh: &Mesh, ground_up: Option<[f64; 3]>) -> Self {
+    /// Builds the hierarchy. With `ground_up` an endless plane across that direction closes the lower half of the world. Rays
+    /// start at the vertices of `cut`: the mesh itself, or the mesh cut finer. Triangles and vertices must be finite, corners inside the
+    /// vertex list.
+    pub fn new(mesh: &Mesh, cut: &Mesh, ground_up: Option<[f64; 3]>) -> Self {
+        let occluders = Occluders::new(mesh);
+        let bias = (BIAS * diagonal(mesh)) as f32;
+        let mesh = cut;
         let mut count = vec![0u32; mesh.positions.len() + 1];
         let of_triangle: Vec<[f32; 3]> = (mesh.triangles.iter())
             .map(|corners| {
@@ -51,17 +55,17 @@ impl Surroundings {
             }
         }
         Surroundings {
-            occluders: Occluders::new(mesh),
+            occluders,
             positions: mesh.positions.clone(),
             normals,
             first_normal: count,
             ground_up: ground_up.map(|up| up.map(|x| x as f32)),
-            bias: (BIAS * diagonal(mesh)) as f32,
+            bias,
         }
     }
 
-    /// Number of vertices.
-    pub fn vertices(&self) -> usize {
+    /// Number of places that rays start from.
+    pub fn places(&self) -> usize {
         self.positions.len()
     }
 
@@ -264,7 +268,7 @@ mod tests {
 
     #[test]
     fn distances_are_those_to_the_edge() {
-        let surroundings = Surroundings::new(&floor_and_wall(), None);
+        let surroundings = Surroundings::new(&floor_and_wall(), &floor_and_wall(), None);
         // From the middle of the floor a quarter of the sphere is seen: y > 0, x < 0.
         let mut scratch = Scratch::default();
         for size in [16, 32] {

@@ -1,4 +1,4 @@
-//! `tsuya bake`: what the vertices of a mesh see.
+//! `tsuya bake`: what a mesh's surface sees.
 
 use crate::source::limits;
 use crate::{output, progress, source, values};
@@ -10,7 +10,7 @@ use tsuya::container::{Container, SIGNATURE, SectionCodec, Tag, Writer, edit};
 use tsuya::visibility::bake::{BakeOptions, Baked, bake};
 use tsuya::{Error, asset, mesh};
 
-/// Computes the visibility of all directions from every vertex, for shadows under any light.
+/// Computes the visibility of all directions from every vertex, or more finely, for shadows under any light.
 ///
 /// Takes a mesh (PLY, OBJ, GLB) or a .tsuya file, and writes a .tsuya file that holds the visibility beside the mesh.
 #[derive(Args)]
@@ -23,9 +23,12 @@ pub struct Bake {
     /// Directions along a side of their grid, 8 to 128.
     #[arg(long, value_name = "N", default_value_t = 24)]
     resolution: usize,
-    /// Terms for each vertex: of the first group, which serves for broad light, and of the second.
+    /// Terms for each place: of the first group, which serves for broad light, and of the second.
     #[arg(long, value_name = "N,N", default_value = "16,32", value_parser = values::numbers)]
     terms: values::Numbers,
+    /// Places on the mesh, at most: its vertices, and where there are fewer, places between them (mesh with large triangles).
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    places: usize,
     /// Finest step of the stored weights; smaller is better and longer.
     #[arg(long, value_name = "STEP", default_value_t = 0.01)]
     step: f64,
@@ -86,17 +89,25 @@ impl Bake {
             Some(up) if length(up) < 1e-9 => return Err(Error::parameter("--ground needs a direction").into()),
             up => up.map(|up| up.map(|x| x / length(up))),
         };
-        Ok(BakeOptions { size: self.resolution, terms: [first, second], ground_up, weight_step: self.step })
+        Ok(BakeOptions {
+            size: self.resolution,
+            terms: [first, second],
+            ground_up,
+            weight_step: self.step,
+            places: self.places,
+        })
     }
 
     fn report(&self, mesh: &asset::Mesh, baked: &Baked) -> Result<()> {
         let (vertices, triangles) = (mesh.positions.len(), mesh.triangles.len());
         let error = baked.visibility.error();
         let bytes_per_vertex = baked.bytes.len() as f64 / vertices as f64;
+        let places = baked.visibility.places().count();
         if self.json {
             return output::say_json(&json!({
                 "vertices": vertices,
                 "triangles": triangles,
+                "places": places,
                 "seconds": baked.seconds,
                 "terms": baked.visibility.terms(),
                 "bytes_per_vertex": bytes_per_vertex,
@@ -105,7 +116,7 @@ impl Bake {
             }));
         }
         output::say(&format!(
-            "{vertices} vertices, {triangles} triangles: {} terms in {:.2} s, {bytes_per_vertex:.1} bytes a vertex\n\
+            "{vertices} vertices, {triangles} triangles, {places} places: {} terms in {:.2} s, {bytes_per_vertex:.1} bytes a vertex\n\
              error of the signed distance {:.2} degrees rms, {:.2} % of directions on the wrong side\n",
             baked.visibility.terms(),
             baked.seconds,

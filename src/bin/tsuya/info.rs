@@ -65,7 +65,7 @@ impl Info {
                 "mesh": {"vertices": asset.mesh.positions.len(), "triangles": asset.mesh.triangles.len()},
                 "atlas": asset.charts.as_ref().map(|c| json!({"width": c.width, "height": c.height, "charts": c.charts.len()})),
                 "relightable": relightable,
-                "visibility": asset.visibility.as_ref().map(|v| json!({"terms": v.terms(), "resolution": v.size(), "ground": v.has_ground(),
+                "visibility": asset.visibility.as_ref().map(|v| json!({"places": v.places().count(), "terms": v.terms(), "resolution": v.size(), "ground": v.has_ground(),
                     "rms_error_rad": v.error().rms_radians, "sign_error": v.error().wrong_signs})),
                 "light": asset.light.as_ref().map(|light| json!({"lobes": light.diffuse.len(),
                     "levels": light.levels.iter().map(|level| json!({"sharpness": level.sharpness(), "size": level.size()})).collect::<Vec<_>>()})),
@@ -130,8 +130,9 @@ impl Info {
         if let Some(visibility) = &asset.visibility {
             let (terms, error) = (visibility.terms(), visibility.error());
             let ground = if visibility.has_ground() { ", with a ground" } else { "" };
-            let degrees = error.rms_radians.to_degrees();
-            let _ = writeln!(text, "visibility: {terms} terms, error {degrees:.2} degrees rms{ground}");
+            let (degrees, places) = (error.rms_radians.to_degrees(), visibility.places().count());
+            let _ =
+                writeln!(text, "visibility: {places} places, {terms} terms, error {degrees:.2} degrees rms{ground}");
         }
         if let Some(light) = &asset.light {
             let _ = writeln!(text, "light: {} lobes, {} prefiltered levels", light.diffuse.len(), light.levels.len());

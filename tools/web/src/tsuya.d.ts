@@ -202,7 +202,7 @@ export interface Visibility {
   ground: boolean;
   /** `size * size` cells of `1 + terms`: the mean, then the bases, weights' steps multiplied in. */
   bases: Float32Array;
-  /** `sourceVertexCount * terms`. */
+  /** `sourceVertexCount * terms`; what a file has between the vertices is left out. */
   weights: Int8Array;
   rmsErrorRad: number;
   wrongSigns: number;
