@@ -353,6 +353,7 @@ async function first() {
   const wanted = new URLSearchParams(location.search).get("file");
   if (wanted) {
     const address = new URL(wanted, document.baseURI);
+    element("room").search = `?file=${encodeURIComponent(address.href)}`;
     return open(address, decodeURIComponent(address.pathname.split("/").pop()));
   }
   const description = await fetch("viewer.json").then((answer) => (answer.ok ? answer.json() : null)).catch(() => null);

@@ -207,13 +207,11 @@ export class Stage {
       this.renderer.clear();
       this.renderer.render(this.scene, camera);
     };
-    draw();
-    while (appearance && !appearance.complete) {
+    // The page's own pictures, of another camera, may come in between: what is wanted is known right after this one.
+    for (draw(); appearance && !appearance.complete; draw()) {
       this.renderer.setRenderTarget(null);
-      await new Promise((resolve) => setTimeout(resolve, 5));
-      appearance.upload(this.renderer);
+      await new Promise((resolve) => setTimeout(resolve, 20));
     }
-    draw();
     this.renderer.readRenderTargetPixels(target, 0, 0, width, height, values);
     this.renderer.setRenderTarget(null);
     target.dispose();

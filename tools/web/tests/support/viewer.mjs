@@ -24,9 +24,13 @@ export function tsuya(...args) {
   if (error || status !== 0) throw new Error(`tsuya ${args.join(" ")}: ${error?.message ?? stderr}`);
 }
 
+/** Servers that still run, those of a test that failed too. */
+const servers = new Set();
+
 /** `tsuya view` of a file; `{address, end}`. */
 export function view(file) {
   const server = spawn(program, ["view", file, "--no-open", "--assets", dist], { stdio: ["ignore", "pipe", "inherit"] });
+  servers.add(server);
   return new Promise((resolve, reject) => {
     server.once("error", reject);
     server.once("exit", (code) => reject(new Error(`tsuya view ended with ${code}`)));
@@ -36,15 +40,15 @@ export function view(file) {
 
 let context = null;
 
-/** A page at an address, and what it complains of. */
-export async function open(address, viewport = { width: 220, height: 180 }) {
+/** A page at an address, and what it complains of; `args` are the browser's, of the first page. */
+export async function openPage(address, viewport, args = []) {
   context ??= await chromium.launchPersistentContext(at("profile"), {
     executablePath: process.env.CHROMIUM ?? "/usr/bin/chromium",
     headless: true,
     viewport,
     args: [
       "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-component-update",
-      "--disable-sync", "--enable-unsafe-swiftshader",
+      "--disable-sync", "--enable-unsafe-swiftshader", ...args,
     ],
   });
   const page = await context.newPage();
@@ -57,8 +61,14 @@ export async function open(address, viewport = { width: 220, height: 180 }) {
     const text = message.text();
     if (["error", "warning"].includes(message.type()) && !/ReadPixels|status of 404/.test(text)) complaints.push(text);
   });
-  // The page says itself when it is ready.
+  // The pages say themselves when they are ready.
   await page.goto(address, { waitUntil: "commit" });
+  return { page, complaints };
+}
+
+/** The viewer with its file open. */
+export async function open(address, viewport = { width: 220, height: 180 }) {
+  const { page, complaints } = await openPage(address, viewport);
   await page.waitForFunction(() => window.tsuyaViewer);
   const message = await page.evaluate(async () => {
     await window.tsuyaViewer.opened;
@@ -76,6 +86,7 @@ export async function closeBrowser() {
 
 export async function closeAll() {
   await closeBrowser();
+  servers.forEach((server) => server.kill());
   rmSync(folder, { recursive: true, force: true });
 }
 
