@@ -100,6 +100,31 @@ fn paper_with_its_figures() {
 }
 
 #[test]
+fn measured_lobes_take_the_place_of_torrance_and_sparrow() {
+    let folder = tempfile::tempdir().unwrap();
+    let capture = sample();
+    let encoded = |name: &str, model: &str| {
+        let file = folder.path().join(name);
+        let file = text(&file);
+        tsuya(&["encode", text(&capture), "-o", file, "--hold-out", "6", "--specular", model]).code(0);
+        assert!(output(&["verify", file, "--deep"]).contains("30 of 30"));
+        let compared = json(&["compare", file, text(&capture), "--json"]);
+        let decibel = |key: &str| compared["held_out_psnr_db"]["model"][key].as_f64().unwrap();
+        (std::fs::metadata(file).unwrap().len(), decibel("specular"), decibel("sum"))
+    };
+    let (gaussian, lobes) = (encoded("g.tsuya", "torrance-sparrow"), encoded("l.tsuya", "dsbrdf"));
+    assert!(lobes.1 > gaussian.1 && lobes.2 > gaussian.2, "{lobes:?} {gaussian:?}");
+    assert!(output(&["info", text(&folder.path().join("l.tsuya"))]).contains("measured lobes"));
+    assert!(lobes.0 < gaussian.0 + 2000, "{lobes:?} {gaussian:?}");
+    let (file, picture) = (folder.path().join("l.tsuya"), folder.path().join("relit.png"));
+    tsuya(&["render", text(&file), "-o", text(&picture), "--view", "9", "--light", "-3,2,1"]).code(0);
+    let paper = ["--profile", "paper", "--specular", "dsbrdf"];
+    let none = folder.path().join("none.tsuya");
+    let refused = complaint(1, &[&["encode", text(&capture), "-o", text(&none)], &paper[..]].concat());
+    assert!(refused.contains("profile tuned"), "{refused}");
+}
+
+#[test]
 fn views_between_are_interpolated_and_one_view_is_read_alone() {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name);

@@ -1,0 +1,87 @@
+use super::*;
+use crate::Limits;
+use crate::reflectance::torrance_sparrow::{self, Sighting};
+
+/// Sightings of a highlight with a core and a wide foot, which no Gaussian has.
+fn sightings(sigma: f32, colour: [f32; 3], block: usize) -> Vec<Sighting> {
+    (0..40)
+        .map(|n| {
+            let part = |step: f32| ((n + 17 * block) as f32 * step).fract();
+            let geometry = Geometry {
+                irradiance: [2.0, 3.0, 2.5],
+                cos_light: 0.5 + 0.4 * part(0.57),
+                cos_view: 0.5 + 0.4 * part(0.31),
+                alpha: 1.2 * part(0.618).powi(2),
+                difference: 0.2 + 0.6 * part(0.755),
+            };
+            let shape = (-(geometry.alpha / sigma)).exp() + 0.05 * (-geometry.alpha).exp();
+            let fresnel = 1.0 + 2.0 * geometry.difference;
+            let radiance = |c: usize| colour[c] * geometry.irradiance[c] * geometry.cos_light * shape * fresnel;
+            Sighting { radiance: std::array::from_fn(radiance), geometry }
+        })
+        .collect()
+}
+
+fn fitted() -> (Vec<PaletteEntry>, f64, f64) {
+    let blocks: Vec<Vec<Sighting>> =
+        (0..60).map(|k| sightings(0.06 * (1 + k % 5) as f32, [0.1 + 0.01 * k as f32, 0.2, 0.3], k as usize)).collect();
+    let gaussian: Vec<Option<Lobe>> = blocks.iter().map(|seen| torrance_sparrow::fit(seen)).collect();
+    let mut lobes = gaussian.clone();
+    let palette = fit(&mut lobes, &blocks);
+    let error = |model: &dyn Fn(usize, &Geometry) -> [f32; 3]| {
+        let of = |(k, seen): (usize, &Vec<Sighting>)| -> f64 {
+            let square = |s: &Sighting| {
+                let found = model(k, &s.geometry);
+                (0..3).map(|c| (found[c] - s.radiance[c]).powi(2) as f64).sum::<f64>()
+            };
+            seen.iter().map(square).sum()
+        };
+        blocks.iter().enumerate().map(of).sum::<f64>()
+    };
+    let with_palette = error(&|k, g| lobes[k].map_or([0.0; 3], |lobe| evaluate(&palette, &lobe, g)));
+    let with_gaussian = error(&|k, g| gaussian[k].map_or([0.0; 3], |lobe| torrance_sparrow::evaluate(&lobe, g)));
+    (palette, with_palette, with_gaussian)
+}
+
+#[test]
+fn a_palette_follows_what_a_gaussian_misses() {
+    let (palette, with_palette, with_gaussian) = fitted();
+    assert!((2..=4).contains(&palette.len()) && palette.is_sorted_by_key(|entry| entry.level));
+    assert!(with_palette < 0.3 * with_gaussian, "{with_palette} {with_gaussian}");
+    assert!(fit(&mut [None, None], &[vec![], vec![]]).is_empty());
+}
+
+#[test]
+fn palettes_come_back_and_damage_is_found() {
+    let (palette, ..) = fitted();
+    let budget = || Budget::new(Limits { memory_bytes: 1 << 20, ..Limits::default() });
+    let mut bytes = vec![7, 7];
+    write(&palette, &mut bytes).unwrap();
+    assert!(read(&bytes, 2, "RFLC", &budget()).unwrap() == (palette.clone(), bytes.len()));
+    for cut in 2..bytes.len() {
+        assert!(read(&bytes[..cut], 2, "RFLC", &budget()).is_err(), "cut at {cut}");
+    }
+    let changed = |at: usize, value: u8| {
+        let mut bytes = bytes.clone();
+        bytes[at] = value;
+        read(&bytes, 2, "RFLC", &budget())
+    };
+    assert!(changed(2, 0).is_err() && changed(2, 9).is_err());
+    assert!(read(&bytes, bytes.len() + 9, "RFLC", &budget()).is_err());
+    let small = Budget::new(Limits { memory_bytes: 150_000, ..Limits::default() });
+    assert!(matches!(read(&bytes, 2, "RFLC", &small), Err(Error::Limits { .. })));
+    let twice = [palette[0].clone(), palette[0].clone()];
+    let mut equal = Vec::new();
+    write(&twice, &mut equal).unwrap();
+    assert!(read(&equal, 0, "RFLC", &budget()).unwrap_err().to_string().contains("rise"));
+    assert!(write(&[], &mut equal).is_err());
+    // Whatever decodes is finite.
+    let geometry = Geometry { irradiance: [1.0; 3], cos_light: 0.5, cos_view: 0.5, alpha: 0.1, difference: 0.4 };
+    let lobe = Lobe { specular: [0.5; 3], sigma: 0.1 };
+    for at in 3..bytes.len() {
+        if let Ok((palette, _)) = changed(at, bytes[at] ^ (1 << (at % 8))) {
+            let value = evaluate(&palette, &lobe, &geometry);
+            assert!(value.iter().all(|v| v.is_finite() && *v >= 0.0), "{value:?}");
+        }
+    }
+}
