@@ -1,7 +1,10 @@
 //! Reflection functions of files: the specular model of reflectance maps, and measured materials taken apart.
 
 use crate::brdf::Brdf;
+use crate::brdf::HalfDifference;
 use crate::reflectance::geometry::LEAST_COS_VIEW;
+use crate::reflectance::palette::{self, PaletteEntry};
+use std::sync::Arc;
 
 /// `exp(-alpha^2 / (2 sigma^2)) / ((n.i) (n.o))` (Miyazaki 2007, equation 8, over the irradiance of the surface).
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -19,6 +22,25 @@ impl Brdf for TorranceSparrow {
         let sum: [f64; 3] = std::array::from_fn(|k| incoming[k] + outgoing[k]);
         let alpha = sum[0].hypot(sum[1]).atan2(sum[2]) / self.sigma;
         [(-0.5 * alpha * alpha).exp() / (view.max(LEAST_COS_VIEW as f64) * light.max(1e-3)); 3]
+    }
+}
+
+/// The shape that a palette of measured lobes gives highlights of one width ([`palette`]).
+#[derive(Debug, Clone)]
+pub(super) struct PaletteHighlight {
+    /// Not empty.
+    pub(super) palette: Arc<[PaletteEntry]>,
+    /// `sigma`, radians, above 0.
+    pub(super) sigma: f32,
+}
+
+impl Brdf for PaletteHighlight {
+    fn evaluate(&self, incoming: [f64; 3], outgoing: [f64; 3]) -> [f64; 3] {
+        if incoming[2] <= 0.0 || outgoing[2] <= 0.0 {
+            return [0.0; 3];
+        }
+        let angles = HalfDifference::of(incoming, outgoing);
+        palette::shape(&self.palette, self.sigma, angles.theta_h, angles.theta_d)
     }
 }
 

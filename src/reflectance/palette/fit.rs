@@ -134,7 +134,7 @@ fn sample(theta_h: f64, theta_d: f64, value: [f64; 3]) -> Sample {
 fn recolour(palette: &[PaletteEntry], lobe: &mut Lobe, sightings: &[Sighting]) {
     let (mut product, mut square) = ([0.0f64; 3], [0.0f64; 3]);
     for s in sightings.iter().filter(|s| usable(s)) {
-        let shape = shape(palette, lobe.sigma, &s.geometry);
+        let shape = shape(palette, lobe.sigma, s.geometry.alpha as f64, s.geometry.difference as f64);
         let weight = s.geometry.cos_view as f64;
         for c in 0..3 {
             let unit = (s.geometry.irradiance[c] * s.geometry.cos_light) as f64 * shape[c];

@@ -6,6 +6,9 @@
 
 #[cfg(feature = "encode")]
 mod fit;
+mod gaussian;
+
+pub use gaussian::without_palette;
 
 #[cfg(feature = "encode")]
 pub(super) use fit::fit;
@@ -20,6 +23,8 @@ use std::f64::consts::FRAC_PI_2;
 
 /// Most entries of a palette. Part of the format.
 pub const ENTRIES: usize = 8;
+/// Values from here on count as 0. Part of the format.
+const MOST: f64 = 1e6;
 /// Memory that decoding takes for an entry: three curves for each of 90 slices, 5 lobes and 3 colours.
 const ENTRY_MEMORY: u64 = 100_000;
 
@@ -51,7 +56,7 @@ pub fn evaluate(palette: &[PaletteEntry], lobe: &Lobe, geometry: &Geometry) -> [
     if geometry.cos_light <= 0.0 || geometry.cos_view <= 0.0 || lobe.sigma <= 0.0 {
         return [0.0; 3];
     }
-    let shape = shape(palette, lobe.sigma, geometry);
+    let shape = shape(palette, lobe.sigma, geometry.alpha as f64, geometry.difference as f64);
     std::array::from_fn(|c| {
         let value = lobe.specular[c] * geometry.irradiance[c] * geometry.cos_light * shape[c] as f32;
         if value.is_finite() { value } else { 0.0 }
@@ -71,17 +76,19 @@ fn around(palette: &[PaletteEntry], sigma: f32) -> ([Option<&PaletteEntry>; 2], 
     }
 }
 
-/// `f`: both entries around the `sigma`, each stretched to it.
-fn shape(palette: &[PaletteEntry], sigma: f32, geometry: &Geometry) -> [f64; 3] {
+/// `f` per unit of specular colour, at the angle `alpha` between normal and half vector and the difference angle, radians: both entries around
+/// the `sigma`, each stretched to it. All of it is 0 without entries.
+pub fn shape(palette: &[PaletteEntry], sigma: f32, alpha: f64, difference: f64) -> [f64; 3] {
     let (entries, part) = around(palette, sigma);
     let mut sum = [0.0; 3];
     for (entry, weight) in entries.into_iter().zip([1.0 - part, part]) {
         let Some(entry) = entry.filter(|_| weight > 0.0) else { continue };
-        let stretched = geometry.alpha as f64 * (sigma_of_level(entry.level as i32) / sigma) as f64;
-        let value = entry.lobes.at(stretched.min(FRAC_PI_2), geometry.difference as f64);
+        let stretched = alpha * (sigma_of_level(entry.level as i32) / sigma) as f64;
+        let value = entry.lobes.at(stretched.min(FRAC_PI_2), difference);
         (0..3).for_each(|c| sum[c] += weight * value[c]);
     }
-    sum
+    // Lobes of a file may be higher than numbers go.
+    sum.map(|f| if f < MOST { f } else { 0.0 })
 }
 
 /// The palette as bytes: how many entries, then of each its level, its length and its lobes.

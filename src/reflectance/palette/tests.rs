@@ -1,5 +1,6 @@
 use super::*;
 use crate::Limits;
+use crate::asset::ReflectanceMaps;
 use crate::reflectance::torrance_sparrow::{self, Sighting};
 
 /// Sightings of a highlight with a core and a wide foot, which no Gaussian has.
@@ -84,4 +85,42 @@ fn palettes_come_back_and_damage_is_found() {
             assert!(value.iter().all(|v| v.is_finite() && *v >= 0.0), "{value:?}");
         }
     }
+}
+
+#[test]
+fn gaussians_stand_for_lobes_that_are_nearly_gaussian() {
+    // What Torrance and Sparrow's lobe shows, fitted as a palette and made Gaussian again.
+    let truth = |k: usize| Lobe { specular: [0.3, 0.2, 0.1], sigma: 0.08 * (1 + k % 3) as f32 };
+    let blocks: Vec<Vec<Sighting>> = (0..60)
+        .map(|k| {
+            let seen = sightings(0.1, [0.0; 3], k).into_iter();
+            // Light and view lie as far from the normal as from the half vector, nearly.
+            let geometry = |g: Geometry| Geometry { cos_light: g.difference.cos(), cos_view: g.difference.cos(), ..g };
+            seen.map(|s| geometry(s.geometry))
+                .map(|geometry| Sighting { radiance: torrance_sparrow::evaluate(&truth(k), &geometry), geometry })
+                .collect()
+        })
+        .collect();
+    let mut lobes: Vec<Option<Lobe>> = blocks.iter().map(|seen| torrance_sparrow::fit(seen)).collect();
+    let palette = fit(&mut lobes, &blocks);
+    assert!(!palette.is_empty());
+    let lobes: Vec<Lobe> = lobes.into_iter().flatten().collect();
+    let grid = |data: Vec<[f32; 3]>| crate::image::Grid { width: data.len(), height: 1, data };
+    let maps = ReflectanceMaps {
+        relightable: true,
+        diffuse: grid(vec![[0.2; 3]; 60]),
+        specular: grid(lobes.iter().map(|lobe| lobe.specular).collect()),
+        sigma: crate::image::Grid { width: 60, height: 1, data: lobes.iter().map(|lobe| lobe.sigma).collect() },
+        palette,
+    };
+    let plain = without_palette(&maps);
+    assert!(plain.palette.is_empty() && plain.diffuse == maps.diffuse);
+    for (k, (colour, sigma)) in plain.specular.data.iter().zip(&plain.sigma.data).enumerate() {
+        let expected = truth(k);
+        let off = |a: f32, b: f32| (a / b - 1.0).abs();
+        let colours = (0..3).map(|c| off(colour[c], expected.specular[c])).fold(0.0, f32::max);
+        assert!(off(*sigma, expected.sigma) < 0.15 && colours < 0.25, "{k}: {colour:?} {sigma}, {expected:?}");
+    }
+    let without = ReflectanceMaps { palette: Vec::new(), ..maps };
+    assert!(matches!(without_palette(&without), std::borrow::Cow::Borrowed(_)));
 }
