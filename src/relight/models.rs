@@ -74,3 +74,42 @@ pub(super) fn above_its_least(brdf: Box<dyn Brdf + Send>) -> ([f64; 3], Box<dyn 
     let least = least.map(|x| if x.is_finite() { x.max(0.0) } else { 0.0 });
     (least.map(|x| x * std::f64::consts::PI), Box::new(Rest { brdf, least }))
 }
+
+#[cfg(all(test, feature = "encode"))]
+mod tests {
+    use super::*;
+    use crate::asset::PointLight;
+    use crate::brdf::Sample;
+    use crate::brdf::dsbrdf::{FitOptions, fit};
+    use crate::reflectance::{Geometry, Lobe};
+
+    /// An environment's light goes through the same function as a point light's.
+    #[test]
+    fn palettes_reflect_point_lights_and_environments_alike() {
+        let model = |sigma: f64| {
+            let samples = Sample::of(&TorranceSparrow { sigma }, [60, 12, 3]);
+            fit(&samples, &FitOptions { slices: 6, least_theta_h_deg: 0.0, ..FitOptions::default() }).unwrap()
+        };
+        let palette =
+            vec![PaletteEntry { level: 90, lobes: model(0.07) }, PaletteEntry { level: 170, lobes: model(0.23) }];
+        for sigma in [0.05f32, 0.12, 0.4] {
+            let highlight = PaletteHighlight { palette: palette.as_slice().into(), sigma };
+            let lobe = Lobe { specular: [1.0, 0.5, 0.25], sigma };
+            for (o, i) in [([0.1, 0.2, 0.9f64], [0.0, -0.1, 1.0f64]), ([0.6, 0.0, 0.7], [-0.4, 0.1, 0.8])] {
+                let light = PointLight { position: i, intensity: [3.0; 3] };
+                let geometry = Geometry::new([0.0; 3], [0.0, 0.0, 1.0], o, &light);
+                let seen = palette::evaluate(&palette, &lobe, &geometry);
+                let unit = |v: [f64; 3]| {
+                    let length = v.iter().map(|x| x * x).sum::<f64>().sqrt();
+                    v.map(|x| x / length)
+                };
+                let (f, cosine) = (highlight.evaluate(unit(i), unit(o)), geometry.cos_light as f64);
+                for c in 0..3 {
+                    let expected = lobe.specular[c] as f64 * geometry.irradiance[c] as f64 * cosine * f[c];
+                    assert!(expected > 0.0 && (seen[c] as f64 / expected - 1.0).abs() < 1e-3, "{seen:?} {expected}");
+                }
+            }
+            assert_eq!(highlight.evaluate([0.0, 0.0, 1.0], [0.6, 0.0, -0.8]), [0.0; 3]);
+        }
+    }
+}

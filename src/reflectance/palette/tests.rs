@@ -1,6 +1,7 @@
 use super::*;
 use crate::Limits;
-use crate::asset::ReflectanceMaps;
+use crate::asset::{Chart, Charts, Mesh, ReflectanceMaps};
+use crate::reflectance::code::{MapSteps, decode, encode};
 use crate::reflectance::torrance_sparrow::{self, Sighting};
 
 /// Sightings of a highlight with a core and a wide foot, which no Gaussian has.
@@ -123,4 +124,70 @@ fn gaussians_stand_for_lobes_that_are_nearly_gaussian() {
     }
     let without = ReflectanceMaps { palette: Vec::new(), ..maps };
     assert!(matches!(without_palette(&without), std::borrow::Cow::Borrowed(_)));
+}
+
+/// The front of an octahedron and its back beside it.
+fn atlas() -> (Mesh, Charts) {
+    let mesh = Mesh {
+        positions: vec![[1., 0., 0.], [-1., 0., 0.], [0., 1., 0.], [0., -1., 0.], [0., 0., 1.], [0., 0., -1.]],
+        triangles: vec![[0, 2, 4], [2, 1, 4], [1, 3, 4], [3, 0, 4], [2, 0, 5], [1, 2, 5], [3, 1, 5], [0, 3, 5]],
+    };
+    let chart = |facing, x| Chart { facing, offset: [x, 10] };
+    let charts = Charts {
+        width: 40,
+        height: 20,
+        texels_per_unit: 8.0,
+        charts: vec![chart(4, 10), chart(5, 30)],
+        chart_of_triangle: vec![0, 0, 0, 0, 1, 1, 1, 1],
+    };
+    (mesh, charts)
+}
+
+#[test]
+fn sections_with_a_palette_come_back_and_hostile_ones_are_refused() {
+    let (mesh, charts) = atlas();
+    let (palette, ..) = fitted();
+    let grid = |value: &dyn Fn(usize) -> f32| crate::image::Grid {
+        width: 40,
+        height: 20,
+        data: (0..800).map(value).collect::<Vec<f32>>(),
+    };
+    let maps = ReflectanceMaps {
+        relightable: true,
+        diffuse: grid(&|_| 0.3).map(|&x| [x; 3]),
+        specular: grid(&|k| 0.2 + 0.1 * (k % 40) as f32 / 40.0).map(|&x| [x, 0.5 * x, x]),
+        sigma: grid(&|k| 0.08 + 0.2 * (k / 40) as f32 / 20.0),
+        palette,
+    };
+    let steps = MapSteps { diffuse: 1.0, specular: 1.0, sigma: 1.0 };
+    let (bytes, expected) = encode(&maps, &mesh, &charts, &steps, 0.0).unwrap();
+    let read = |bytes: &[u8]| decode(bytes, &mesh, &charts, &Budget::new(Limits::default()));
+    let decoded = read(&bytes).unwrap();
+    assert!(decoded == expected && decoded.palette == maps.palette);
+    // The same light as from the maps that were coded, within their steps.
+    let geometry = Geometry { irradiance: [1.0; 3], cos_light: 0.8, cos_view: 0.7, alpha: 0.05, difference: 0.4 };
+    for at in [[10.0, 10.0], [8.5, 11.0], [30.0, 9.0]] {
+        let light =
+            |maps| crate::reflectance::maps::evaluate(maps, crate::asset::Component::Specular, at, Some(&geometry));
+        let (before, after) = (light(&maps), light(&decoded));
+        assert!((0..3).all(|c| (after[c] / before[c] - 1.0).abs() < 0.1), "{before:?} {after:?}");
+    }
+    // The palette begins at byte 23: its count, then level, length and lobes of each entry.
+    let end = bytes.len();
+    let palette_end = 24 + maps.palette.iter().map(|entry| 3 + entry.lobes.encode().len()).sum::<usize>();
+    assert!(palette_end < end);
+    for cut in 0..palette_end {
+        assert!(matches!(read(&bytes[..cut]), Err(Error::Format { .. })), "cut at {cut}");
+    }
+    let changed = |at: usize, value: u8| {
+        let mut bytes = bytes.clone();
+        bytes[at] = value;
+        read(&bytes)
+    };
+    assert!(matches!(changed(1, 4), Err(Error::Unsupported(_))));
+    assert!(changed(2, 3).unwrap_err().to_string().contains("specular"));
+    assert!(matches!(changed(23, 0), Err(Error::Format { .. })) && matches!(changed(23, 9), Err(Error::Format { .. })));
+    assert!(matches!(changed(25, 0xff), Err(Error::Format { .. })));
+    let small = Budget::new(Limits { memory_bytes: 150_000, ..Limits::default() });
+    assert!(matches!(decode(&bytes, &mesh, &charts, &small), Err(Error::Limits { .. })));
 }
