@@ -7,7 +7,7 @@ use crate::asset::{Asset, Charts, ReflectanceMaps};
 use crate::brdf::Brdf;
 use crate::error::{Error, Result};
 use crate::image::Grid;
-use crate::reflectance::palette::PaletteEntry;
+use crate::reflectance::palette::PaletteTables;
 use crate::reflectance::torrance_sparrow::SIGMA_RANGE;
 use crate::surface::atlas::{atlas_position, read_colour, read_number};
 use glam::{DVec3, Vec3};
@@ -69,9 +69,9 @@ impl<'a> AssetLook<'a> {
         }
         let (least, most) = SIGMA_RANGE;
         let shiny = !maps.specular.data.is_empty() && !maps.sigma.data.is_empty();
-        let palette: Arc<[PaletteEntry]> = maps.palette.as_slice().into();
+        let palette = Arc::new(PaletteTables::new(&maps.palette));
         let part = |sigma: f64| -> Result<Box<dyn Brdf + Send>> {
-            if palette.is_empty() {
+            if maps.palette.is_empty() {
                 return Ok(Box::new(TorranceSparrow { sigma }));
             }
             Ok(Box::new(PaletteHighlight { palette: palette.clone(), sigma: sigma as f32 }))

@@ -88,10 +88,9 @@ fn entries(levels: &[u8], lobes: &[Option<Lobe>], sightings: &[Vec<Sighting>]) -
     for (lobe, seen) in lobes.iter().zip(sightings) {
         let Some(lobe) = lobe else { continue };
         let (near, part) = around(&keys, lobe.sigma);
-        for (entry, share) in near.into_iter().zip([1.0 - part, part]) {
-            let Some(entry) = entry.filter(|_| share > 0.0) else { continue };
-            let Ok(class) = levels.binary_search(&entry.level) else { continue };
-            let stretch = (sigma_of_level(entry.level as i32) / lobe.sigma) as f64;
+        for (class, share) in near.into_iter().zip([1.0 - part, part]) {
+            let Some(class) = class.filter(|_| share > 0.0) else { continue };
+            let stretch = (sigma_of_level(keys[class].level as i32) / lobe.sigma) as f64;
             for s in seen.iter().filter(|s| usable(s)) {
                 let theta_h = (s.geometry.alpha as f64 * stretch).min(FRAC_PI_2 * 0.999);
                 let theta_d = (s.geometry.difference as f64).min(FRAC_PI_2 * 0.999);

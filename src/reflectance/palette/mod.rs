@@ -7,8 +7,10 @@
 #[cfg(feature = "encode")]
 mod fit;
 mod gaussian;
+mod tables;
 
 pub use gaussian::without_palette;
+pub(crate) use tables::PaletteTables;
 
 #[cfg(feature = "encode")]
 pub(super) use fit::fit;
@@ -64,27 +66,33 @@ pub fn evaluate(palette: &[PaletteEntry], lobe: &Lobe, geometry: &Geometry) -> [
 }
 
 /// The two entries around a `sigma` and the weight of the second.
-fn around(palette: &[PaletteEntry], sigma: f32) -> ([Option<&PaletteEntry>; 2], f64) {
+fn around(palette: &[PaletteEntry], sigma: f32) -> ([Option<usize>; 2], f64) {
     let level = level_of_sigma(sigma);
     let above = palette.iter().position(|entry| entry.level as f64 > level).unwrap_or(palette.len());
-    match (above.checked_sub(1).and_then(|below| palette.get(below)), palette.get(above)) {
+    let index = |k: Option<usize>| k.filter(|&k| k < palette.len());
+    match (index(above.checked_sub(1)), index(Some(above))) {
         (Some(low), Some(high)) => {
-            let span = (high.level as f64 - low.level as f64).max(1.0);
-            ([Some(low), Some(high)], ((level - low.level as f64) / span).clamp(0.0, 1.0))
+            let span = (palette[high].level as f64 - palette[low].level as f64).max(1.0);
+            ([Some(low), Some(high)], ((level - palette[low].level as f64) / span).clamp(0.0, 1.0))
         }
         (one, other) => ([one.or(other), None], 0.0),
     }
 }
 
-/// `f` per unit of specular colour, at the angle `alpha` between normal and half vector and the difference angle, radians: both entries around
-/// the `sigma`, each stretched to it. All of it is 0 without entries.
+/// `f` per unit of specular colour, at the angle `alpha` between normal and half vector and the difference angle, radians: both entries
+/// around the `sigma`, each stretched to it. 0 without entries, and where lobes give a million or more.
 pub fn shape(palette: &[PaletteEntry], sigma: f32, alpha: f64, difference: f64) -> [f64; 3] {
+    mix(palette, sigma, alpha, |entry, theta_h| palette[entry].lobes.at(theta_h, difference))
+}
+
+/// [`shape`] of entries whose values at a half angle are given.
+fn mix(palette: &[PaletteEntry], sigma: f32, alpha: f64, value: impl Fn(usize, f64) -> [f64; 3]) -> [f64; 3] {
     let (entries, part) = around(palette, sigma);
     let mut sum = [0.0; 3];
     for (entry, weight) in entries.into_iter().zip([1.0 - part, part]) {
         let Some(entry) = entry.filter(|_| weight > 0.0) else { continue };
-        let stretched = alpha * (sigma_of_level(entry.level as i32) / sigma) as f64;
-        let value = entry.lobes.at(stretched.min(FRAC_PI_2), difference);
+        let stretched = alpha * (sigma_of_level(palette[entry].level as i32) / sigma) as f64;
+        let value = value(entry, stretched.min(FRAC_PI_2));
         (0..3).for_each(|c| sum[c] += weight * value[c]);
     }
     // Lobes of a file may be higher than numbers go.
