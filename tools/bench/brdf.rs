@@ -221,7 +221,8 @@ fn print(title: &str, rows: &[Row]) {
         let column = |value: &dyn Fn(&Row) -> f64| {
             let mut values: Vec<f64> = of.iter().map(|row| value(row)).collect();
             values.sort_by(f64::total_cmp);
-            (values[0], values[values.len() / 2], values[values.len() - 1])
+            let half = values.len() / 2;
+            (values[0], 0.5 * (values[half] + values[(values.len() - 1) / 2]), values[values.len() - 1])
         };
         let log = column(&|row| row.report.log_rmse);
         let (point, light) =
