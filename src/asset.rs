@@ -3,6 +3,7 @@
 use crate::brdf::materials::NamedMaterial;
 use crate::image::{Grid, Mask, RgbImage};
 use crate::lighting::Light;
+use crate::reflectance::palette::PaletteEntry;
 use crate::visibility::Visibility;
 use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
@@ -162,7 +163,8 @@ impl Charts {
 /// With a point light of intensity `L` at distance `r`: diffuse `K_d (L / r^2) cos(theta_i)`, specular
 /// `K_s (L / r^2) / cos(theta_r) exp(-alpha^2 / (2 sigma^2))` (Miyazaki 2007, equations 7 and 8, after division by the
 /// light's irradiance). Where the lights are unknown `diffuse` is the weighted mean radiance over the views, the others
-/// are empty, and the object can't be relit.
+/// are empty, and the object can't be relit. Where there is a palette, its lobes replace the specular formula, see
+/// [`crate::reflectance::palette`].
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct ReflectanceMaps {
     /// Whether the lights were known, so that `diffuse` is a reflectance and not a radiance.
@@ -173,6 +175,8 @@ pub struct ReflectanceMaps {
     pub specular: Grid<[f32; 3]>,
     /// `sigma` per texel, radians; empty grid without a specular component.
     pub sigma: Grid<f32>,
+    /// Shapes of highlights, by rising `sigma`; empty for those of Torrance and Sparrow.
+    pub palette: Vec<PaletteEntry>,
 }
 
 /// A decoded file: everything that rendering, export and comparison need.

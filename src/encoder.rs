@@ -249,7 +249,7 @@ impl<'a> ReflectanceStage<'a> {
         let chart_bytes = charts::encode(mesh, &charts)?;
         let raster = atlas::rasterise_atlas(mesh, &charts)?;
         let photographs = photographs.iter().map(Some).collect();
-        let sources = maps::Sources { mesh, views, components, photographs };
+        let sources = maps::Sources { mesh, views, components, photographs, specular: options.specular };
         let maps = maps::fit_maps(&sources, &charts, &raster);
         Ok(ReflectanceStage { mesh, charts, chart_bytes, maps })
     }

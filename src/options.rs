@@ -2,6 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
+#[cfg(feature = "encode")]
+pub use crate::reflectance::maps::SpecularModel;
+
 /// How the look is stored. See the chapter on profiles in `spec/`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -42,6 +45,9 @@ pub struct EncodeOptions {
     pub position_bits: Option<u8>,
     /// Texels of the reflectance atlas for one pixel of the photographs, each way.
     pub atlas_density: f64,
+    /// Profile `tuned`: what highlights are fitted with.
+    #[cfg(feature = "encode")]
+    pub specular: SpecularModel,
     /// Profile `tuned`: also keep the sign of specular radiance below zero (noise and double bounces); profile `paper`
     /// always keeps it.
     pub signed_specular: bool,
@@ -57,6 +63,8 @@ impl Default for EncodeOptions {
             hold_out: None,
             position_bits: None,
             atlas_density: 0.4,
+            #[cfg(feature = "encode")]
+            specular: SpecularModel::default(),
             signed_specular: false,
             metadata: serde_json::Map::new(),
         }

@@ -101,6 +101,23 @@ fn wrong_input_is_named() {
     assert!(fit(&file("short.binary", &header)).contains("cut off"));
     assert!(fit(&file("swapped.binary", &swapped)).contains("big-endian"));
     assert!(fit(&file("empty.binary", b"")).contains("has 0"));
+    // Of another size than its header, of another header, full of what is no number, with its values' bytes swapped.
+    let table = |counts: [u32; 3], value: [u8; 8]| {
+        let cells: usize = 90 * 90 * 180 * 3;
+        [counts.map(u32::to_le_bytes).concat(), value.repeat(cells)].concat()
+    };
+    let whole = [90, 90, 180];
+    let tables = [
+        ("longer.binary", [&table(whole, 0.1f64.to_le_bytes())[..], &[0; 8]].concat(), "goes on after its end"),
+        ("counts.binary", table([90, 90, 360], 0.1f64.to_le_bytes()), "90 x 90 x 360"),
+        ("nan.binary", table(whole, f64::NAN.to_le_bytes()), "not finite"),
+        ("negative.binary", table(whole, (-1f64).to_le_bytes()), "no cell"),
+        ("big-endian.binary", table(whole, 0.1f64.to_be_bytes()), "little-endian"),
+    ];
+    for (name, bytes, expected) in tables {
+        let complained = fit(&file(name, &bytes));
+        assert!(complained.contains(expected) && complained.contains(name), "{complained}");
+    }
     assert!(fit(&file("x.bsdf", b"tensor")).contains("cut off"));
     assert!(fit(&file("x.json", b"{}")).contains("not a file of fitted models"));
     assert!(!std::path::Path::new(&out).exists());

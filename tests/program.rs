@@ -100,6 +100,50 @@ fn paper_with_its_figures() {
 }
 
 #[test]
+fn measured_lobes_take_the_place_of_torrance_and_sparrow() {
+    let folder = tempfile::tempdir().unwrap();
+    let capture = sample();
+    let encoded = |name: &str, model: &str| {
+        let file = folder.path().join(name);
+        let file = text(&file);
+        tsuya(&["encode", text(&capture), "-o", file, "--hold-out", "6", "--specular", model]).code(0);
+        assert!(output(&["verify", file, "--deep"]).contains("30 of 30"));
+        let compared = json(&["compare", file, text(&capture), "--json"]);
+        let decibel = |key: &str| compared["held_out_psnr_db"]["model"][key].as_f64().unwrap();
+        (std::fs::metadata(file).unwrap().len(), decibel("specular"), decibel("sum"))
+    };
+    let (gaussian, lobes) = (encoded("g.tsuya", "torrance-sparrow"), encoded("l.tsuya", "dsbrdf"));
+    assert!(lobes.1 > gaussian.1 && lobes.2 > gaussian.2, "{lobes:?} {gaussian:?}");
+    assert!(output(&["info", text(&folder.path().join("l.tsuya"))]).contains("measured lobes"));
+    assert!(lobes.0 < gaussian.0 + 2000, "{lobes:?} {gaussian:?}");
+    let (file, picture) = (folder.path().join("l.tsuya"), folder.path().join("relit.png"));
+    tsuya(&["render", text(&file), "-o", text(&picture), "--view", "9", "--light", "-3,2,1"]).code(0);
+
+    // The palette comes out as materials, which measured ones are evaluated like.
+    let (out, directions) = (folder.path().join("out"), folder.path().join("d.csv"));
+    tsuya(&["decode", text(&file), "-o", text(&out), "--views", "0"]).code(0);
+    let palette = out.join("maps/palette.tsuya");
+    let described = json(&["info", text(&palette), "--json"]);
+    let entries = json(&["info", text(&file), "--json"])["palette_entries"].as_u64().unwrap();
+    let materials = described["materials"].as_array().unwrap();
+    assert!((1..=4).contains(&entries) && materials.len() as u64 == entries, "{described}");
+    let name = materials[0]["name"].as_str().unwrap();
+    let sigma: f64 = name.strip_prefix("sigma ").unwrap().parse().unwrap();
+    assert!((0.02..0.8).contains(&sigma), "{name}");
+    std::fs::write(&directions, "0,0,1,0,0,1\n0.6,0,0.8,0,0,1\n").unwrap();
+    let values = output(&["brdf", "eval", text(&palette), "--directions", text(&directions), "--material", name]);
+    let values: Vec<f64> = values.lines().flat_map(|row| row.split(',')).map(|x| x.parse().unwrap()).collect();
+    assert!(values.len() == 6 && (0..3).all(|c| values[c] > values[3 + c]), "{values:?}");
+    let gltf = folder.path().join("l.glb");
+    tsuya(&["gltf", "export", text(&file), "-o", text(&gltf)]).code(0);
+
+    let paper = ["--profile", "paper", "--specular", "dsbrdf"];
+    let none = folder.path().join("none.tsuya");
+    let refused = complaint(1, &[&["encode", text(&capture), "-o", text(&none)], &paper[..]].concat());
+    assert!(refused.contains("profile tuned"), "{refused}");
+}
+
+#[test]
 fn views_between_are_interpolated_and_one_view_is_read_alone() {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name);

@@ -2,6 +2,8 @@
 #![no_main]
 mod scene;
 use libfuzzer_sys::fuzz_target;
+use tsuya::asset::Component;
+use tsuya::reflectance::{Geometry, maps};
 use tsuya::{Budget, Limits, reflectance};
 
 fuzz_target!(|bytes: &[u8]| {
@@ -9,5 +11,13 @@ fuzz_target!(|bytes: &[u8]| {
     if let Ok(maps) = reflectance::code::decode(bytes, &scene::mesh(), &scene::charts(), &budget) {
         assert!(maps.diffuse.data.iter().chain(&maps.specular.data).flatten().all(|x| x.is_finite() && *x >= 0.0));
         assert!(maps.sigma.data.iter().all(|x| (0.019..=0.81).contains(x)));
+        // Whatever the palette is, light stays finite and not negative, and so do the maps made Gaussian.
+        for alpha in [0.0, 0.03, 0.4, 1.5] {
+            let cosines = Geometry { irradiance: [1.0; 3], cos_light: 0.5, cos_view: 0.5, alpha, difference: 0.4 };
+            let light = maps::evaluate(&maps, Component::Specular, [12.0, 9.0], Some(&cosines));
+            assert!(light.iter().all(|x| x.is_finite() && *x >= 0.0));
+        }
+        let plain = reflectance::palette::without_palette(&maps);
+        assert!(plain.sigma.data.iter().all(|x| (0.0..=0.81).contains(x)));
     }
 });

@@ -5,6 +5,7 @@ use super::metallic_roughness::{Microfacets, equivalent_lobe, material};
 use crate::asset::Asset;
 use crate::error::{Error, Result};
 use crate::image::{Grid, from_srgb, to_srgb};
+use crate::reflectance::palette::without_palette;
 use crate::reflectance::torrance_sparrow::SIGMA_RANGE;
 use crate::relight::bounds;
 use crate::surface::atlas::{bilinear_taps, fill_unused, rasterise_atlas};
@@ -37,6 +38,7 @@ pub fn bake(asset: &Asset, white_albedo: f64) -> Result<Fallback> {
     let Some(maps) = &asset.reflectance else {
         return Err(Error::Unsupported("the file has no reflectance, so there is nothing to make textures of".into()));
     };
+    let maps = &*without_palette(maps);
     let mask = rasterise_atlas(&asset.mesh, charts)?.mask();
     let texels = mask.data.len();
     if maps.diffuse.data.len() != texels || ![0, texels].contains(&maps.specular.data.len()) {

@@ -298,6 +298,7 @@ fn the_fallback_reflects_what_was_fitted() {
         white: unit.map(|u| 0.9 / std::f64::consts::PI * u),
         views: vec![view],
         reflectance: Some(ReflectanceMaps {
+            palette: Vec::new(),
             relightable: true,
             diffuse: map([0.1, 0.05, 0.02]),
             specular: map([0.05; 3]),

@@ -16,6 +16,10 @@ use crate::transform::shape_adaptive::{Pixel, Plan};
 
 const SECTION: &str = "RFLC";
 const VERSION: u8 = 0;
+/// Flag: the lights are known.
+const RELIGHTABLE: u8 = 1;
+/// Flag: a palette follows the head.
+const PALETTE: u8 = 2;
 /// Version, flags, number of planes, two scales, three steps.
 const HEADER_BYTES: usize = 3 + 2 * 4 + 3 * 4;
 /// Values stand this far below the middle of their interval, in steps.
@@ -45,9 +49,14 @@ pub fn encode(
 ) -> Result<(Vec<u8>, ReflectanceMaps)> {
     let mask = rasterise_atlas(mesh, charts)?.mask();
     let planes = super::maps::to_planes(maps, &mask);
-    let mut bytes = vec![VERSION, planes.relightable as u8, planes.planes.len() as u8];
+    let with_palette = !planes.palette.is_empty() && planes.planes.len() == 7;
+    let flags = planes.relightable as u8 + if with_palette { PALETTE } else { 0 };
+    let mut bytes = vec![VERSION, flags, planes.planes.len() as u8];
     for value in planes.scales.into_iter().chain([steps.diffuse, steps.specular, steps.sigma]) {
         bytes.extend(value.to_le_bytes());
+    }
+    if with_palette {
+        super::palette::write(&planes.palette, &mut bytes)?;
     }
     let plan = Plan::new(&mask);
     let mut coder = crate::entropy::RangeEncoder::new();
@@ -69,11 +78,11 @@ pub fn encode(
 
 /// The maps of a section, for the mesh and the charts they were made for.
 pub fn decode(bytes: &[u8], mesh: &Mesh, charts: &Charts, budget: &Budget) -> Result<ReflectanceMaps> {
-    let Some((header, stream)) = bytes.split_first_chunk::<HEADER_BYTES>() else {
+    let Some((header, mut stream)) = bytes.split_first_chunk::<HEADER_BYTES>() else {
         return Err(Error::format(SECTION, bytes.len(), format!("ends within its head of {HEADER_BYTES} bytes")));
     };
     let [version, flags, count] = [header[0], header[1], header[2]];
-    if version != VERSION || flags > 1 {
+    if version != VERSION || flags > RELIGHTABLE + PALETTE {
         return Err(Error::Unsupported(format!("section RFLC of version {version}, flags {flags}")));
     }
     if count != 3 && count != 7 {
@@ -87,6 +96,15 @@ pub fn decode(bytes: &[u8], mesh: &Mesh, charts: &Charts, budget: &Budget) -> Re
         }
     }
     let [diffuse_scale, specular_scale, steps @ ..] = numbers;
+    let mut palette = Vec::new();
+    if flags & PALETTE != 0 {
+        if count != 7 {
+            return Err(Error::format(SECTION, 2, "a palette without specular planes"));
+        }
+        let end;
+        (palette, end) = super::palette::read(bytes, HEADER_BYTES, SECTION, budget)?;
+        stream = bytes.get(end..).unwrap_or_default();
+    }
     budget.charge_items("reflectance maps", charts.width as u64 * charts.height as u64, BYTES_A_TEXEL)?;
     let mask = rasterise_atlas(mesh, charts)?.mask();
     let plan = Plan::new(&mask);
@@ -104,7 +122,7 @@ pub fn decode(bytes: &[u8], mesh: &Mesh, charts: &Charts, budget: &Budget) -> Re
         left -= here;
     }
     let scales = [diffuse_scale, specular_scale];
-    from_planes(&ReflectancePlanes { relightable: flags & 1 != 0, scales, planes })
+    from_planes(&ReflectancePlanes { relightable: flags & RELIGHTABLE != 0, scales, planes, palette })
 }
 
 /// The first `count` channels, rounded; 0 outside the mask.

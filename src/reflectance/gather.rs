@@ -2,7 +2,7 @@
 
 use super::lambert::LambertSums;
 use super::torrance_sparrow::{self, Lobe, Sighting};
-use super::{Geometry, lambert};
+use super::{Geometry, lambert, palette};
 use crate::asset::{Charts, Component, Mesh, Photograph, PointLight, ReflectanceMaps, View};
 use crate::image::Grid;
 use crate::parallel;
@@ -21,6 +21,9 @@ const BLOCK: usize = 3;
 /// Without polarisers: sightings whose half vector is nearer to the normal than this may hold highlight, radians.
 const HIGHLIGHT: f32 = 0.5;
 
+/// Sightings of a block that its palette is fitted to, at most.
+const MOST_SIGHTINGS: usize = 400;
+
 /// What maps are fitted from.
 pub struct Sources<'a> {
     /// The mesh.
@@ -31,6 +34,18 @@ pub struct Sources<'a> {
     pub components: &'a [Component],
     /// Photographs, parallel to `views`; NaN pixels are missing.
     pub photographs: Vec<Option<&'a Photograph>>,
+    /// What the specular component is fitted with.
+    pub specular: SpecularModel,
+}
+
+/// What highlights are fitted with.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum SpecularModel {
+    /// Torrance and Sparrow's lobe for every texel.
+    #[default]
+    TorranceSparrow,
+    /// The same widths, but shapes from a palette of measured lobes (DSBRDF).
+    Dsbrdf,
 }
 
 /// Fits reflectance to every texel in use: Lambert per texel and Torrance-Sparrow per block of [`BLOCK`] x [`BLOCK`] texels of a chart,
@@ -63,7 +78,12 @@ pub fn fit_maps(sources: &Sources, charts: &Charts, atlas: &AtlasRaster) -> Refl
                 fit_texel(&seen, sources.components, relightable, &mut sightings)
             })
             .collect();
-        (diffuse, torrance_sparrow::fit(&sightings))
+        let lobe = torrance_sparrow::fit(&sightings);
+        if sources.specular == SpecularModel::TorranceSparrow {
+            sightings.clear();
+        }
+        let step = sightings.len().div_ceil(MOST_SIGHTINGS).max(1);
+        (diffuse, lobe, sightings.into_iter().step_by(step).collect::<Vec<_>>())
     });
 
     let mut place = vec![NONE; width * height];
@@ -79,7 +99,7 @@ pub fn fit_maps(sources: &Sources, charts: &Charts, atlas: &AtlasRaster) -> Refl
     };
     // Colours are filled like lobes of equal width.
     let mut diffuse: Vec<Option<Lobe>> = vec![None; used.len()];
-    for (members, (colours, _)) in members.iter().zip(&fitted) {
+    for (members, (colours, ..)) in members.iter().zip(&fitted) {
         for (&member, colour) in members.iter().zip(colours) {
             diffuse[member] = colour.map(|specular| Lobe { specular, sigma: 1.0 });
         }
@@ -89,7 +109,11 @@ pub fn fit_maps(sources: &Sources, charts: &Charts, atlas: &AtlasRaster) -> Refl
         ReflectanceMaps { relightable, diffuse: Grid::filled(width, height, [0f32; 3]), ..ReflectanceMaps::default() };
     used.iter().zip(&diffuse).for_each(|(&texel, lobe)| maps.diffuse.data[texel] = lobe.specular);
     if relightable && sources.components.iter().any(|&c| c != Component::Diffuse) {
-        let lobes: Vec<Option<Lobe>> = fitted.into_iter().map(|f| f.1).collect();
+        let (mut lobes, sightings): (Vec<Option<Lobe>>, Vec<Vec<Sighting>>) =
+            fitted.into_iter().map(|(_, lobe, sightings)| (lobe, sightings)).unzip();
+        if sources.specular == SpecularModel::Dsbrdf {
+            maps.palette = palette::fit(&mut lobes, &sightings);
+        }
         let number = |key: (u32, usize, usize)| keys.binary_search(&key).ok();
         let near = |k: usize| {
             let (chart, y, x) = keys[k];

@@ -17,6 +17,8 @@ pub struct Geometry {
     pub cos_view: f32,
     /// Angle between the normal and the half vector `(L + V) / |L + V|`, radians.
     pub alpha: f32,
+    /// Angle between the half vector and either direction, radians.
+    pub difference: f32,
 }
 
 impl Geometry {
@@ -32,6 +34,7 @@ impl Geometry {
             cos_light: dot(normal, to_light) as f32,
             cos_view: dot(normal, to_view) as f32,
             alpha: cos_half.clamp(-1.0, 1.0).acos() as f32,
+            difference: (0.5 * length).clamp(0.0, 1.0).acos() as f32,
         }
     }
 }

@@ -70,11 +70,14 @@ mod tests {
                 irradiance: [3.0 + i as f32, 2.0, 1.0],
                 cos_light: 1.0 - 0.15 * i as f32,
                 cos_view: 0.9 - 0.05 * i as f32,
-                alpha: 0.0,
+                ..Default::default()
             };
             sums.add(evaluate(diffuse, &geometry), &geometry);
         }
-        sums.add([f32::NAN; 3], &Geometry { irradiance: [1.0; 3], cos_light: 1.0, cos_view: 1.0, alpha: 0.0 });
+        sums.add(
+            [f32::NAN; 3],
+            &Geometry { irradiance: [1.0; 3], cos_light: 1.0, cos_view: 1.0, ..Default::default() },
+        );
         let solved = sums.solve().unwrap();
         assert!((0..3).all(|c| (solved[c] - diffuse[c]).abs() < 1e-6), "{solved:?}");
         assert_eq!(LambertSums::default().solve(), None);

@@ -1,5 +1,6 @@
 //! Reflectance of every texel of the atlas: fitted from photographs, evaluated, and as integer planes for coding.
 
+use super::palette::{self, PaletteEntry};
 use super::{Geometry, Lobe, lambert, torrance_sparrow};
 use crate::asset::{Component, ReflectanceMaps};
 use crate::error::{Error, Result};
@@ -7,7 +8,7 @@ use crate::image::{Grid, Mask};
 use crate::surface::atlas::{read_colour, read_number};
 
 #[cfg(feature = "encode")]
-pub use super::gather::{Sources, fit_maps};
+pub use super::gather::{Sources, SpecularModel, fit_maps};
 
 /// Radiance of one component at an atlas position. `geometry` is that of the surface point, not used by maps that hold radiance;
 /// reflectance without it is 0.
@@ -26,7 +27,11 @@ pub fn evaluate(maps: &ReflectanceMaps, component: Component, at: [f64; 2], geom
                 specular: read_colour(&maps.specular, at).map(|x| x as f32),
                 sigma: read_number(&maps.sigma, at) as f32,
             };
-            torrance_sparrow::evaluate(&lobe, geometry)
+            if maps.palette.is_empty() {
+                torrance_sparrow::evaluate(&lobe, geometry)
+            } else {
+                palette::evaluate(&maps.palette, &lobe, geometry)
+            }
         }
         _ => [0.0; 3],
     };
@@ -56,12 +61,15 @@ pub struct ReflectancePlanes {
     /// Diffuse red, green, blue in `0..=COLOUR_LEVELS`; where there is a specular map its red, green, blue likewise and
     /// `sigma` in `0..=SIGMA_LEVELS`. 3 or 7 planes.
     pub planes: Vec<Grid<i32>>,
+    /// See [`ReflectanceMaps::palette`]; only with a specular map.
+    pub palette: Vec<PaletteEntry>,
 }
 
 /// Quantises maps. Texels outside `mask` become 0. The scale is the largest value, of the specular map that which one texel in 2000
 /// exceeds: single wild fits must not cost the others their resolution.
 pub fn to_planes(maps: &ReflectanceMaps, mask: &Mask) -> ReflectancePlanes {
     let mut result = ReflectancePlanes { relightable: maps.relightable, ..ReflectancePlanes::default() };
+    result.palette.clone_from(&maps.palette);
     for (k, map) in [&maps.diffuse, &maps.specular].into_iter().enumerate() {
         if map.data.is_empty() {
             continue;
@@ -127,11 +135,8 @@ pub fn from_planes(planes: &ReflectancePlanes) -> Result<ReflectanceMaps> {
     };
     if count == 7 {
         maps.specular = colour(3, planes.scales[1]);
-        let (least, most) = torrance_sparrow::SIGMA_RANGE;
-        maps.sigma = planes.planes[6].map(|&level| {
-            let share = level.clamp(0, SIGMA_LEVELS) as f32 / SIGMA_LEVELS as f32;
-            least * (share * (most / least).ln()).exp()
-        });
+        maps.sigma = planes.planes[6].map(|&level| palette::sigma_of_level(level));
+        maps.palette.clone_from(&planes.palette);
     }
     Ok(maps)
 }
@@ -148,6 +153,7 @@ mod tests {
             diffuse: Grid { width: 8, height: 8, data: (0..64).map(colour).collect() },
             specular: Grid { width: 8, height: 8, data: (0..64).map(colour).collect() },
             sigma: Grid { width: 8, height: 8, data: (0..64).map(|k| 0.02 + 0.012 * k as f32).collect() },
+            ..Default::default()
         };
         let planes = to_planes(&maps, &Grid::filled(8, 8, true));
         assert_eq!(planes.planes.len(), 7);

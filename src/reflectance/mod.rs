@@ -7,6 +7,7 @@ pub mod code;
 pub mod geometry;
 pub mod lambert;
 pub mod maps;
+pub mod palette;
 
 #[cfg(feature = "encode")]
 mod gather;

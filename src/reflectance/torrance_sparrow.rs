@@ -168,6 +168,7 @@ mod tests {
                     cos_light: 0.8,
                     cos_view: 1.0 - 0.05 * i as f32,
                     alpha: (i as f32 - 4.3).abs() * 0.07,
+                    difference: 0.3,
                 };
                 let mut radiance = evaluate(lobe, &geometry);
                 for (c, x) in radiance.iter_mut().enumerate() {

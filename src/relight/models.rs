@@ -1,7 +1,10 @@
 //! Reflection functions of files: the specular model of reflectance maps, and measured materials taken apart.
 
 use crate::brdf::Brdf;
+use crate::brdf::HalfDifference;
 use crate::reflectance::geometry::LEAST_COS_VIEW;
+use crate::reflectance::palette::PaletteTables;
+use std::sync::Arc;
 
 /// `exp(-alpha^2 / (2 sigma^2)) / ((n.i) (n.o))` (Miyazaki 2007, equation 8, over the irradiance of the surface).
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -19,6 +22,25 @@ impl Brdf for TorranceSparrow {
         let sum: [f64; 3] = std::array::from_fn(|k| incoming[k] + outgoing[k]);
         let alpha = sum[0].hypot(sum[1]).atan2(sum[2]) / self.sigma;
         [(-0.5 * alpha * alpha).exp() / (view.max(LEAST_COS_VIEW as f64) * light.max(1e-3)); 3]
+    }
+}
+
+/// The shape that a palette of measured lobes gives highlights of one width.
+#[derive(Debug, Clone)]
+pub(super) struct PaletteHighlight {
+    /// Not empty.
+    pub(super) palette: Arc<PaletteTables>,
+    /// `sigma`, radians, above 0.
+    pub(super) sigma: f32,
+}
+
+impl Brdf for PaletteHighlight {
+    fn evaluate(&self, incoming: [f64; 3], outgoing: [f64; 3]) -> [f64; 3] {
+        if incoming[2] <= 0.0 || outgoing[2] <= 0.0 {
+            return [0.0; 3];
+        }
+        let angles = HalfDifference::of(incoming, outgoing);
+        self.palette.shape(self.sigma, angles.theta_h, angles.theta_d)
     }
 }
 
@@ -51,4 +73,44 @@ pub(super) fn above_its_least(brdf: Box<dyn Brdf + Send>) -> ([f64; 3], Box<dyn 
     }
     let least = least.map(|x| if x.is_finite() { x.max(0.0) } else { 0.0 });
     (least.map(|x| x * std::f64::consts::PI), Box::new(Rest { brdf, least }))
+}
+
+#[cfg(all(test, feature = "encode"))]
+mod tests {
+    use super::*;
+    use crate::asset::PointLight;
+    use crate::brdf::Sample;
+    use crate::brdf::dsbrdf::{FitOptions, fit};
+    use crate::reflectance::palette::{self, PaletteEntry};
+    use crate::reflectance::{Geometry, Lobe};
+
+    /// An environment's light goes through the same function as a point light's.
+    #[test]
+    fn palettes_reflect_point_lights_and_environments_alike() {
+        let model = |sigma: f64| {
+            let samples = Sample::of(&TorranceSparrow { sigma }, [60, 12, 3]);
+            fit(&samples, &FitOptions { slices: 6, least_theta_h_deg: 0.0, ..FitOptions::default() }).unwrap()
+        };
+        let palette =
+            vec![PaletteEntry { level: 90, lobes: model(0.07) }, PaletteEntry { level: 170, lobes: model(0.23) }];
+        for sigma in [0.05f32, 0.12, 0.4] {
+            let highlight = PaletteHighlight { palette: Arc::new(PaletteTables::new(&palette)), sigma };
+            let lobe = Lobe { specular: [1.0, 0.5, 0.25], sigma };
+            for (o, i) in [([0.1, 0.2, 0.9f64], [0.0, -0.1, 1.0f64]), ([0.6, 0.0, 0.7], [-0.4, 0.1, 0.8])] {
+                let light = PointLight { position: i, intensity: [3.0; 3] };
+                let geometry = Geometry::new([0.0; 3], [0.0, 0.0, 1.0], o, &light);
+                let seen = palette::evaluate(&palette, &lobe, &geometry);
+                let unit = |v: [f64; 3]| {
+                    let length = v.iter().map(|x| x * x).sum::<f64>().sqrt();
+                    v.map(|x| x / length)
+                };
+                let (f, cosine) = (highlight.evaluate(unit(i), unit(o)), geometry.cos_light as f64);
+                for c in 0..3 {
+                    let expected = lobe.specular[c] as f64 * geometry.irradiance[c] as f64 * cosine * f[c];
+                    assert!(expected > 0.0 && (seen[c] as f64 / expected - 1.0).abs() < 0.01, "{seen:?} {expected}");
+                }
+            }
+            assert_eq!(highlight.evaluate([0.0, 0.0, 1.0], [0.6, 0.0, -0.8]), [0.0; 3]);
+        }
+    }
 }

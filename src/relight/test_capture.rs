@@ -42,6 +42,7 @@ pub fn fit(asset: &mut Asset, density: f64) -> AtlasRaster {
         views: &asset.views,
         components: &asset.components,
         photographs: asset.photographs.iter().map(Option::as_ref).collect(),
+        specular: Default::default(),
     };
     asset.reflectance = Some(crate::reflectance::maps::fit_maps(&sources, &charts, &raster));
     asset.charts = Some(charts);

@@ -2,14 +2,16 @@
 
 use super::appearance::{Appearance, Look, Prepared, Uniform};
 use super::material::{Material, Specular};
-use super::models::TorranceSparrow;
+use super::models::{PaletteHighlight, TorranceSparrow};
 use crate::asset::{Asset, Charts, ReflectanceMaps};
 use crate::brdf::Brdf;
 use crate::error::{Error, Result};
 use crate::image::Grid;
+use crate::reflectance::palette::PaletteTables;
 use crate::reflectance::torrance_sparrow::SIGMA_RANGE;
 use crate::surface::atlas::{atlas_position, read_colour, read_number};
 use glam::{DVec3, Vec3};
+use std::sync::Arc;
 
 /// Steps of a width of lobes that varies, each with lobes of its own.
 const STEPS: usize = 64;
@@ -67,7 +69,13 @@ impl<'a> AssetLook<'a> {
         }
         let (least, most) = SIGMA_RANGE;
         let shiny = !maps.specular.data.is_empty() && !maps.sigma.data.is_empty();
-        let part = |sigma: f64| Ok(Box::new(TorranceSparrow { sigma }) as Box<dyn Brdf + Send>);
+        let palette = Arc::new(PaletteTables::new(&maps.palette));
+        let part = |sigma: f64| -> Result<Box<dyn Brdf + Send>> {
+            if maps.palette.is_empty() {
+                return Ok(Box::new(TorranceSparrow { sigma }));
+            }
+            Ok(Box::new(PaletteHighlight { palette: palette.clone(), sigma: sigma as f32 }))
+        };
         let range = if shiny { Some(Range::new([least as f64, most as f64], taps, part)?) } else { None };
         Ok(AssetLook { charts, maps, range })
     }

@@ -117,9 +117,13 @@ fn plans(merl: &[PathBuf]) -> Result<()> {
                 rows.push((name, population.plan(count, method)?, form));
             }
         }
-        // As in the paper: an eighth and a fifth of the 90 half angles in each of 18 slices.
-        for form in [lobes, tuned] {
-            let name = |count: usize, method: Method| format!("18 x {count} samples, {method:?}, {}", form.name());
+        // As in the paper: an eighth and a fifth of the 90 half angles in each of 18 slices. Lobes leave the first 5 degrees out, so plans
+        // for them begin there; beside it plans that don't know of it.
+        for (form, least) in [(lobes, 5.0), (lobes, 0.0), (tuned, 0.0)] {
+            population = population.with_least_theta_h_deg(least);
+            let name = |count: usize, method: Method| {
+                format!("18 x {count:2} samples from {least} deg, {method:?}, {}", form.name())
+            };
             rows.push((name(18, uniform), population.plan_slices(18, 18, uniform)?, form));
             rows.push((name(11, uniform), population.plan_slices(18, 11, uniform)?, form));
             for floor in [0.003, 0.005, 0.01, 0.02, 0.05, 0.1] {
@@ -145,7 +149,7 @@ fn plans(merl: &[PathBuf]) -> Result<()> {
                 let mean = values.iter().sum::<f64>() / values.len().max(1) as f64;
                 format!("{:.4} / {mean:.4}", values.get(values.len() / 2).unwrap_or(&f64::NAN))
             });
-            println!("{name:60} {} | {}", columns[0], columns[1]);
+            println!("{name:64} {} | {}", columns[0], columns[1]);
         }
         println!();
     }
@@ -217,7 +221,8 @@ fn print(title: &str, rows: &[Row]) {
         let column = |value: &dyn Fn(&Row) -> f64| {
             let mut values: Vec<f64> = of.iter().map(|row| value(row)).collect();
             values.sort_by(f64::total_cmp);
-            (values[0], values[values.len() / 2], values[values.len() - 1])
+            let half = values.len() / 2;
+            (values[0], 0.5 * (values[half] + values[(values.len() - 1) / 2]), values[values.len() - 1])
         };
         let log = column(&|row| row.report.log_rmse);
         let (point, light) =

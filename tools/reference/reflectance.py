@@ -155,11 +155,17 @@ class Charts:
 
 def decode(data, charts):
     """Maps by name: diffuse, specular (three channels), sigma. And whether the object can be relit."""
-    if data[0] != 0 or data[2] not in (3, 7):
+    if data[0] != 0 or data[1] > 3 or data[2] not in (3, 7):
         raise Damaged("head of RFLC")
+    begin = 23
+    if data[1] & 2:
+        # The shapes of highlights don't change the maps.
+        entries, begin = data[23], 24
+        for _ in range(entries):
+            begin += 3 + int.from_bytes(data[begin + 1 : begin + 3], "little")
     scales, steps = struct.unpack("<2f", data[3:11]), struct.unpack("<3f", data[11:23])
     mask = charts.mask()
-    transform, coder, maps = Transform(mask), Range(data[23:]), {}
+    transform, coder, maps = Transform(mask), Range(data[begin:]), {}
     shrink = [single(0.08), single(0.02)]
     for name, step in zip(("diffuse", "specular", "sigma")[: data[2] // 2], steps):
         bands = decode_coefficients(coder, Models(), transform.bands, single(step), shrink, None)

@@ -12,11 +12,14 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 use tsuya::Error;
 use tsuya::asset::{Asset, Component, Photograph, View};
+use tsuya::brdf::materials::{FittedMaterial, NamedMaterial};
+use tsuya::container::metadata::Metadata;
 use tsuya::container::{Container, Tag, Writer, read_prefix, views};
 use tsuya::decoder::{DecodeOptions, Selection, decode_from};
-use tsuya::encoder::sum_of_components;
+use tsuya::encoder::{encode_materials, sum_of_components};
 use tsuya::image::RgbImage;
 use tsuya::measure::to_display;
+use tsuya::reflectance::palette::{PaletteEntry, sigma_of_level};
 use tsuya::separate::recombine;
 
 /// Decodes a file into a folder: photographs, masks, mesh, reflectance maps and a transforms.json that `tsuya encode` reads.
@@ -196,6 +199,10 @@ impl Folder<'_> {
                 self.put("maps/specular.exr", &pictures::exr(&maps.specular, self.half)?)?;
                 self.put("maps/sigma.exr", &pictures::exr_grey(&maps.sigma)?)?;
             }
+            if !maps.palette.is_empty() {
+                let materials: Vec<NamedMaterial> = maps.palette.iter().map(palette_material).collect();
+                self.put("maps/palette.tsuya", &encode_materials(&materials, &Metadata::default())?)?;
+            }
         }
         let one = |index: usize| {
             let photograph = asset.photographs[index].as_ref()?;
@@ -267,6 +274,12 @@ impl Folder<'_> {
         }
         Ok(frame)
     }
+}
+
+/// An entry of a palette as a material, called by the width that it stands for.
+fn palette_material(entry: &PaletteEntry) -> NamedMaterial {
+    let name = format!("sigma {:.4}", sigma_of_level(entry.level.into()));
+    NamedMaterial { name, material: FittedMaterial::Lobes(entry.lobes.clone()) }
 }
 
 /// Camera to world with OpenGL's axes (x right, y up, z backward).

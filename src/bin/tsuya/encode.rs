@@ -12,7 +12,7 @@ use tsuya::Error;
 use tsuya::asset::Component;
 use tsuya::encoder::{Encoded, encode};
 use tsuya::measure::ImagePsnr;
-use tsuya::options::{EncodeOptions, Profile, Target};
+use tsuya::options::{EncodeOptions, Profile, SpecularModel, Target};
 
 /// Encodes a capture: photographs with their cameras, and a mesh, into one .tsuya file.
 #[derive(Args)]
@@ -35,6 +35,9 @@ pub struct Encode {
     /// Bits of a mesh coordinate, 8 to 20 [default: enough to move no vertex by more than an eighth of a pixel].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(8..=20))]
     position_bits: Option<u8>,
+    /// Profile tuned: what highlights are fitted with.
+    #[arg(long, value_enum, default_value = "torrance-sparrow", value_name = "MODEL")]
+    specular: SpecularName,
     /// Profile tuned: keeps specular radiance below zero (noise, double bounces), too.
     #[arg(long)]
     signed_specular: bool,
@@ -100,6 +103,14 @@ enum ProfileName {
     Paper,
 }
 
+#[derive(Clone, Copy, PartialEq, ValueEnum)]
+enum SpecularName {
+    /// The lobe of Torrance and Sparrow.
+    TorranceSparrow,
+    /// Measured shapes: a palette of lobes of half and difference angle.
+    Dsbrdf,
+}
+
 impl Encode {
     pub fn run(self) -> Result<()> {
         output::check_free(&self.output, self.force)?;
@@ -154,7 +165,16 @@ impl Encode {
             ProfileName::Tuned => Profile::Tuned,
             ProfileName::Paper => Profile::Paper,
         };
+        let specular = match self.specular {
+            SpecularName::TorranceSparrow => SpecularModel::TorranceSparrow,
+            SpecularName::Dsbrdf => SpecularModel::Dsbrdf,
+        };
+        if specular == SpecularModel::Dsbrdf && profile == Profile::Paper {
+            let message = "--specular dsbrdf goes with profile tuned: profile paper has the published model";
+            return Err(Error::parameter(message).into());
+        }
         Ok(EncodeOptions {
+            specular,
             profile,
             target: self.target.target(),
             hold_out: self.hold_out,

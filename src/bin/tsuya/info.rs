@@ -43,6 +43,7 @@ impl Info {
         };
         let maps = asset.reflectance.as_ref();
         let relightable = maps.is_some_and(|maps| maps.relightable);
+        let entries = maps.map_or(0, |maps| maps.palette.len());
         let materials: Vec<Value> = (asset.materials.iter())
             .map(|named| json!({"name": named.name, "form": named.material.form(), "bytes": named.material.encode().len()}))
             .collect();
@@ -65,6 +66,7 @@ impl Info {
                 "mesh": {"vertices": asset.mesh.positions.len(), "triangles": asset.mesh.triangles.len()},
                 "atlas": asset.charts.as_ref().map(|c| json!({"width": c.width, "height": c.height, "charts": c.charts.len()})),
                 "relightable": relightable,
+                "palette_entries": entries,
                 "visibility": asset.visibility.as_ref().map(|v| json!({"places": v.places().count(), "terms": v.terms(), "resolution": v.size(), "ground": v.has_ground(),
                     "rms_error_rad": v.error().rms_radians, "sign_error": v.error().wrong_signs})),
                 "light": asset.light.as_ref().map(|light| json!({"lobes": light.diffuse.len(),
@@ -136,6 +138,9 @@ impl Info {
         }
         if let Some(light) = &asset.light {
             let _ = writeln!(text, "light: {} lobes, {} prefiltered levels", light.diffuse.len(), light.levels.len());
+        }
+        if entries > 0 {
+            let _ = writeln!(text, "highlights: a palette of {entries} measured lobes");
         }
         let _ = writeln!(text, "can be relit: {}", if relightable { "yes" } else { "no" });
         output::say(&text)

@@ -18,37 +18,59 @@ pub(super) fn slices(count: usize) -> usize {
     ((count as f64 / 5.0).sqrt().round() as usize).clamp(1, MOST_SLICES)
 }
 
-/// Samples along `theta_h` in equal slices of `theta_d`: in equal steps, or where variances are given (one a degree) after equations 10
-/// and 11. A variance is at least the part `floor` of the greatest: where all materials agree its inverse would have no bound. Angles lie in the middle of their steps, so that none is at the centre of the highlight or on the horizon.
-pub(super) fn along_theta_h(count: usize, slices: usize, variance: Option<&[f64]>, floor: f64) -> Vec<HalfDifference> {
-    let warp = variance.map(|variance| {
+/// Steps along `theta_h`.
+pub(super) struct Steps<'a> {
+    /// Where they begin, radians.
+    pub least_theta_h: f64,
+    /// Variances, one a degree from 0 to 90: steps follow equations 10 and 11. Equal ones without.
+    pub variance: Option<&'a [f64]>,
+    /// A variance is at least this part of the greatest beyond `least_theta_h`: where all materials agree its inverse would have no bound.
+    pub floor: f64,
+}
+
+impl Steps<'_> {
+    /// `A_i`, equation 10, from 0 to 1, over the variances of the range.
+    fn warp(&self) -> Option<Vec<f64>> {
+        let variance = self.variance?;
+        let first = (self.least_theta_h / FRAC_PI_2 * variance.len() as f64).round() as usize;
+        let variance = variance.get(first..).filter(|v| !v.is_empty())?;
         let greatest = variance.iter().copied().fold(1e-12, f64::max);
         let mut sum = 0.0;
         let mut sums = vec![0.0];
         for v in variance {
-            sum += 1.0 / v.max(floor * greatest);
+            sum += 1.0 / v.max(self.floor * greatest);
             sums.push(sum);
         }
-        sums.into_iter().map(|s| s / sum).collect::<Vec<f64>>()
-    });
-    let mut all = Vec::with_capacity(count);
-    for slice in 0..slices {
-        let steps = count / slices + (slice < count % slices) as usize;
-        for step in 0..steps {
-            let even = (step as f64 + 0.5) / steps as f64;
-            let part = match &warp {
-                None => even,
-                Some(warp) => {
-                    let at = even * (warp.len() - 1) as f64;
-                    let k = (at as usize).min(warp.len() - 2);
-                    warp[k] + (warp[k + 1] - warp[k]) * (at - k as f64)
-                }
-            };
-            let theta_d = (slice as f64 + 0.5) / slices as f64 * FRAC_PI_2;
-            all.push(HalfDifference { theta_h: part * FRAC_PI_2, theta_d, phi_d: MIDDLE_PHI });
-        }
+        Some(sums.into_iter().map(|s| s / sum).collect())
     }
-    all
+
+    /// Samples in equal slices of `theta_d`. Angles lie in the middle of their steps, so that none is at the centre of the highlight or on
+    /// the horizon.
+    pub(super) fn along_theta_h(&self, count: usize, slices: usize) -> Vec<HalfDifference> {
+        let warp = self.warp();
+        let mut all = Vec::with_capacity(count);
+        for slice in 0..slices {
+            let steps = count / slices + (slice < count % slices) as usize;
+            for step in 0..steps {
+                let even = (step as f64 + 0.5) / steps as f64;
+                let part = match &warp {
+                    None => even,
+                    Some(warp) => {
+                        let at = even * (warp.len() - 1) as f64;
+                        let k = (at as usize).min(warp.len() - 2);
+                        warp[k] + (warp[k + 1] - warp[k]) * (at - k as f64)
+                    }
+                };
+                let theta_d = (slice as f64 + 0.5) / slices as f64 * FRAC_PI_2;
+                all.push(HalfDifference {
+                    theta_h: self.least_theta_h + part * (FRAC_PI_2 - self.least_theta_h),
+                    theta_d,
+                    phi_d: MIDDLE_PHI,
+                });
+            }
+        }
+        all
+    }
 }
 
 /// Bayesian linear design: values are `components . place + noise`, places normal with the given variances.

@@ -31,6 +31,7 @@ pub struct Population {
     /// Sum over materials of what squared errors of the logarithm count at the cells.
     weights: Vec<f64>,
     variance_floor: f64,
+    least_theta_h: f64,
 }
 
 impl Default for Population {
@@ -52,6 +53,7 @@ impl Population {
             logarithms: vec![],
             weights: vec![],
             variance_floor: VARIANCE_FLOOR,
+            least_theta_h: 0.0,
         };
         for h in (0..THETA_H_BINS).step_by(2) {
             for d in (1..THETA_D_BINS).step_by(3) {
@@ -73,6 +75,14 @@ impl Population {
     /// With another floor of the variance in published plans, as a part of the greatest variance, above 0.
     pub fn with_variance_floor(mut self, floor: f64) -> Self {
         self.variance_floor = floor.clamp(1e-9, 1.0);
+        self
+    }
+
+    /// Uniform and published plans that begin at this half angle, 0 to 80 degrees: what is fitted to them leaves smaller ones out, as
+    /// lobes do by default ([`crate::brdf::dsbrdf::FitOptions::least_theta_h_deg`]), so that samples there would be lost. The floor of
+    /// the variance is then a part of the greatest beyond it. Optimal plans don't change.
+    pub fn with_least_theta_h_deg(mut self, least: f64) -> Self {
+        self.least_theta_h = least.clamp(0.0, 80.0).to_radians();
         self
     }
 
@@ -169,10 +179,12 @@ impl Population {
             Method::Uniform | Method::Published => {
                 let variance = (method == Method::Published).then(|| self.variance_along_theta_h());
                 let near = |angles: HalfDifference| angles_of(angles, left[self.nearest(angles)]);
-                choose::along_theta_h(count, slices, variance.as_deref(), self.variance_floor)
-                    .into_iter()
-                    .map(near)
-                    .collect()
+                let steps = choose::Steps {
+                    least_theta_h: self.least_theta_h,
+                    variance: variance.as_deref(),
+                    floor: self.variance_floor,
+                };
+                steps.along_theta_h(count, slices).into_iter().map(near).collect()
             }
         };
         let rows: Vec<(Vec<f64>, f64)> = angles

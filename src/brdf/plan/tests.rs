@@ -68,9 +68,17 @@ fn steps_shrink_where_materials_differ() {
     let mut variance = vec![0.1; 90];
     variance[..10].fill(2.0);
     let near = |plan: &[HalfDifference]| plan.iter().filter(|a| a.theta_h.to_degrees() < 10.0).count();
-    let (uniform, published) =
-        (choose::along_theta_h(90, 4, None, 0.01), choose::along_theta_h(90, 4, Some(&variance), 0.01));
+    let steps = |variance, least: f64| {
+        choose::Steps { least_theta_h: least.to_radians(), variance, floor: 0.01 }.along_theta_h(90, 4)
+    };
+    let (uniform, published) = (steps(None, 0.0), steps(Some(&variance[..]), 0.0));
     assert_eq!((uniform.len(), published.len()), (90, 90));
+    assert!(2 * near(&published) > 3 * near(&uniform), "{} and {}", near(&published), near(&uniform));
+    // From 5 degrees on the same, in what is left.
+    let (uniform, published) = (steps(None, 5.0), steps(Some(&variance[..]), 5.0));
+    for plan in [&uniform, &published] {
+        assert!(plan.iter().all(|a| (5.0..90.0).contains(&a.theta_h.to_degrees())));
+    }
     assert!(2 * near(&published) > 3 * near(&uniform), "{} and {}", near(&published), near(&uniform));
 }
 

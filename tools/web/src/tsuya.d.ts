@@ -175,7 +175,8 @@ export interface Mesh {
  * `(u * width, v * height)`, centres at 0.5. Texels that no chart reaches are filled from their neighbours.
  *
  * A point light of intensity `L` at distance `r` gives, with `E = L / r^2`: diffuse radiance `K_d E cos(theta_i)`, specular radiance
- * `K_s E exp(-alpha^2 / (2 sigma^2)) / cos(theta_r)`; `alpha` is the angle between normal and half vector.
+ * `K_s E exp(-alpha^2 / (2 sigma^2)) / cos(theta_r)`; `alpha` is the angle between normal and half vector. Of a file with a palette of
+ * measured lobes `K_s` and `sigma` are those of the nearest such highlights.
  */
 export interface Reflectance {
   width: number;

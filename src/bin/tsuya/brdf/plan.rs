@@ -25,6 +25,9 @@ pub struct Plan {
     /// How angles are chosen.
     #[arg(long, value_enum, default_value_t = Method::Optimal)]
     method: Method,
+    /// Methods uniform and published: half angles from here on, in degrees. 5 suits a fit of form published, which leaves smaller ones out.
+    #[arg(long, value_name = "DEG", default_value_t = 0, value_parser = clap::value_parser!(u8).range(0..=80))]
+    least_theta_h: u8,
     /// The plan, JSON; tsuya brdf fit --samples takes it.
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
@@ -55,7 +58,7 @@ impl Plan {
             return Err(Error::parameter("figures and the plan can't both go to standard output").into());
         }
         let busy = progress::busy("planning");
-        let mut population = Population::new();
+        let mut population = Population::new().with_least_theta_h_deg(self.least_theta_h.into());
         for path in expand(&self.inputs)? {
             if !matches!(Kind::of(&path)?, Kind::Merl | Kind::Rgl) {
                 let message = "a population is of measured materials, .binary or .bsdf";

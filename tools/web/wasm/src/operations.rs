@@ -8,6 +8,7 @@ use tsuya::brdf::{Brdf, HalfDifference};
 use tsuya::container::Arrival;
 use tsuya::decoder::arriving::{ArrivingFile, ViewProgress};
 use tsuya::image::{Grid, Mask};
+use tsuya::reflectance::palette::without_palette;
 use tsuya::surface::atlas::{fill_unused, rasterise_atlas};
 use tsuya::surface::split;
 use tsuya::{Error, Result};
@@ -173,6 +174,8 @@ fn reflectance(file: &mut ArrivingFile) -> Result<Answer> {
         (Arrival::Here(Some(maps)), Some(mesh), Some(charts)) => (maps, mesh, charts),
         _ => return Ok((Status::Here, vec![Output::Text("null".into())])),
     };
+    // Shaders know one shape of highlights. Photographs stay as they are: the residual is what this model misses.
+    let maps = without_palette(&maps);
     let mask = rasterise_atlas(&mesh, &charts)?.mask();
     let texels = mask.data.len();
     let filled = |map: &Grid<[f32; 3]>| {

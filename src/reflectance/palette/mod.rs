@@ -1,0 +1,145 @@
+//! Measured lobes for the texels' highlights, in place of the Gaussian of Torrance and Sparrow.
+//!
+//! A few materials in the lobe form of Nishino and Lombardi 2011 (DSBRDF), each with the `sigma` that it stands for. A texel's own `sigma`
+//! says which two it lies between, and stretches both to its width; its specular colour multiplies them. So the maps say where and how
+//! wide highlights are, and the palette what shape they have, over the half and the difference angle.
+
+#[cfg(feature = "encode")]
+mod fit;
+mod gaussian;
+mod tables;
+
+pub use gaussian::without_palette;
+pub(crate) use tables::PaletteTables;
+
+#[cfg(feature = "encode")]
+pub(super) use fit::fit;
+
+use super::maps::SIGMA_LEVELS;
+use super::torrance_sparrow::SIGMA_RANGE;
+use super::{Geometry, Lobe};
+use crate::brdf::dsbrdf::LobeMaterial;
+use crate::error::{Error, Result};
+use crate::limits::Budget;
+use std::f64::consts::FRAC_PI_2;
+
+/// Most entries of a palette. Part of the format.
+pub const ENTRIES: usize = 8;
+/// Values from here on count as 0. Part of the format.
+const MOST: f64 = 1e6;
+/// Memory that decoding takes for an entry: three curves for each of 90 slices, 5 lobes and 3 colours.
+const ENTRY_MEMORY: u64 = 100_000;
+
+/// A material with the width that it stands for.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PaletteEntry {
+    /// Level of `sigma`, `0..=SIGMA_LEVELS`.
+    pub level: u8,
+    /// The lobes, per unit of specular colour.
+    pub lobes: LobeMaterial,
+}
+
+/// `sigma` of a level, radians.
+pub fn sigma_of_level(level: i32) -> f32 {
+    let (least, most) = SIGMA_RANGE;
+    let share = level.clamp(0, SIGMA_LEVELS) as f32 / SIGMA_LEVELS as f32;
+    least * (share * (most / least).ln()).exp()
+}
+
+/// Level of a `sigma`, not rounded.
+fn level_of_sigma(sigma: f32) -> f64 {
+    let (least, most) = SIGMA_RANGE;
+    ((sigma / least) as f64).ln() / ((most / least) as f64).ln() * SIGMA_LEVELS as f64
+}
+
+/// Specular radiance, `K_s E cos(theta_i) f`; zero where the light or the camera is behind the surface. `palette` is not empty, its
+/// levels rise.
+pub fn evaluate(palette: &[PaletteEntry], lobe: &Lobe, geometry: &Geometry) -> [f32; 3] {
+    if geometry.cos_light <= 0.0 || geometry.cos_view <= 0.0 || lobe.sigma <= 0.0 {
+        return [0.0; 3];
+    }
+    let shape = shape(palette, lobe.sigma, geometry.alpha as f64, geometry.difference as f64);
+    std::array::from_fn(|c| {
+        let value = lobe.specular[c] * geometry.irradiance[c] * geometry.cos_light * shape[c] as f32;
+        if value.is_finite() { value } else { 0.0 }
+    })
+}
+
+/// The two entries around a `sigma` and the weight of the second.
+fn around(palette: &[PaletteEntry], sigma: f32) -> ([Option<usize>; 2], f64) {
+    let level = level_of_sigma(sigma);
+    let above = palette.iter().position(|entry| entry.level as f64 > level).unwrap_or(palette.len());
+    let index = |k: Option<usize>| k.filter(|&k| k < palette.len());
+    match (index(above.checked_sub(1)), index(Some(above))) {
+        (Some(low), Some(high)) => {
+            let span = (palette[high].level as f64 - palette[low].level as f64).max(1.0);
+            ([Some(low), Some(high)], ((level - palette[low].level as f64) / span).clamp(0.0, 1.0))
+        }
+        (one, other) => ([one.or(other), None], 0.0),
+    }
+}
+
+/// `f` per unit of specular colour, at the angle `alpha` between normal and half vector and the difference angle, radians: both entries
+/// around the `sigma`, each stretched to it. 0 without entries, and where lobes give a million or more.
+pub fn shape(palette: &[PaletteEntry], sigma: f32, alpha: f64, difference: f64) -> [f64; 3] {
+    mix(palette, sigma, alpha, |entry, theta_h| palette[entry].lobes.at(theta_h, difference))
+}
+
+/// [`shape`] of entries whose values at a half angle are given.
+fn mix(palette: &[PaletteEntry], sigma: f32, alpha: f64, value: impl Fn(usize, f64) -> [f64; 3]) -> [f64; 3] {
+    let (entries, part) = around(palette, sigma);
+    let mut sum = [0.0; 3];
+    for (entry, weight) in entries.into_iter().zip([1.0 - part, part]) {
+        let Some(entry) = entry.filter(|_| weight > 0.0) else { continue };
+        let stretched = alpha * (sigma_of_level(palette[entry].level as i32) / sigma) as f64;
+        let value = value(entry, stretched.min(FRAC_PI_2));
+        (0..3).for_each(|c| sum[c] += weight * value[c]);
+    }
+    // Lobes of a file may be higher than numbers go.
+    sum.map(|f| if f < MOST { f } else { 0.0 })
+}
+
+/// The palette as bytes: how many entries, then of each its level, its length and its lobes.
+#[cfg(feature = "encode")]
+pub(super) fn write(palette: &[PaletteEntry], bytes: &mut Vec<u8>) -> Result<()> {
+    let count = u8::try_from(palette.len()).ok().filter(|&count| (1..=ENTRIES as u8).contains(&count));
+    bytes.push(count.ok_or_else(|| Error::parameter("a palette has 1 to 8 entries"))?);
+    for entry in palette {
+        let coded = entry.lobes.encode();
+        let length = u16::try_from(coded.len()).map_err(|_| Error::parameter("a palette's entry is too large"))?;
+        bytes.push(entry.level);
+        bytes.extend(length.to_le_bytes());
+        bytes.extend(coded);
+    }
+    Ok(())
+}
+
+/// Reads what [`write`] wrote, from `at` of the section on, and says where it ends.
+pub(super) fn read(bytes: &[u8], at: usize, section: &str, budget: &Budget) -> Result<(Vec<PaletteEntry>, usize)> {
+    let mut place = at;
+    let mut take = |count: usize| {
+        let taken = place.checked_add(count).and_then(|end| bytes.get(place..end));
+        let error = || Error::format(section, place, format!("the section ends within its palette, {count} bytes"));
+        let taken = taken.ok_or_else(error)?;
+        place += count;
+        Ok::<&[u8], Error>(taken)
+    };
+    let count = take(1)?.first().copied().unwrap_or(0) as usize;
+    if !(1..=ENTRIES).contains(&count) {
+        return Err(Error::format(section, at, format!("a palette of {count} entries; 1 to {ENTRIES} expected")));
+    }
+    let mut palette: Vec<PaletteEntry> = Vec::with_capacity(count);
+    for _ in 0..count {
+        let &[level, low, high] = take(3)? else { continue };
+        if palette.last().is_some_and(|before| before.level >= level) {
+            return Err(Error::format(section, at, "the levels of a palette must rise"));
+        }
+        budget.charge("palette of lobes", ENTRY_MEMORY)?;
+        let lobes = LobeMaterial::decode(take(u16::from_le_bytes([low, high]) as usize)?, section)?;
+        palette.push(PaletteEntry { level, lobes });
+    }
+    Ok((palette, place))
+}
+
+#[cfg(all(test, feature = "encode"))]
+mod tests;
