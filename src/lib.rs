@@ -17,6 +17,8 @@ pub mod gltf;
 pub mod image;
 pub mod lighting;
 pub mod limits;
+#[cfg(feature = "encode")]
+pub mod marker;
 pub mod measure;
 pub mod mesh;
 pub mod options;
