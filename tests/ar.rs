@@ -45,7 +45,8 @@ fn draw(camera: &Camera, lens: &Lens, cells: &[&str], pose: &Pose, seed: u32) ->
             return 225.0;
         }
         let cell = |k: f64| if k < 0.0 { None } else { Some(k as usize) };
-        let white = cell(row).zip(cell(column)).and_then(|(r, c)| cells.get(r)?.as_bytes().get(c)).is_some_and(|&b| b == b'1');
+        let white =
+            cell(row).zip(cell(column)).and_then(|(r, c)| cells.get(r)?.as_bytes().get(c)).is_some_and(|&b| b == b'1');
         if white { 225.0 } else { 25.0 }
     };
     // Only around the marker the samples are worth it.
@@ -94,11 +95,8 @@ fn posed([x, y, z]: [f64; 3], translation: [f64; 3]) -> Pose {
 fn photographs_on_a_turntable() {
     let Some(folder) = shared("ar/apriltag") else { return };
     // As test_info.yaml has it.
-    let camera = Camera {
-        focal: [329.8729619143081, 332.94611303946357],
-        principal: [528.0, 396.0],
-        ..camera(1056, 792, 1.0)
-    };
+    let camera =
+        Camera { focal: [329.8729619143081, 332.94611303946357], principal: [528.0, 396.0], ..camera(1056, 792, 1.0) };
     let rig = Rig::single(Family::Tag36h11, None, 0.065).unwrap();
     let mut detector = Detector::new(&[Family::Tag36h11]).unwrap();
     let mut found = Vec::new();
@@ -167,7 +165,11 @@ fn aruco_markers_and_rigs() {
     let rig = Rig::read(&path).unwrap();
     let project = |x: [f64; 3]| camera.project(truth.apply(x)).unwrap().0;
     let detections: Vec<_> = (rig.markers.iter())
-        .map(|m| tsuya::marker::detect::Detection { family: m.family, id: m.id.unwrap(), corners: m.corners().map(project) })
+        .map(|m| tsuya::marker::detect::Detection {
+            family: m.family,
+            id: m.id.unwrap(),
+            corners: m.corners().map(project),
+        })
         .collect();
     let best = estimate(&camera, &Lens::Pinhole, &rig, &detections)[0];
     assert!(best.markers == 2 && best.pose.angle_to(&truth) < 1e-6 && best.rms_pixels < 1e-6, "{best:?}");

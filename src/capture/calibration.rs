@@ -76,13 +76,16 @@ fn of_yaml(text: &str) -> std::result::Result<Calibration, String> {
     let lines = text.lines().filter(|line| !line.starts_with("%YAML")).collect::<Vec<_>>().join("\n");
     let documents = YamlLoader::load_from_str(&lines).map_err(|e| format!("neither JSON nor YAML: {e}"))?;
     let root = documents.first().ok_or("the file is empty")?;
-    let find = |keys: &[&str]| keys.iter().map(|key| &root[*key]).find(|value| !value.is_badvalue() && !value.is_null());
+    let find =
+        |keys: &[&str]| keys.iter().map(|key| &root[*key]).find(|value| !value.is_badvalue() && !value.is_null());
     let count = |keys: &[&str]| {
         let value = find(keys).and_then(number).filter(|v| v.fract() == 0.0 && (1.0..=65536.0).contains(v));
         value.map(|v| v as u32).ok_or_else(|| format!("key {} is missing or no number of pixels", keys[0]))
     };
     let (width, height) = (count(&["image_width", "width"])?, count(&["image_height", "height"])?);
-    let list = |keys: &[&str]| find(keys).map(|value| numbers(value).ok_or_else(|| format!("{} is no list of numbers", keys[0])));
+    let list = |keys: &[&str]| {
+        find(keys).map(|value| numbers(value).ok_or_else(|| format!("{} is no list of numbers", keys[0])))
+    };
     let matrix = list(&["camera_matrix", "Camera_Matrix", "cameraMatrix", "K", "k"])
         .ok_or("key camera_matrix (or K) is missing")??;
     let [fx, skew, cx, zero, fy, cy, 0.0, 0.0, 1.0] = matrix[..] else {
@@ -91,7 +94,8 @@ fn of_yaml(text: &str) -> std::result::Result<Calibration, String> {
     if zero != 0.0 || skew.abs() > 1e-6 * fx.abs() {
         return Err("camera_matrix has skew, which is not supported".into());
     }
-    let names = ["distortion_coefficients", "Distortion_Coefficients", "dist_coeffs", "distCoeffs", "dist_coeff", "D", "d"];
+    let names =
+        ["distortion_coefficients", "Distortion_Coefficients", "dist_coeffs", "distCoeffs", "dist_coeff", "D", "d"];
     let bending = list(&names).transpose()?.unwrap_or_default();
     let model = find(&["distortion_model", "camera_model"]).and_then(Yaml::as_str).unwrap_or("plumb_bob");
     let at = |k: usize| bending.get(k).copied().unwrap_or(0.0);
@@ -111,7 +115,13 @@ fn of_yaml(text: &str) -> std::result::Result<Calibration, String> {
                 tangential: [at(2), at(3)],
             }
         }
-        "equidistant" | "fisheye" | "kannala_brandt" | "plumb_bob" | "rational_polynomial" | "pinhole" | "perspective"
+        "equidistant"
+        | "fisheye"
+        | "kannala_brandt"
+        | "plumb_bob"
+        | "rational_polynomial"
+        | "pinhole"
+        | "perspective"
         | "radtan" => return Err(format!("{} distortion coefficients don't fit model {model}", bending.len())),
         other => {
             return Err(format!(
@@ -168,10 +178,7 @@ mod tests {
         assert_eq!(a, c);
         assert_eq!((a.camera.focal, a.camera.principal), ([500.0, 510.0], [320.0, 239.5]));
         let fisheye = ros.replace("plumb_bob", "equidistant").replace(", 0.03]", "]");
-        assert_eq!(
-            read_text(&fisheye).unwrap().lens,
-            Lens::Fisheye { coefficients: [0.1, -0.02, 0.001, 0.002] }
-        );
+        assert_eq!(read_text(&fisheye).unwrap().lens, Lens::Fisheye { coefficients: [0.1, -0.02, 0.001, 0.002] });
     }
 
     #[test]
@@ -180,7 +187,9 @@ mod tests {
         assert!(fault(&OPENCV.replace("image_width", "width_of_image")).contains("image_width is missing"));
         assert!(fault(&OPENCV.replace("camera_matrix", "matrix")).contains("camera_matrix (or K) is missing"));
         assert!(fault(&OPENCV.replace("0., 5.1e+02", "3., 5.1e+02")).contains("skew"));
-        assert!(fault(&OPENCV.replace(", 0.03 ]", "]").replace("---", "---\ndistortion_model: cheese")).contains("cheese"));
+        assert!(
+            fault(&OPENCV.replace(", 0.03 ]", "]").replace("---", "---\ndistortion_model: cheese")).contains("cheese")
+        );
         assert!(fault("a: [1, 2").contains("neither JSON nor YAML"));
         assert!(fault("").contains("empty"));
         assert!(fault("{\"w\": 3}").contains("\"h\" is missing"));

@@ -25,8 +25,8 @@ mod white;
 
 pub use description::{Description, FrameDescription, WhiteReference, describe};
 pub use lens::Lens;
-pub(crate) use transforms::nearest_rotation;
 pub use photograph::{ColorSpace, read_radiance, read_values};
+pub(crate) use transforms::nearest_rotation;
 
 use crate::asset::{Mesh, View};
 use crate::error::{Error, Result};

@@ -4,10 +4,10 @@ use super::Family;
 use crate::error::{Error, Result};
 use crate::image::Grid;
 use apriltag::{DetectorBuilder, Family as Tags, Image};
+use aruco_rs::ImageBuffer;
 use aruco_rs::core::detector::Detector as ArucoDetector;
 use aruco_rs::core::dictionary::{DICTIONARY_ARUCO, DICTIONARY_ARUCO_MIP_36H12, Dictionary};
 use aruco_rs::cv::scalar::ScalarCV;
-use aruco_rs::ImageBuffer;
 
 /// Sides of the smallest and the largest picture that is looked at.
 const SIDES: std::ops::RangeInclusive<usize> = 32..=16384;
@@ -136,8 +136,7 @@ fn detect_aruco(family: Family, dictionary: &Dictionary, grey: &Grid<u8>) -> Vec
 
 /// Corners as the intersections of straight lines through the points of steepest change along each edge; `None` where an edge has none.
 fn refine(grey: &Grid<u8>, corners: [[f64; 2]; 4]) -> Option<[[f64; 2]; 4]> {
-    let lines: Vec<[f64; 3]> =
-        (0..4).map(|k| edge(grey, corners[k], corners[(k + 1) % 4])).collect::<Option<_>>()?;
+    let lines: Vec<[f64; 3]> = (0..4).map(|k| edge(grey, corners[k], corners[(k + 1) % 4])).collect::<Option<_>>()?;
     let mut refined = [[0.0; 2]; 4];
     for (k, corner) in refined.iter_mut().enumerate() {
         let ([a, b, c], [d, e, f]) = (lines[(k + 3) % 4], lines[k]);

@@ -63,11 +63,7 @@ impl Placement {
         let (low, high) = points.fold((DVec3::MAX, DVec3::MIN), |(low, high), p| (low.min(p), high.max(p)));
         let foot = DVec3::new(0.5 * (low.x + high.x), low.y, 0.5 * (low.z + high.z));
         let translation = DVec3::from_array(at) - scale * foot;
-        Ok(Placement {
-            rotation: rotation.transpose().to_cols_array_2d(),
-            scale,
-            translation: translation.to_array(),
-        })
+        Ok(Placement { rotation: rotation.transpose().to_cols_array_2d(), scale, translation: translation.to_array() })
     }
 
     fn matrix(&self) -> DMat3 {

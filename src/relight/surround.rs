@@ -89,6 +89,18 @@ impl Surround {
         fine + (coarse - fine) * part
     }
 
+    /// Irradiance of a surface with this unit normal that nothing shades.
+    pub fn irradiance(&self, normal: [f32; 3]) -> [f32; 3] {
+        const SIDE: usize = 32;
+        let normal = Vec3::from_array(normal);
+        let cosine = |d: Vec3| d.dot(normal).max(0.0);
+        let cells = self.cells(SIDE).into_iter().zip(directions(SIDE));
+        let even: Vec3 = cells.map(|(light, d)| light * cosine(Vec3::from_array(d.map(|x| x as f32)))).sum();
+        let distant =
+            self.distant.iter().map(|l| Vec3::from_array(l.irradiance) * cosine(Vec3::from_array(l.direction)));
+        (even + distant.sum::<Vec3>()).to_array()
+    }
+
     /// Mean radiance, times the solid angle, in each cell of a grid, without the distant lights.
     pub(super) fn cells(&self, side: usize) -> Vec<Vec3> {
         let finest = &self.levels[0];
