@@ -1,94 +1,22 @@
 //! Markers, poses and pictures with an object put in: on photographs, and on frames drawn here whose truth is known.
 
+#[path = "support/markers.rs"]
+mod markers;
 mod support;
 
+use markers::{ARUCO_0, TAG36H11_0, camera, draw, posed};
 use std::path::Path;
-use support::shared;
+use support::{shared, text};
 use tsuya::asset::Camera;
 use tsuya::capture::{Lens, read_radiance};
 use tsuya::image::{Grid, to_srgb};
 use tsuya::marker::detect::Detector;
 use tsuya::marker::track::Tracker;
-use tsuya::marker::{Family, Pose, Rig, estimate};
-
-/// Rows of white (1) and black cells of marker 0, without its border.
-const TAG36H11_0: [&str; 6] = ["110101", "011101", "011000", "101000", "010110", "000100"];
-const ARUCO_0: [&str; 5] = ["10000"; 5];
+use tsuya::marker::{Family, Rig, estimate};
 
 fn grey(path: &Path) -> Grid<u8> {
     let code = |p: &[f32; 3]| (255.0 * to_srgb(p[1].clamp(0.0, 1.0) as f64)).round() as u8;
     read_radiance(path).unwrap().map(code)
-}
-
-fn camera(width: u32, height: u32, focal: f64) -> Camera {
-    let principal = [0.5 * width as f64, 0.5 * height as f64];
-    Camera { width, height, focal: [focal; 2], principal, rotation: Pose::IDENTITY.rotation, translation: [0.0; 3] }
-}
-
-/// A marker of side 0.1 on white paper, as a camera sees it before a grey wall, with noise.
-fn draw(camera: &Camera, lens: &Lens, cells: &[&str], pose: &Pose, seed: u32) -> Grid<u8> {
-    const SAMPLES: usize = 4;
-    let (width, height) = (camera.width as usize, camera.height as usize);
-    let count = cells.len() as f64 + 2.0;
-    let back = pose.inverse();
-    let value = |x: f64, y: f64| {
-        let bent = [(x - camera.principal[0]) / camera.focal[0], (y - camera.principal[1]) / camera.focal[1]];
-        let Some([dx, dy]) = lens.undistort(bent) else { return 90.0 };
-        let (from, to) = (back.apply([0.0; 3]), back.apply([dx, dy, 1.0]));
-        let t = from[2] / (from[2] - to[2]);
-        let [u, v] = [0, 1].map(|k| (from[k] + t * (to[k] - from[k])) / 0.1);
-        if t <= 0.0 || u.abs() > 0.5 + 1.0 / count || v.abs() > 0.5 + 1.0 / count {
-            return 90.0;
-        }
-        let (column, row) = ((u + 0.5) * count - 1.0, (0.5 - v) * count - 1.0);
-        if u.abs() > 0.5 || v.abs() > 0.5 {
-            return 225.0;
-        }
-        let cell = |k: f64| if k < 0.0 { None } else { Some(k as usize) };
-        let white =
-            cell(row).zip(cell(column)).and_then(|(r, c)| cells.get(r)?.as_bytes().get(c)).is_some_and(|&b| b == b'1');
-        if white { 225.0 } else { 25.0 }
-    };
-    // Only around the marker the samples are worth it.
-    let reach = 0.1 * camera.focal[0] / pose.translation[2] * 1.1;
-    let corner = pose.apply([0.0; 3]);
-    let (cx, cy) = {
-        let [x, y] = lens.distort([corner[0] / corner[2], corner[1] / corner[2]]);
-        (camera.focal[0] * x + camera.principal[0], camera.focal[1] * y + camera.principal[1])
-    };
-    let mut state = seed.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
-    let mut noise = || {
-        // The sum of four is near enough to a Gaussian; standard deviation 2.
-        let mut sum = 0.0;
-        for _ in 0..4 {
-            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-            sum += (state >> 8) as f64 / (1u32 << 24) as f64 - 0.5;
-        }
-        sum * 2.0 * 3f64.sqrt()
-    };
-    let mut picture = Grid::filled(width, height, 0u8);
-    for k in 0..picture.data.len() {
-        let (x, y) = ((k % width) as f64, (k / width) as f64);
-        let n = if (x - cx).abs() < reach && (y - cy).abs() < reach { SAMPLES } else { 1 };
-        let at = |i: usize| (i as f64 + 0.5) / n as f64;
-        let sum: f64 = (0..n * n).map(|i| value(x + at(i % n), y + at(i / n))).sum();
-        picture.data[k] = (sum / (n * n) as f64 + noise()).round().clamp(0.0, 255.0) as u8;
-    }
-    picture
-}
-
-/// The print's axes in the camera's, first as if hung before it, then turned about x, y and z (degrees), at a place.
-fn posed([x, y, z]: [f64; 3], translation: [f64; 3]) -> Pose {
-    let turn = |axis: usize, degrees: f64| {
-        let (s, c) = degrees.to_radians().sin_cos();
-        let (i, j) = ((axis + 1) % 3, (axis + 2) % 3);
-        let mut rotation = Pose::IDENTITY.rotation;
-        (rotation[i][i], rotation[i][j], rotation[j][i], rotation[j][j]) = (c, -s, s, c);
-        Pose { rotation, translation: [0.0; 3] }
-    };
-    let hung = turn(0, 180.0);
-    let Pose { rotation, .. } = turn(2, z).after(&turn(1, y)).after(&turn(0, x)).after(&hung);
-    Pose { rotation, translation }
 }
 
 #[test]
@@ -180,4 +108,143 @@ fn aruco_markers_and_rigs() {
         assert!(said.contains("rig.json: line"), "{wrong}: {said}");
     }
     assert!(Rig::parse("tag36h11:0:big").is_err() && Rig::parse("tag36h11:0:0").is_err());
+}
+
+/// The sample's file with visibility, an even sky, a calibration for 640 x 480 and frames of a marker that moves, in a folder.
+fn stage() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    std::fs::write(at("plain.tsuya"), &support::encoded_sample().bytes).unwrap();
+    support::output(&["bake", text(&at("plain.tsuya")), "-o", text(&at("asset.tsuya")), "--resolution", "12"]);
+    let sky = r#"{"w": 640, "h": 480, "fl_x": 600, "camera_model": "PINHOLE"}"#;
+    std::fs::write(at("camera.json"), sky).unwrap();
+    let environment = image::RgbImage::from_fn(64, 32, |x, y| {
+        if y < 16 { image::Rgb([200, 210, if x < 20 { 255 } else { 220 }]) } else { image::Rgb([120, 110, 100]) }
+    });
+    environment.save(at("sky.png")).unwrap();
+    std::fs::create_dir(at("skies")).unwrap();
+    std::fs::create_dir(at("frames")).unwrap();
+    for frame in 0..4u32 {
+        let pose = posed([-50.0, 3.0 * frame as f64, 0.0], [0.0, 0.02, 0.6 + 0.01 * frame as f64]);
+        let drawn = draw(&camera(640, 480, 600.0), &Lens::Pinhole, &TAG36H11_0, &pose, frame);
+        image::GrayImage::from_raw(640, 480, drawn.data).unwrap().save(at(&format!("frames/{frame}.png"))).unwrap();
+        environment.save(at(&format!("skies/{frame}.png"))).unwrap();
+    }
+    folder
+}
+
+#[test]
+fn the_program_puts_an_object_on_the_marker() {
+    let folder = stage();
+    let at = |name: &str| folder.path().join(name);
+    let path = |name: &str| at(name).to_str().unwrap().to_owned();
+    let common = |frames: &str, env: &str, out: &str| -> Vec<String> {
+        let asked = [
+            "ar",
+            &path(frames),
+            "--asset",
+            &path("asset.tsuya"),
+            "--marker",
+            "tag36h11:0:0.1",
+            "--camera",
+            &path("camera.json"),
+        ];
+        let rest = ["--env", &path(env), "-o", &path(out), "--json"];
+        asked.iter().chain(&rest).map(|s| s.to_string()).collect()
+    };
+    let run = |arguments: &[String]| support::json(&arguments.iter().map(String::as_str).collect::<Vec<_>>());
+    // A folder, under light that stays and light that moves: the same bytes with any number of threads.
+    for (env, out) in [("sky.png", "still"), ("skies", "moving")] {
+        let report = run(&common("frames", env, out));
+        assert_eq!((&report["frames"], &report["with_marker"]), (&4.into(), &4.into()));
+        let gap = report["poses"][3]["translation"][2].as_f64().unwrap() - 0.63;
+        assert!(gap.abs() < 0.006, "{gap}");
+        let mut one_thread = common("frames", env, &format!("{out}-1"));
+        one_thread.extend(["--threads".into(), "1".into()]);
+        run(&one_thread);
+        for frame in 0..4 {
+            let [many, one] =
+                [out.to_owned(), format!("{out}-1")].map(|o| std::fs::read(at(&format!("{o}/{frame}.png"))).unwrap());
+            assert!(many == one, "{env} {frame}");
+        }
+        // What is far from the object keeps its bytes; what it covers does not.
+        let read = |name: &str| image::open(at(name)).unwrap().into_rgb8();
+        let (before, after) = (read("frames/2.png"), read(&format!("{out}/2.png")));
+        assert_eq!(before.get_pixel(3, 3), after.get_pixel(3, 3));
+        let changed =
+            before.pixels().zip(after.pixels()).filter(|(a, b)| (0..3).any(|c| a[c].abs_diff(b[c]) > 20)).count();
+        assert!((1500..40_000).contains(&changed), "{changed}");
+    }
+    // One photograph, all of it behind something.
+    image::GrayImage::from_pixel(640, 480, image::Luma([255])).save(at("mask.png")).unwrap();
+    let mut masked = common("frames/1.png", "sky.png", "one.png");
+    masked.extend(["--occlusion".into(), path("mask.png")]);
+    run(&masked);
+    let same = |name: &str| image::open(at(name)).unwrap().into_rgb8().into_raw();
+    assert!(same("one.png") == same("frames/1.png"));
+}
+
+#[test]
+fn what_cannot_be_done_is_said_and_leaves_nothing() {
+    let folder = stage();
+    let at = |name: &str| folder.path().join(name);
+    // No marker; half a marker; another calibration; another marker.
+    image::GrayImage::from_pixel(640, 480, image::Luma([90])).save(at("empty.png")).unwrap();
+    let half = posed([0.0; 3], [0.32, 0.0, 0.6]);
+    let half = draw(&camera(640, 480, 600.0), &Lens::Pinhole, &TAG36H11_0, &half, 9);
+    image::GrayImage::from_raw(640, 480, half.data).unwrap().save(at("half.png")).unwrap();
+    std::fs::write(at("other.json"), r#"{"w": 320, "h": 240, "fl_x": 300}"#).unwrap();
+    let complaint = |frames: &str, marker: &str, calibration: &str, more: &[&str], code: i32, out: &str| {
+        let (frames, asset, calibration, env, out) =
+            (at(frames), at("asset.tsuya"), at(calibration), at("sky.png"), at(out));
+        let mut arguments =
+            vec!["ar", text(&frames), "--asset", text(&asset), "--marker", marker, "--camera", text(&calibration)];
+        arguments.extend(["--env", text(&env), "-o", text(&out)]);
+        arguments.extend(more);
+        let said = support::complaint(code, &arguments);
+        assert!(!out.exists(), "{said}");
+        said
+    };
+    let tag = "tag36h11:0:0.1";
+    let said = complaint("empty.png", tag, "camera.json", &[], 4, "a.png");
+    assert!(said.contains("no marker tag36h11:0 in") && said.contains("empty.png"), "{said}");
+    let said = complaint("half.png", tag, "camera.json", &[], 4, "a.png");
+    assert!(said.contains("wholly in the picture"), "{said}");
+    let said = complaint("frames", "tag36h11:7:0.1", "camera.json", &[], 4, "a");
+    assert!(said.contains("no marker tag36h11:7 in any of the 4 frames"), "{said}");
+    let said = complaint("frames/0.png", tag, "other.json", &[], 3, "a.png");
+    assert!(said.contains("640 x 480") && said.contains("320 x 240") && said.contains("other.json"), "{said}");
+    let said = complaint("frames/0.png", "tag36:0:0.1", "camera.json", &[], 1, "a.png");
+    assert!(said.contains("known: tag36h11"), "{said}");
+    let said = complaint("frames", tag, "camera.json", &["--ffmpeg", "/nowhere/ffmpeg"], 2, "a.mp4");
+    assert!(said.contains("ffmpeg, which is not installed"), "{said}");
+    let said = complaint("frames", tag, "camera.json", &[], 1, "a.png");
+    assert!(said.contains("several frames go into a folder or a video"), "{said}");
+    let left: Vec<_> = std::fs::read_dir(folder.path()).unwrap().map(|e| e.unwrap().file_name()).collect();
+    assert!(left.iter().all(|name| !name.to_string_lossy().starts_with(".tsuya")), "{left:?}");
+    // In a sequence such a frame stays as it is, and is counted.
+    std::fs::copy(at("empty.png"), at("frames/9.png")).unwrap();
+    let (frames, asset, camera, env, out) =
+        (at("frames"), at("asset.tsuya"), at("camera.json"), at("sky.png"), at("out"));
+    let report = support::json(&[
+        "ar",
+        text(&frames),
+        "--asset",
+        text(&asset),
+        "--marker",
+        tag,
+        "--camera",
+        text(&camera),
+        "--env",
+        text(&env),
+        "-o",
+        text(&out),
+        "--json",
+    ]);
+    assert_eq!(
+        (&report["frames"], &report["with_marker"], &report["poses"][4]["rotation"]),
+        (&5.into(), &4.into(), &serde_json::Value::Null)
+    );
+    let pixels = |path: &Path| image::open(path).unwrap().into_rgb8().into_raw();
+    assert!(pixels(&out.join("9.png")) == pixels(&at("empty.png")));
 }

@@ -270,4 +270,24 @@ mod tests {
         assert!((found[0] as f64 - free).abs() < 0.04 && (found[0] - found[1]).abs() < 1e-3, "{found:?} {free}");
         assert_eq!(*shadow.at(32, 2), [1.0; 3], "above the horizon");
     }
+
+    #[test]
+    fn kept_ratios_are_those_of_each_pixel() {
+        let mesh = crate::surface::atlas::tests::bumpy_sphere(16);
+        let sun = |d: [f64; 3]| d[0] * 0.48 + d[1] * 0.6 + d[2] * 0.64 > 0.999;
+        let environment = Environment::from_fn(256, |d| if sun(d) { [800.0, 700.0, 500.0] } else { [0.3, 0.4, 0.6] });
+        let surround = Surround::new(&environment, &SurroundOptions::default());
+        let ground = Ground::below(&mesh, [0.0, 1.0, 0.0]);
+        let camera = look_at([2.0, 3.0, 5.0], [0.0, -0.5, 0.0], [0.0, 1.0, 0.0], 200.0, 160, 120);
+        let exact = ground_shadow(&mesh, &surround, &ground, &camera).unwrap();
+        let mut shadow = GroundShadow::new(&mesh, &ground).unwrap();
+        shadow.light(&surround);
+        shadow.keep();
+        let mut kept = RgbImage::filled(160, 120, [1.0; 3]);
+        shadow.darken(&camera, 0..120, |k, ratio| kept.data[k] = ratio);
+        let squares = exact.data.iter().zip(&kept.data).map(|(a, b)| (a[1] - b[1]).powi(2) as f64).sum::<f64>();
+        let psnr = -10.0 * (squares / exact.data.len() as f64).log10();
+        let dark = exact.data.iter().filter(|p| p[1] < 0.5).count();
+        assert!(psnr > 40.0 && dark > 300, "{psnr} dB, {dark} dark pixels");
+    }
 }
