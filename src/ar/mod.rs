@@ -190,7 +190,7 @@ pub fn run(
                 if let Some(environment) = environment {
                     surround = Surround::of_levels(&follower.update(&environment).levels);
                     stage.take_light(&surround);
-                    stage.shadow.light(&surround);
+                    stage.shadow.light_blurred(&surround);
                     stage.shadow.keep();
                 }
                 let light = follower.light();

@@ -15,6 +15,9 @@ const LARGEST: usize = 256;
 #[cfg(feature = "encode")]
 const MOST_LIGHTS: usize = 64;
 
+/// A level that still shows where light comes from and has few cells: sharpness 82.
+const BLURRED: usize = 4;
+
 /// A small bright part of the environment.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DistantLight {
@@ -94,7 +97,7 @@ impl Surround {
         const SIDE: usize = 32;
         let normal = Vec3::from_array(normal);
         let cosine = |d: Vec3| d.dot(normal).max(0.0);
-        let cells = self.cells(SIDE).into_iter().zip(directions(SIDE));
+        let cells = self.blurred_cells(SIDE).into_iter().zip(directions(SIDE));
         let even: Vec3 = cells.map(|(light, d)| light * cosine(Vec3::from_array(d.map(|x| x as f32)))).sum();
         let distant =
             self.distant.iter().map(|l| Vec3::from_array(l.irradiance) * cosine(Vec3::from_array(l.direction)));
@@ -103,11 +106,20 @@ impl Surround {
 
     /// Mean radiance, times the solid angle, in each cell of a grid, without the distant lights.
     pub(super) fn cells(&self, side: usize) -> Vec<Vec3> {
-        let finest = &self.levels[0];
+        self.cells_of(0, side)
+    }
+
+    /// The same from a blurred level, which has fewer cells to sum.
+    pub(super) fn blurred_cells(&self, side: usize) -> Vec<Vec3> {
+        self.cells_of(BLURRED, side)
+    }
+
+    fn cells_of(&self, level: usize, side: usize) -> Vec<Vec3> {
+        let level = &self.levels[level];
         let mut cells = vec![Vec3::ZERO; side * side];
-        let angles = solid_angles(finest.side);
-        for (k, direction) in directions(finest.side).into_iter().enumerate() {
-            let radiance = finest.at(k % finest.side, k / finest.side) * angles[k] as f32;
+        let angles = solid_angles(level.side);
+        for (k, direction) in directions(level.side).into_iter().enumerate() {
+            let radiance = level.at(k % level.side, k / level.side) * angles[k] as f32;
             let around = taps(direction, side);
             for (cell, weight) in around.cells.into_iter().zip(around.weights) {
                 cells[cell as usize] += weight * radiance;

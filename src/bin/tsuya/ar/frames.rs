@@ -144,6 +144,9 @@ impl Sink {
         ffmpeg: &Path,
         force: bool,
     ) -> anyhow::Result<Self> {
+        if output::is_stream(path) {
+            return Err(Error::parameter("pictures go into a file or a folder, not to standard output").into());
+        }
         output::check_free(path, force)?;
         if video::is_video(path) {
             let rate = rate.or(source.rate()).unwrap_or([30, 1]);
