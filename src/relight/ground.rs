@@ -178,16 +178,24 @@ impl<'a> GroundShadow<'a> {
 
     /// For the pixels of some rows that see a part of the ground which the object darkens: their number in the rows, and the ratio.
     pub fn darken(&self, camera: &Camera, rows: std::ops::Range<usize>, mut visit: impl FnMut(usize, [f32; 3])) {
-        let (width, first) = (camera.width as usize, rows.start);
+        let (width, first_row) = (camera.width as usize, rows.start);
+        let centre = single(camera.centre()) - self.origin;
+        let [above, beside, beyond] = self.axes.map(|axis| centre.dot(axis));
         for row in rows {
+            // Along a row the rays change evenly.
+            let ray = |column: f64| single(camera.ray([column, row as f64 + 0.5]));
+            let (first, step) = (ray(0.5), ray(1.5) - ray(0.5));
+            let [up, x, y] = self.axes.map(|axis| (first.dot(axis), step.dot(axis)));
             for column in 0..width {
-                let Some(at) = self.seen(camera, [column, row]) else { continue };
-                if at.abs().max_element() >= self.reach {
+                let along = |(first, step): (f32, f32)| first + column as f32 * step;
+                let t = -above / along(up);
+                let at = Vec2::new(beside + t * along(x), beyond + t * along(y));
+                if !(t > 0.0 && at.x.abs() < self.reach && at.y.abs() < self.reach) {
                     continue;
                 }
                 let ratio = Vec3::ONE + between(&self.texture, at, self.reach);
                 if ratio.min_element() < 0.999 {
-                    visit((row - first) * width + column, ratio.to_array());
+                    visit((row - first_row) * width + column, ratio.to_array());
                 }
             }
         }

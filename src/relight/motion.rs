@@ -47,7 +47,24 @@ struct Stage<'a> {
     vertices: Vec<Vertex>,
     faces: Vec<Face>,
     /// The published evaluator's levels.
-    levels: Option<Surround>,
+    levels: Option<Levels<'a>>,
+}
+
+/// The levels of the scene's light: those that its surroundings are made of, or prepared once more.
+enum Levels<'a> {
+    Of(&'a Surround),
+    Own(Surround),
+}
+
+impl std::ops::Deref for Levels<'_> {
+    type Target = Surround;
+
+    fn deref(&self) -> &Surround {
+        match self {
+            Levels::Of(surround) => surround,
+            Levels::Own(surround) => surround,
+        }
+    }
 }
 
 struct Vertex {
@@ -85,7 +102,10 @@ impl<'a> Motion<'a> {
         });
         let vertices = vertices.collect();
         let faces = crate::parallel::map(mesh.triangles.len(), |triangle| face(scene, triangle));
-        let levels = scene.light.filter(|_| published).map(|light| Surround::of_levels(&light.levels));
+        let levels = scene.light.filter(|_| published).map(|light| match scene.surround.is_stored {
+            true => Levels::Of(scene.surround),
+            false => Levels::Own(Surround::of_levels(&light.levels)),
+        });
         let stage = Stage { scene, vertices, faces, levels };
         Motion { stage, samples: Samples::default(), coarse: Default::default(), frame: Frame::default() }
     }

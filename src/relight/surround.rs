@@ -49,6 +49,8 @@ pub struct Surround {
     /// Compact bright sources.
     pub(super) distant: Vec<DistantLight>,
     levels: Vec<Sphere>,
+    /// The levels are a file's, with all light in them.
+    pub(super) is_stored: bool,
 }
 
 impl Surround {
@@ -57,7 +59,7 @@ impl Surround {
     pub fn new(environment: &Environment, options: &SurroundOptions) -> Self {
         let (rest, distant) = take_out_bright(environment, options);
         let levels = levels(&rest, LARGEST);
-        Surround { distant, ..Self::of_levels(&levels) }
+        Surround { distant, is_stored: false, ..Self::of_levels(&levels) }
     }
 
     /// From a file's prefiltered levels, one for each of [`SHARPNESS`]; black where there are not as many.
@@ -68,7 +70,7 @@ impl Surround {
         };
         let mut levels: Vec<Sphere> = levels.iter().take(SHARPNESS.len()).map(read).collect();
         levels.resize_with(SHARPNESS.len(), || Sphere::new(1, |_, _| Vec3::ZERO));
-        Surround { distant: Vec::new(), levels }
+        Surround { distant: Vec::new(), levels, is_stored: true }
     }
 
     /// Radius of a disc with a light's [`DistantLight::radius`], radians.
