@@ -475,6 +475,35 @@ mod tests {
     }
 
     #[test]
+    fn sequences_are_unwrapped_as_single_pictures_are() {
+        let fisheye = Projection::Fisheye { model: Fisheye::Equisolid, field_degrees: 200.0, looks: Looks::Up };
+        for projection in [fisheye, Projection::LatLong, Projection::MirrorBall] {
+            let picture = draw(96, 48, |x, y| Some([(x / 30.0).sin(), (y / 20.0).cos(), (x * y / 900.0).sin()]));
+            let straight = Unwrapper::new([96, 48], projection, 64, |d| d).unwrap().environment(&picture).unwrap();
+            let single = unwrap(picture.clone(), projection, None).unwrap();
+            let turned = Unwrapper::new([96, 48], projection, 64, |d| super::super::environment::turn_y(d, -90.0));
+            let turned = turned.unwrap().environment(&picture).unwrap();
+            for k in 0..64 * 32 {
+                let d = straight.direction((k % 64) as f64 + 0.5, (k / 64) as f64 + 0.5);
+                let (found, wanted) = (straight.image().data[k], single.radiance(d));
+                // Beside the edge of a fisheye's field one of the two is black.
+                let black = |v: [f32; 3]| v.iter().any(|&c| c < 0.3);
+                let near = (0..3).all(|c| (found[c] - wanted[c]).abs() < 0.12);
+                assert!(near || black(found) || black(wanted), "{projection:?} {d:?}: {found:?}, {wanted:?}");
+                let quarter = turned.image().data[k / 64 * 64 + (k + 48) % 64];
+                assert!((0..3).all(|c| (quarter[c] - found[c]).abs() < 1e-5), "{projection:?} {k}");
+            }
+            assert!(
+                Unwrapper::new([96, 48], projection, 64, |d| d).unwrap().environment(&single.image().clone()).is_err()
+            );
+        }
+        assert!(Unwrapper::new([96, 48], Projection::Cube, 64, |d| d).is_err());
+        let mut lamp = RgbImage { width: 2, height: 1, data: vec![[1.0, 0.9, 0.8], [0.5, 0.6, 0.7]] };
+        raise_clipped(&mut lamp, 10.0);
+        assert!((lamp.data[0][0] - 10.0).abs() < 1e-4 && lamp.data[1] == [0.5, 0.6, 0.7]);
+    }
+
+    #[test]
     fn cubes_of_four_layouts() {
         let face = |k: usize, s: f64, t: f64| {
             let d = match k {
