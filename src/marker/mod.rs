@@ -12,6 +12,7 @@
 //!   says how the world's ground lies to it.
 //! - **camera**: x to the right, y down, z forward, as in [`crate::asset::Camera`]; `camera_of_rig` is the [`Pose`] found here.
 
+mod aruco;
 pub mod detect;
 pub mod place;
 mod pose;

@@ -73,10 +73,9 @@ pub fn estimate(camera: &Camera, lens: &Lens, rig: &Rig, found: &[Detection]) ->
     estimates
 }
 
-/// Pose of a square of sides `size` from its corners in focal lengths from the principal point.
-fn from_homography(corners: [[f64; 2]; 4], size: f64) -> Option<Pose> {
-    // The map from the unit square, u to the right and v down, in closed form (Heckbert 1989).
-    let [p0, p1, p2, p3] = corners;
+/// The perspective map `u across + v down + constant` from the unit square, u to the right and v down, to four corners that go clockwise
+/// from the upper left, in closed form (Heckbert 1989).
+pub(super) fn homography([p0, p1, p2, p3]: [[f64; 2]; 4]) -> Option<(DVec3, DVec3, DVec3)> {
     let along = |i: usize| (p1[i] - p2[i], p3[i] - p2[i], p0[i] - p1[i] + p2[i] - p3[i]);
     let ((ax, bx, sx), (ay, by, sy)) = (along(0), along(1));
     let determinant = ax * by - bx * ay;
@@ -86,7 +85,13 @@ fn from_homography(corners: [[f64; 2]; 4], size: f64) -> Option<Pose> {
     let (g, h) = ((sx * by - bx * sy) / determinant, (ax * sy - sx * ay) / determinant);
     let across = DVec3::new(p1[0] - p0[0] + g * p1[0], p1[1] - p0[1] + g * p1[1], g);
     let down = DVec3::new(p3[0] - p0[0] + h * p3[0], p3[1] - p0[1] + h * p3[1], h);
-    let middle = DVec3::new(p0[0], p0[1], 1.0) + 0.5 * (across + down);
+    Some((across, down, DVec3::new(p0[0], p0[1], 1.0)))
+}
+
+/// Pose of a square of sides `size` from its corners in focal lengths from the principal point.
+fn from_homography(corners: [[f64; 2]; 4], size: f64) -> Option<Pose> {
+    let (across, down, constant) = homography(corners)?;
+    let middle = constant + 0.5 * (across + down);
     // x = (u - 1/2) size, y = (1/2 - v) size.
     let (x, y) = (across / size, -down / size);
     let scale = 2.0 / (x.length() + y.length()) * middle.z.signum();

@@ -20,17 +20,18 @@ pub fn camera(width: u32, height: u32, focal: f64) -> Camera {
 /// A marker of side 0.1 on white paper, as a camera sees it before a grey wall, with noise.
 pub fn draw(camera: &Camera, lens: &Lens, cells: &[&str], pose: &Pose, seed: u32) -> Grid<u8> {
     const SAMPLES: usize = 4;
+    const WALL: f64 = 90.0;
     let (width, height) = (camera.width as usize, camera.height as usize);
     let count = cells.len() as f64 + 2.0;
     let back = pose.inverse();
     let value = |x: f64, y: f64| {
         let bent = [(x - camera.principal[0]) / camera.focal[0], (y - camera.principal[1]) / camera.focal[1]];
-        let Some([dx, dy]) = lens.undistort(bent) else { return 90.0 };
+        let Some([dx, dy]) = lens.undistort(bent) else { return WALL };
         let (from, to) = (back.apply([0.0; 3]), back.apply([dx, dy, 1.0]));
         let t = from[2] / (from[2] - to[2]);
         let [u, v] = [0, 1].map(|k| (from[k] + t * (to[k] - from[k])) / 0.1);
         if t <= 0.0 || u.abs() > 0.5 + 1.0 / count || v.abs() > 0.5 + 1.0 / count {
-            return 90.0;
+            return WALL;
         }
         let (column, row) = ((u + 0.5) * count - 1.0, (0.5 - v) * count - 1.0);
         if u.abs() > 0.5 || v.abs() > 0.5 {
@@ -41,7 +42,7 @@ pub fn draw(camera: &Camera, lens: &Lens, cells: &[&str], pose: &Pose, seed: u32
             cell(row).zip(cell(column)).and_then(|(r, c)| cells.get(r)?.as_bytes().get(c)).is_some_and(|&b| b == b'1');
         if white { 225.0 } else { 25.0 }
     };
-    // Only around the marker the samples are worth it.
+    // Elsewhere is the wall.
     let reach = 0.1 * camera.focal[0] / pose.translation[2] * 1.1;
     let corner = pose.apply([0.0; 3]);
     let (cx, cy) = {
@@ -61,10 +62,11 @@ pub fn draw(camera: &Camera, lens: &Lens, cells: &[&str], pose: &Pose, seed: u32
     let mut picture = Grid::filled(width, height, 0u8);
     for k in 0..picture.data.len() {
         let (x, y) = ((k % width) as f64, (k / width) as f64);
-        let n = if (x - cx).abs() < reach && (y - cy).abs() < reach { SAMPLES } else { 1 };
-        let at = |i: usize| (i as f64 + 0.5) / n as f64;
-        let sum: f64 = (0..n * n).map(|i| value(x + at(i % n), y + at(i / n))).sum();
-        picture.data[k] = (sum / (n * n) as f64 + noise()).round().clamp(0.0, 255.0) as u8;
+        let at = |i: usize| (i as f64 + 0.5) / SAMPLES as f64;
+        let samples = || (0..SAMPLES * SAMPLES).map(|i| value(x + at(i % SAMPLES), y + at(i / SAMPLES))).sum::<f64>();
+        let near = (x - cx).abs() < reach && (y - cy).abs() < reach;
+        let mean = if near { samples() / (SAMPLES * SAMPLES) as f64 } else { WALL };
+        picture.data[k] = (mean + noise()).round().clamp(0.0, 255.0) as u8;
     }
     picture
 }
