@@ -5,7 +5,7 @@
 //! Every point goes the same way, `x_camera = camera_of_rig * rig_of_world * world_of_local * x_local`:
 //!
 //! - **local**: the mesh's own coordinates, any unit.
-//! - **world**: +Y up, the ground at y = 0, the object above its origin; in the rig's unit. Environments are given in these axes.
+//! - **world**: +Y up, the ground level, at y = 0 unless the object is put elsewhere; in the rig's unit. Environments are given in these axes.
 //!   `world_of_local` ([`place::Placement`]) turns, scales and shifts the object.
 //! - **rig**: the markers' common frame, in the unit in which their sizes are given. A single marker's own frame: origin in its middle,
 //!   x to the right and y upwards on the print, z out of the paper towards whoever looks at it. `rig_of_world` ([`place::Stands`])

@@ -37,10 +37,12 @@ pub struct Placement {
     pub scale: f64,
     /// The local origin in the world.
     pub translation: [f64; 3],
+    /// Height of the ground in the world.
+    pub ground: f64,
 }
 
 impl Placement {
-    /// Puts the mesh with its lowest vertex on the ground, the middle of its box above `at` (its y raises it above the ground).
+    /// Puts the mesh with its lowest vertex on the ground at the height of `at`, the middle of its box above `at`.
     ///
     /// `upright` brings what is up in it to +Y first ([`crate::asset::upright`]), then it is turned about +Y by `turn_degrees`, counter-clockwise
     /// seen from above.
@@ -75,11 +77,11 @@ impl Placement {
         (self.matrix() * DVec3::from_array(direction)).to_array()
     }
 
-    /// The world's ground, y = 0, in the object's coordinates.
+    /// The world's ground in the object's coordinates.
     pub fn ground(&self) -> Ground {
         let back = self.matrix().transpose();
         Ground {
-            point: (back * (-DVec3::from_array(self.translation) / self.scale)).to_array(),
+            point: (back * ((DVec3::Y * self.ground - DVec3::from_array(self.translation)) / self.scale)).to_array(),
             up: (back * DVec3::Y).to_array(),
         }
     }

@@ -31,8 +31,8 @@ const COLUMNS: [usize; 2] = [512, 2048];
 
 /// Puts an object into a photograph, a folder of frames or a video, where a marker lies.
 ///
-/// The marker gives the place, an environment the light; the ground is darkened by the object's shadow. World axes: +Y up, the ground at
-/// y = 0, the marker's middle at the origin, in the unit of the marker's size.
+/// The marker gives the place, an environment the light; the ground is darkened by the object's shadow. World axes: +Y up, the marker's
+/// middle at the origin, in the unit of the marker's size.
 #[derive(Args)]
 pub struct Ar {
     /// A photograph, a folder of frames, or a video (read by ffmpeg).
@@ -135,7 +135,7 @@ struct Place {
     /// The marker stands upright; otherwise it lies on the ground.
     #[arg(long)]
     upright: bool,
-    /// Where the object stands, in the unit of the marker's size: x to the right on the print, y up, z towards its lower edge (upright: out
+    /// The point of the ground where the object stands, in the unit of the marker's size: x to the right on the print, y up, z towards its lower edge (upright: out
     /// of it).
     #[arg(long, value_name = "X,Y,Z", value_parser = triple, default_value = "0,0,0", allow_hyphen_values = true)]
     at: [f64; 3],
