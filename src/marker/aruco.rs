@@ -15,6 +15,7 @@ use aruco_rs::cv::scalar::ScalarCV;
 const EDGE_REACH: f64 = 4.0;
 /// Shortest edge of a marker, pixels.
 const LEAST_EDGE: f64 = 12.0;
+
 /// Codes, bits along a side, and how many may be read wrongly: fewer than half the least distance between codes, and few enough that hardly
 /// any other square is taken for one.
 fn codes(family: Family) -> (&'static [u64], usize, u32) {
@@ -95,7 +96,7 @@ fn decode(family: Family, grey: &Grid<u8>, corners: [[f64; 2]; 4]) -> Option<Det
         };
         let code = (0..side * side).fold(0u64, |code, k| {
             let (row, column) = at(k / side, k % side);
-            code << 1 | bits[row * side + column] as u64
+            (code << 1) | bits[row * side + column] as u64
         });
         for (id, known) in codes.iter().enumerate() {
             let wrong = (known ^ code).count_ones();

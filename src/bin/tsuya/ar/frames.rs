@@ -133,7 +133,7 @@ pub struct Making {
     path: PathBuf,
     rate: [u32; 2],
     force: bool,
-    writer: Option<Writer>,
+    writer: Option<Box<Writer>>,
 }
 
 impl Sink {
@@ -197,7 +197,7 @@ impl Sink {
             }
             Sink::Video(Making { ffmpeg, path, rate, force, writer }) => {
                 if writer.is_none() {
-                    *writer = Some(Writer::create(ffmpeg, path, plate.size(), *rate, *force)?);
+                    *writer = Some(Box::new(Writer::create(ffmpeg, path, plate.size(), *rate, *force)?));
                 }
                 writer.as_mut().map_or(Ok(()), |writer| writer.put(plate))
             }
@@ -217,7 +217,7 @@ impl Sink {
                 }
                 Ok(())
             }
-            Sink::Video(Making { writer, .. }) => writer.map_or(Ok(()), Writer::finish),
+            Sink::Video(Making { writer, .. }) => writer.map_or(Ok(()), |writer| writer.finish()),
         }
     }
 }

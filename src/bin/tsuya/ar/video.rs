@@ -170,7 +170,7 @@ impl Writer {
         command.args(["-v", "error", "-y", "-f", "rawvideo", "-pix_fmt", "rgb24", "-s"]);
         command.arg(format!("{width}x{height}")).args(["-r", &format!("{}/{}", rate[0], rate[1]), "-i", "-"]);
         // Players want even sides with half the colours.
-        let even = width % 2 == 0 && height % 2 == 0;
+        let even = width.is_multiple_of(2) && height.is_multiple_of(2);
         command.args(["-an", "-pix_fmt", if even { "yuv420p" } else { "yuv444p" }]);
         command.arg(path_argument(&file)).stdin(Stdio::piped()).stdout(Stdio::null()).stderr(Stdio::piped());
         let mut child = command.spawn().map_err(|e| not_started(ffmpeg, e))?;
