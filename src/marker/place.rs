@@ -65,7 +65,8 @@ impl Placement {
         let (low, high) = points.fold((DVec3::MAX, DVec3::MIN), |(low, high), p| (low.min(p), high.max(p)));
         let foot = DVec3::new(0.5 * (low.x + high.x), low.y, 0.5 * (low.z + high.z));
         let translation = DVec3::from_array(at) - scale * foot;
-        Ok(Placement { rotation: rotation.transpose().to_cols_array_2d(), scale, translation: translation.to_array() })
+        let (rotation, translation) = (rotation.transpose().to_cols_array_2d(), translation.to_array());
+        Ok(Placement { rotation, scale, translation, ground: at[1] })
     }
 
     fn matrix(&self) -> DMat3 {
