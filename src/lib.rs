@@ -2,6 +2,8 @@
 //!
 //! The way of the data is told by the conductors, [`encoder`] and [`decoder`]; every other module is one stage of it.
 
+#[cfg(feature = "encode")]
+pub mod ar;
 pub mod asset;
 pub mod brdf;
 #[cfg(feature = "encode")]
@@ -17,6 +19,8 @@ pub mod gltf;
 pub mod image;
 pub mod lighting;
 pub mod limits;
+#[cfg(feature = "encode")]
+pub mod marker;
 pub mod measure;
 pub mod mesh;
 pub mod options;

@@ -5,7 +5,7 @@ use serde_json::Value;
 use std::path::{Path, PathBuf};
 
 /// A parsed JSON file, with its text for finding lines.
-pub(super) struct Document {
+pub(crate) struct Document {
     path: PathBuf,
     text: String,
     root: Value,
@@ -13,14 +13,14 @@ pub(super) struct Document {
 
 /// One value of a [`Document`] and the way to it, as in `frames[3].transform_matrix`.
 #[derive(Clone)]
-pub(super) struct Node<'a> {
+pub(crate) struct Node<'a> {
     document: &'a Document,
     value: &'a Value,
-    pub(super) key: String,
+    pub(crate) key: String,
 }
 
 impl Document {
-    pub(super) fn read(path: &Path) -> Result<Self> {
+    pub(crate) fn read(path: &Path) -> Result<Self> {
         let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
         let text = String::from_utf8(bytes).map_err(|e| {
             Error::input(path, format!("not UTF-8 text at byte {}; JSON is", e.utf8_error().valid_up_to()))
@@ -36,7 +36,7 @@ impl Document {
         })?;
         Ok(Document { path: path.to_owned(), text, root })
     }
-    pub(super) fn root(&self) -> Node<'_> {
+    pub(crate) fn root(&self) -> Node<'_> {
         Node { document: self, value: &self.root, key: String::new() }
     }
 }
@@ -48,7 +48,7 @@ fn without_place(error: &serde_json::Error) -> String {
 
 impl<'a> Node<'a> {
     /// An error that stands at this value.
-    pub(super) fn error(&self, message: impl std::fmt::Display) -> Error {
+    pub(crate) fn error(&self, message: impl std::fmt::Display) -> Error {
         let line = line_of(&self.document.text, &self.key);
         let key = if self.key.is_empty() { "top level" } else { &self.key };
         Error::input(&self.document.path, format!("line {line}, {key}: {message}"))
@@ -63,33 +63,33 @@ impl<'a> Node<'a> {
         self.error(format!("expected {what}, found {found}"))
     }
     /// The value under a key of this object; absent and `null` are the same.
-    pub(super) fn get(&self, key: &str) -> Option<Node<'a>> {
+    pub(crate) fn get(&self, key: &str) -> Option<Node<'a>> {
         let value = self.value.as_object()?.get(key).filter(|v| !v.is_null())?;
         let path = if self.key.is_empty() { key.to_owned() } else { format!("{}.{key}", self.key) };
         Some(Node { document: self.document, value, key: path })
     }
-    pub(super) fn need(&self, key: &str) -> Result<Node<'a>> {
+    pub(crate) fn need(&self, key: &str) -> Result<Node<'a>> {
         if !self.value.is_object() {
             return Err(self.expected("an object"));
         }
         self.get(key).ok_or_else(|| self.error(format!("key \"{key}\" is missing")))
     }
-    pub(super) fn is_list(&self) -> bool {
+    pub(crate) fn is_list(&self) -> bool {
         self.value.is_array()
     }
-    pub(super) fn is_true(&self) -> bool {
+    pub(crate) fn is_true(&self) -> bool {
         *self.value == Value::Bool(true)
     }
-    pub(super) fn items(&self) -> Result<Vec<Node<'a>>> {
+    pub(crate) fn items(&self) -> Result<Vec<Node<'a>>> {
         let items = self.value.as_array().ok_or_else(|| self.expected("a list"))?;
         let node = |(index, value)| Node { document: self.document, value, key: format!("{}[{index}]", self.key) };
         Ok(items.iter().enumerate().map(node).collect())
     }
-    pub(super) fn number(&self) -> Result<f64> {
+    pub(crate) fn number(&self) -> Result<f64> {
         self.value.as_f64().filter(|v| v.is_finite()).ok_or_else(|| self.expected("a number"))
     }
     /// A count, which some tools write as `1080.0`.
-    pub(super) fn count(&self) -> Result<u32> {
+    pub(crate) fn count(&self) -> Result<u32> {
         let value = self.number()?;
         if value.fract() == 0.0 && (0.0..=u32::MAX as f64).contains(&value) {
             Ok(value as u32)
@@ -97,10 +97,10 @@ impl<'a> Node<'a> {
             Err(self.expected("a whole number"))
         }
     }
-    pub(super) fn text(&self) -> Result<&'a str> {
+    pub(crate) fn text(&self) -> Result<&'a str> {
         self.value.as_str().ok_or_else(|| self.expected("a text"))
     }
-    pub(super) fn numbers<const N: usize>(&self) -> Result<[f64; N]> {
+    pub(crate) fn numbers<const N: usize>(&self) -> Result<[f64; N]> {
         let items = self.items()?;
         if items.len() != N {
             return Err(self.expected(&format!("a list of {N} numbers")));
@@ -112,7 +112,7 @@ impl<'a> Node<'a> {
         Ok(numbers)
     }
     /// A 4 x 4 matrix by rows; 3 x 4 is taken with the last row `0 0 0 1`.
-    pub(super) fn matrix(&self) -> Result<[[f64; 4]; 4]> {
+    pub(crate) fn matrix(&self) -> Result<[[f64; 4]; 4]> {
         let rows = self.items()?;
         if rows.len() != 3 && rows.len() != 4 {
             return Err(self.expected("a matrix of 4 rows of 4 numbers"));
@@ -126,7 +126,7 @@ impl<'a> Node<'a> {
         }
         Ok(matrix)
     }
-    pub(super) fn optional<T>(&self, key: &str, read: impl Fn(&Node<'a>) -> Result<T>) -> Result<Option<T>> {
+    pub(crate) fn optional<T>(&self, key: &str, read: impl Fn(&Node<'a>) -> Result<T>) -> Result<Option<T>> {
         self.get(key).map(|node| read(&node)).transpose()
     }
 }

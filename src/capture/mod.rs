@@ -12,9 +12,10 @@
 //! - per frame `cross_file_path` (polarised: specular blocked) and `mask_path`.
 
 pub mod align;
+pub mod calibration;
 mod colmap;
 mod description;
-mod json;
+pub(crate) mod json;
 mod lens;
 pub(crate) mod photograph;
 #[cfg(test)]
@@ -25,6 +26,7 @@ mod white;
 pub use description::{Description, FrameDescription, WhiteReference, describe};
 pub use lens::Lens;
 pub use photograph::{ColorSpace, read_radiance, read_values};
+pub(crate) use transforms::nearest_rotation;
 
 use crate::asset::{Mesh, View};
 use crate::error::{Error, Result};

@@ -67,7 +67,7 @@ fn find_picture(folder: &Path, name: &str) -> PathBuf {
 }
 
 /// Camera and lens from the frame's own keys, else the capture's. Needed: `w`, `h`, `fl_x` (or `camera_angle_x`).
-fn read_intrinsics(root: &Node, frame: &Node) -> Result<(Camera, Lens)> {
+pub(super) fn read_intrinsics(root: &Node, frame: &Node) -> Result<(Camera, Lens)> {
     let find = |key: &str| frame.get(key).or_else(|| root.get(key));
     let number = |key: &str| find(key).map(|node| node.number()).transpose();
     let missing = |key: &str| frame.error(format!("key \"{key}\" is missing, here and at the top level"));
@@ -123,7 +123,7 @@ fn read_pose(node: &Node) -> Result<([[f64; 3]; 3], [f64; 3])> {
 }
 
 /// The rotation that a matrix written with few digits, or scaled as a whole, stands for.
-fn nearest_rotation(rows: [[f64; 3]; 3]) -> std::result::Result<[[f64; 3]; 3], String> {
+pub(crate) fn nearest_rotation(rows: [[f64; 3]; 3]) -> std::result::Result<[[f64; 3]; 3], String> {
     let given = glam::DMat3::from_cols_array_2d(&rows).transpose();
     let determinant = given.determinant();
     if determinant.is_nan() || determinant <= 0.0 {

@@ -6,7 +6,7 @@
 use super::environment::{Cleaned, Environment, clean};
 use crate::capture::photograph::{ColorSpace, read_picture};
 use crate::error::{Error, Result};
-use crate::image::RgbImage;
+use crate::image::{RgbImage, from_srgb};
 use std::f64::consts::PI;
 use std::path::Path;
 
@@ -110,6 +110,108 @@ pub fn read<P: AsRef<Path>>(paths: &[P], options: &ReadOptions) -> Result<(Envir
     Ok((environment, cleaned))
 }
 
+/// Makes environments of pictures of one size, many times: which pixels each direction takes is worked out once.
+pub struct Unwrapper {
+    size: [usize; 2],
+    columns: usize,
+    /// For each pixel of the environment the upper left one of four, what is added for the one on its right and the one below, and the
+    /// place between them; none where the picture shows nothing.
+    taps: Vec<Option<([u32; 3], [f32; 2])>>,
+}
+
+impl Unwrapper {
+    /// For pictures of `width` x `height` pixels and environments of `columns` x `columns / 2`. `turn` brings directions of the
+    /// environment to directions of the picture's axes.
+    ///
+    /// Errors: a cube, which is not read this way; a fisheye's field out of range; no pixels.
+    pub fn new(
+        [width, height]: [usize; 2],
+        projection: Projection,
+        columns: usize,
+        turn: impl Fn([f64; 3]) -> [f64; 3] + Sync + Send,
+    ) -> Result<Self> {
+        if width < 2 || height < 2 || !(4..=8192).contains(&columns) {
+            return Err(Error::parameter(
+                "an environment is made of pictures of 2 x 2 pixels at least, 4 to 8192 columns wide",
+            ));
+        }
+        let (middle, radius) = ([width as f64 / 2.0, height as f64 / 2.0], width.min(height) as f64 / 2.0);
+        let fisheye = match projection {
+            Projection::Cube => {
+                return Err(Error::Unsupported("a sequence of cube pictures; 2:1 and fisheye ones are".into()));
+            }
+            Projection::Fisheye { model, field_degrees, looks } => {
+                Some(Law::new(model, field_degrees, looks).map_err(Error::parameter)?)
+            }
+            Projection::LatLong | Projection::MirrorBall => None,
+        };
+        let wraps = projection == Projection::LatLong;
+        let rows = columns / 2;
+        let taps = crate::parallel::map(columns * rows, |k| {
+            let (x, y) = ((k % columns) as f64 + 0.5, (k / columns) as f64 + 0.5);
+            let d = turn(super::environment::direction_at(columns, rows, x, y));
+            let [x, y] = match (&projection, &fisheye) {
+                (_, Some(law)) => law.place(d, middle, radius)?,
+                (Projection::MirrorBall, _) => on_mirror_ball(d, middle, radius),
+                _ => {
+                    let u = d[0].atan2(-d[2]) / (2.0 * PI);
+                    [(u - u.floor()) * width as f64, d[1].clamp(-1.0, 1.0).acos() / PI * height as f64]
+                }
+            };
+            let y = (y - 0.5).clamp(0.0, (height - 1) as f64);
+            let x = if wraps { (x - 0.5).rem_euclid(width as f64) } else { (x - 0.5).clamp(0.0, (width - 1) as f64) };
+            let (column, row) = ((x as usize).min(width - 1), (y as usize).min(height - 1));
+            let right = match column + 1 {
+                beyond if beyond < width => 1,
+                // Back to the first column, modulo 2^32.
+                _ if wraps => (column as u32).wrapping_neg(),
+                _ => 0,
+            };
+            let below = if row + 1 < height { width as u32 } else { 0 };
+            let first = (row * width + column) as u32;
+            Some(([first, right, below], [(x - column as f64) as f32, (y - row as f64) as f32]))
+        });
+        Ok(Unwrapper { size: [width, height], columns, taps })
+    }
+
+    /// The environment of a picture of the size said before, linear radiance.
+    pub fn environment(&self, picture: &RgbImage) -> Result<Environment> {
+        if [picture.width, picture.height] != self.size {
+            let [width, height] = self.size;
+            let message = format!(
+                "a picture of the light has {} x {} pixels, the first had {width} x {height}",
+                picture.width, picture.height
+            );
+            return Err(Error::parameter(message));
+        }
+        let rows = crate::parallel::map(self.columns / 2, |row| {
+            let taps = &self.taps[row * self.columns..(row + 1) * self.columns];
+            let value = |tap: &Option<([u32; 3], [f32; 2])>| {
+                let Some(([first, right, below], [a, b])) = *tap else { return [0.0; 3] };
+                let at = |k: u32| picture.data[k as usize];
+                let (p, q) = (at(first), at(first.wrapping_add(right)));
+                let (r, s) = (at(first + below), at((first + below).wrapping_add(right)));
+                std::array::from_fn(|c| (1.0 - b) * ((1.0 - a) * p[c] + a * q[c]) + b * ((1.0 - a) * r[c] + a * s[c]))
+            };
+            taps.iter().map(value).collect::<Vec<[f32; 3]>>()
+        });
+        let image = RgbImage { width: self.columns, height: self.columns / 2, data: rows.concat() };
+        Ok(Environment::new(image)?.0)
+    }
+}
+
+/// Multiplies what an 8-bit picture cut off by `gain`: rising from display values of 240 of 255 to the full gain at 254.
+pub fn raise_clipped(picture: &mut RgbImage, gain: f32) {
+    let (low, high) = (from_srgb(240.0 / 255.0) as f32, from_srgb(254.0 / 255.0) as f32);
+    for pixel in &mut picture.data {
+        let most = pixel[0].max(pixel[1]).max(pixel[2]);
+        if most > low {
+            let share = ((most - low) / (high - low)).min(1.0);
+            *pixel = pixel.map(|c| c * (1.0 + (gain - 1.0) * share));
+        }
+    }
+}
+
 /// A bracket as one picture: the mean of `value / exposure`, each weighed by a hat over the values 0 to 1 times its exposure.
 /// Pixels that are white in all come from the shortest exposure, those that are black in all from the longest.
 fn merge(bracket: &[RgbImage], exposures: &[f64]) -> RgbImage {
@@ -176,40 +278,62 @@ fn unwrap(image: RgbImage, projection: Projection, width: Option<usize>) -> std:
         Projection::MirrorBall => {
             let (middle, radius) = circle(&image);
             make(2 * side, &|d| {
-                // The normal lies half way between the view (0, 0, 1) and the direction.
-                let half = [d[0], d[1], d[2] + 1.0];
-                let length = (half[0] * half[0] + half[1] * half[1] + half[2] * half[2]).sqrt().max(1e-6);
-                // Seen from +Z, +X is on the right.
-                bilinear(&image, middle[0] + radius * half[0] / length, middle[1] - radius * half[1] / length)
+                let [x, y] = on_mirror_ball(d, middle, radius);
+                bilinear(&image, x, y)
             })
         }
         Projection::Fisheye { model, field_degrees, looks } => {
-            if !(1.0..=360.0).contains(&field_degrees) {
-                return Err("a fisheye's field must be 1 to 360 degrees".into());
-            }
+            let law = Law::new(model, field_degrees, looks)?;
             let (middle, radius) = circle(&image);
-            let half_field = field_degrees.to_radians() / 2.0;
-            let natural = (2.0 * radius * 2.0 * PI / (2.0 * half_field)).round() as usize;
-            make(natural, &|d| {
-                // Right, up and forward of the lens. Looking to +Z with +Y up, -X is on the right.
-                let (right, up, forward) = match looks {
-                    Looks::Ahead => (-d[0], d[1], d[2]),
-                    Looks::Up => (-d[0], -d[2], d[1]),
-                };
-                let across = right.hypot(up);
-                let angle = across.atan2(forward);
-                if angle > half_field {
-                    return [0.0; 3];
-                }
-                let distance = match model {
-                    Fisheye::Equidistant => angle / half_field,
-                    Fisheye::Equisolid => (angle / 2.0).sin() / (half_field / 2.0).sin(),
-                };
-                let scale = radius * distance / across.max(1e-12);
-                bilinear(&image, middle[0] + scale * right, middle[1] - scale * up)
-            })
+            let natural = (2.0 * radius * 2.0 * PI / (2.0 * law.half_field)).round() as usize;
+            make(natural, &|d| law.place(d, middle, radius).map_or([0.0; 3], |[x, y]| bilinear(&image, x, y)))
         }
     })
+}
+
+/// Where a mirror ball shows a direction.
+fn on_mirror_ball(d: [f64; 3], middle: [f64; 2], radius: f64) -> [f64; 2] {
+    // The normal lies half way between the view (0, 0, 1) and the direction.
+    let half = [d[0], d[1], d[2] + 1.0];
+    let length = (half[0] * half[0] + half[1] * half[1] + half[2] * half[2]).sqrt().max(1e-6);
+    // Seen from +Z, +X is on the right.
+    [middle[0] + radius * half[0] / length, middle[1] - radius * half[1] / length]
+}
+
+/// A fisheye lens.
+struct Law {
+    model: Fisheye,
+    half_field: f64,
+    looks: Looks,
+}
+
+impl Law {
+    fn new(model: Fisheye, field_degrees: f64, looks: Looks) -> std::result::Result<Self, String> {
+        if !(1.0..=360.0).contains(&field_degrees) {
+            return Err("a fisheye's field must be 1 to 360 degrees".into());
+        }
+        Ok(Law { model, half_field: field_degrees.to_radians() / 2.0, looks })
+    }
+
+    /// Where it shows a direction; `None` outside its field.
+    fn place(&self, d: [f64; 3], middle: [f64; 2], radius: f64) -> Option<[f64; 2]> {
+        // Right, up and forward of the lens. Looking to +Z with +Y up, -X is on the right.
+        let (right, up, forward) = match self.looks {
+            Looks::Ahead => (-d[0], d[1], d[2]),
+            Looks::Up => (-d[0], -d[2], d[1]),
+        };
+        let across = right.hypot(up);
+        let angle = across.atan2(forward);
+        if angle > self.half_field {
+            return None;
+        }
+        let distance = match self.model {
+            Fisheye::Equidistant => angle / self.half_field,
+            Fisheye::Equisolid => (angle / 2.0).sin() / (self.half_field / 2.0).sin(),
+        };
+        let scale = radius * distance / across.max(1e-12);
+        Some([middle[0] + scale * right, middle[1] - scale * up])
+    }
 }
 
 /// Middle and radius of the largest circle in the middle of a picture.
@@ -348,6 +472,35 @@ mod tests {
                 check(&environment, 0.03, |d| if looks == Looks::Up { d[1] > least } else { d[2] > least });
             }
         }
+    }
+
+    #[test]
+    fn sequences_are_unwrapped_as_single_pictures_are() {
+        let fisheye = Projection::Fisheye { model: Fisheye::Equisolid, field_degrees: 200.0, looks: Looks::Up };
+        for projection in [fisheye, Projection::LatLong, Projection::MirrorBall] {
+            let picture = draw(96, 48, |x, y| Some([(x / 30.0).sin(), (y / 20.0).cos(), (x * y / 900.0).sin()]));
+            let straight = Unwrapper::new([96, 48], projection, 64, |d| d).unwrap().environment(&picture).unwrap();
+            let single = unwrap(picture.clone(), projection, None).unwrap();
+            let turned = Unwrapper::new([96, 48], projection, 64, |d| super::super::environment::turn_y(d, -90.0));
+            let turned = turned.unwrap().environment(&picture).unwrap();
+            for k in 0..64 * 32 {
+                let d = straight.direction((k % 64) as f64 + 0.5, (k / 64) as f64 + 0.5);
+                let (found, wanted) = (straight.image().data[k], single.radiance(d));
+                // Beside the edge of a fisheye's field one of the two is black.
+                let black = |v: [f32; 3]| v.iter().any(|&c| c < 0.3);
+                let near = (0..3).all(|c| (found[c] - wanted[c]).abs() < 0.12);
+                assert!(near || black(found) || black(wanted), "{projection:?} {d:?}: {found:?}, {wanted:?}");
+                let quarter = turned.image().data[k / 64 * 64 + (k + 48) % 64];
+                assert!((0..3).all(|c| (quarter[c] - found[c]).abs() < 1e-5), "{projection:?} {k}");
+            }
+            assert!(
+                Unwrapper::new([96, 48], projection, 64, |d| d).unwrap().environment(&single.image().clone()).is_err()
+            );
+        }
+        assert!(Unwrapper::new([96, 48], Projection::Cube, 64, |d| d).is_err());
+        let mut lamp = RgbImage { width: 2, height: 1, data: vec![[1.0, 0.9, 0.8], [0.5, 0.6, 0.7]] };
+        raise_clipped(&mut lamp, 10.0);
+        assert!((lamp.data[0][0] - 10.0).abs() < 1e-4 && lamp.data[1] == [0.5, 0.6, 0.7]);
     }
 
     #[test]

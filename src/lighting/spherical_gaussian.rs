@@ -151,14 +151,13 @@ pub fn half_space(sharpness: f64, sine: f64) -> f64 {
 
 /// The same by the signed angle and Wang's fit.
 pub fn half_space_published(sharpness: f64, distance: f64) -> f64 {
-    half_space_share_published(sharpness as f32, distance as f32) as f64 * hemisphere_integral(sharpness)
+    half_space_share_published(sharpness.max(1e-3).ln() as f32, distance as f32) as f64 * hemisphere_integral(sharpness)
 }
 
-/// [`half_space_published`] over the hemisphere's integral: a logistic function of the angle; of its steepness' polynomial the argument
-/// is the logarithm of the sharpness.
+/// [`half_space_published`] over the hemisphere's integral, by the natural logarithm of the sharpness: a logistic function of the angle, its
+/// steepness a polynomial of the logarithm.
 #[inline]
-pub fn half_space_share_published(sharpness: f32, distance: f32) -> f32 {
-    let log = sharpness.max(1e-3).ln();
+pub fn half_space_share_published(log: f32, distance: f32) -> f32 {
     let steep = ((0.204 * log - 0.892) * log + 2.995) * log + 0.067;
     1.05 / (1.0 + (-steep * distance).exp()) - 0.025
 }

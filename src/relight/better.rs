@@ -5,7 +5,7 @@ use super::appearance::{Appearance, Prepared};
 use super::occlusion::ramp;
 use super::octahedral::{texel_direction, to_square};
 use super::scene::{Object, Point, Scene};
-use super::surround::Surround;
+use super::surround::{Surround, log2};
 use crate::lighting::octahedral::solid_angles;
 use glam::Vec3;
 use std::f32::consts::PI;
@@ -90,7 +90,6 @@ pub(super) fn reflected(
     let occlusion = scene.object.occlusion.filter(|_| scene.options.shadows);
     let count = prepared.taps.len() as f32;
     let mut sum = Vec3::ZERO;
-    let coarse = 4f32.ln().recip();
     for &(half, density, level) in &prepared.taps {
         let cosine = half.dot(outgoing);
         let incoming = 2.0 * cosine * half - outgoing;
@@ -110,7 +109,7 @@ pub(super) fn reflected(
             continue;
         }
         // The tap's level is that of the half vector's density; the turn to the reflected one makes it coarser.
-        let light = scene.surround.filtered(square, level + cosine.ln() * coarse);
+        let light = scene.surround.filtered(square, level + 0.5 * log2(cosine));
         sum += light * brdf(half, cosine, incoming, outgoing) * (incoming.z * seen / density);
     }
     sum

@@ -15,6 +15,8 @@ use glam::{Vec2, Vec3};
 const DIRECTIONS: usize = 32;
 /// Points of the ground along each side at which its light is computed.
 const POINTS: usize = 72;
+/// The same where ratios are kept that have sharp shadows in them.
+const KEPT_POINTS: usize = 320;
 /// Half the side of that part of the ground, in radii of the object.
 const EXTENT: f32 = 4.0;
 
@@ -38,86 +40,200 @@ impl Ground {
 
 /// For each pixel that sees the ground the light on it with the object over the light without, red, green, blue (17); 1 elsewhere.
 pub fn ground_shadow(mesh: &Mesh, surround: &Surround, ground: &Ground, camera: &Camera) -> Result<RgbImage> {
-    let up = single(ground.up);
-    if (up.length() - 1.0).abs() > 1e-3 {
-        return Err(Error::parameter("the ground's normal is not a unit vector"));
-    }
-    let (middle, radius) = bounds(mesh);
-    let (middle, reach) = (single(middle), radius as f32 * EXTENT);
-    let origin = middle - up * (middle - single(ground.point)).dot(up);
-    let (x, y) = up.any_orthonormal_pair();
-    let occluders = Occluders::new(mesh);
-    let cells = surround.cells(DIRECTIONS);
-    let directions: Vec<Vec3> =
-        (0..cells.len()).map(|k| texel_direction(DIRECTIONS, k % DIRECTIONS, k / DIRECTIONS)).collect();
-    let lit: Vec<(Vec3, Vec3)> =
-        directions.iter().zip(&cells).map(|(&d, &l)| (d, l * d.dot(up))).filter(|&(d, _)| d.dot(up) > 0.0).collect();
-    let whole: Vec3 = lit.iter().map(|&(_, light)| light).sum();
-    // What the object takes from the light of the levels, on a grid, denser in the middle.
-    let place = |k: usize| {
-        let t = 2.0 * k as f32 / (POINTS - 1) as f32 - 1.0;
-        t * t.abs() * reach
-    };
-    let taken: Vec<Vec3> = crate::parallel::map(POINTS * POINTS, |k| {
-        let point = origin + x * place(k % POINTS) + y * place(k / POINTS) + up * (radius as f32 * 1e-3);
-        let to_middle = middle - point;
-        let (distance, radius) = (to_middle.length(), radius as f32);
-        lit.iter()
-            .filter(|(d, _)| {
-                // Rays that pass by the sphere around the object are free.
-                let along = d.dot(to_middle);
-                distance < radius || (along > 0.0 && distance * distance - along * along < radius * radius)
-            })
-            .filter(|(d, _)| !occluders.free(point.to_array(), d.to_array()))
-            .map(|&(_, light)| light)
-            .sum()
-    });
-    let taken = Grid { width: POINTS, height: POINTS, data: taken };
-    let maps: Vec<(Vec3, f64, Option<ShadowMap>)> = surround
-        .distant
-        .iter()
-        .filter(|light| Vec3::from_array(light.direction).dot(up) > 0.0)
-        .map(|light| {
-            let direction = Vec3::from_array(light.direction);
-            let position = (middle + 40.0 * radius as f32 * direction).as_dvec3().to_array();
-            let irradiance = Vec3::from_array(light.irradiance) * direction.dot(up);
-            (irradiance, Surround::disc(light), ShadowMap::distant(mesh, position))
-        })
-        .collect();
-    let all = whole + maps.iter().map(|(light, ..)| *light).sum::<Vec3>();
+    let mut shadow = GroundShadow::new(mesh, ground)?;
+    shadow.light(surround);
     let (width, height) = (camera.width as usize, camera.height as usize);
-    let centre = single(camera.centre());
     let rows = crate::parallel::map(height, |row| {
-        let pixel = |column: usize| {
-            let ray = single(camera.ray([column as f64 + 0.5, row as f64 + 0.5]));
-            let t = (origin - centre).dot(up) / ray.dot(up);
-            if !(t.is_finite() && t > 0.0) {
-                return [1.0; 3];
-            }
-            let point = centre + ray * t;
-            let at = Vec2::new((point - origin).dot(x), (point - origin).dot(y));
-            let mut light = all - between(&taken, at, reach);
-            for (part, disc, map) in &maps {
-                if let Some(map) = map {
-                    light -= *part * (1.0 - map.soft_reach(point.as_dvec3().to_array(), ground.up, *disc) as f32);
-                }
-            }
-            let ratio = light.max(Vec3::ZERO) / all.max(Vec3::splat(1e-20));
-            ratio.min(Vec3::ONE).to_array()
-        };
+        let pixel =
+            |column: usize| shadow.seen(camera, [column, row]).map_or([1.0; 3], |at| shadow.ratio(at).to_array());
         (0..width).map(pixel).collect::<Vec<_>>()
     });
     Ok(Grid { width, height, data: rows.concat() })
 }
 
+/// The shadow of an object on a plane, for lights that change and cameras that move.
+pub struct GroundShadow<'a> {
+    mesh: &'a Mesh,
+    ground: Ground,
+    /// Middle and radius of the object; half the side of the part of the plane that may be darkened.
+    middle: Vec3,
+    radius: f32,
+    reach: f32,
+    /// The point below the middle, the plane's normal and its other axes.
+    origin: Vec3,
+    axes: [Vec3; 3],
+    /// Cells of the grid of directions above the plane and their cosines.
+    above: Vec<(u32, f32)>,
+    /// Of each point of the plane the entries of `above` that the object blocks, one list after the other, and where they begin.
+    blocked: Vec<u16>,
+    starts: Vec<u32>,
+    light: GroundLight,
+    texture: Grid<Vec3>,
+}
+
+/// What a light does on the plane.
+#[derive(Default)]
+struct GroundLight {
+    /// Irradiance without the object.
+    all: Vec3,
+    /// What the object takes of the levels' light, on a grid that is denser in the middle.
+    taken: Grid<Vec3>,
+    /// Distant lights: irradiance, radius, depth map.
+    maps: Vec<(Vec3, f64, Option<ShadowMap>)>,
+}
+
+impl<'a> GroundShadow<'a> {
+    /// Casts the rays, which serve for every light.
+    pub fn new(mesh: &'a Mesh, ground: &Ground) -> Result<Self> {
+        let up = single(ground.up);
+        if (up.length() - 1.0).abs() > 1e-3 {
+            return Err(Error::parameter("the ground's normal is not a unit vector"));
+        }
+        let (middle, radius) = bounds(mesh);
+        let (middle, radius) = (single(middle), radius as f32);
+        let reach = radius * EXTENT;
+        let origin = middle - up * (middle - single(ground.point)).dot(up);
+        let (x, y) = up.any_orthonormal_pair();
+        let directions: Vec<(u32, Vec3)> = (0..DIRECTIONS * DIRECTIONS)
+            .map(|k| (k as u32, texel_direction(DIRECTIONS, k % DIRECTIONS, k / DIRECTIONS)))
+            .filter(|(_, d)| d.dot(up) > 0.0)
+            .collect();
+        let occluders = Occluders::new(mesh);
+        let place = |k: usize| {
+            let t = 2.0 * k as f32 / (POINTS - 1) as f32 - 1.0;
+            t * t.abs() * reach
+        };
+        let lists: Vec<Vec<u16>> = crate::parallel::map(POINTS * POINTS, |k| {
+            let point = origin + x * place(k % POINTS) + y * place(k / POINTS) + up * (radius * 1e-3);
+            let to_middle = middle - point;
+            let distance = to_middle.length();
+            let blocked = directions.iter().enumerate().filter(|(_, (_, d))| {
+                // Rays that pass by the sphere around the object are free.
+                let along = d.dot(to_middle);
+                let near = distance < radius || (along > 0.0 && distance * distance - along * along < radius * radius);
+                near && !occluders.free(point.to_array(), d.to_array())
+            });
+            blocked.map(|(entry, _)| entry as u16).collect()
+        });
+        let mut starts = vec![0];
+        lists.iter().for_each(|list| starts.push(starts.last().copied().unwrap_or(0) + list.len() as u32));
+        Ok(GroundShadow {
+            mesh,
+            ground: *ground,
+            middle,
+            radius,
+            reach,
+            origin,
+            axes: [up, x, y],
+            above: directions.into_iter().map(|(k, d)| (k, d.dot(up))).collect(),
+            blocked: lists.concat(),
+            starts,
+            light: GroundLight::default(),
+            texture: Grid::default(),
+        })
+    }
+
+    /// Takes a light, in the object's axes as the mesh.
+    pub fn light(&mut self, surround: &Surround) {
+        self.take(surround, surround.cells(DIRECTIONS));
+    }
+
+    /// As [`Self::light`], blurred by some degrees, in a fraction of the time.
+    pub fn light_blurred(&mut self, surround: &Surround) {
+        self.take(surround, surround.blurred_cells(DIRECTIONS));
+    }
+
+    fn take(&mut self, surround: &Surround, cells: Vec<Vec3>) {
+        let up = self.axes[0];
+        let lit: Vec<Vec3> = self.above.iter().map(|&(k, cosine)| cells[k as usize] * cosine).collect();
+        let whole: Vec3 = lit.iter().sum();
+        let list = |k: usize| &self.blocked[self.starts[k] as usize..self.starts[k + 1] as usize];
+        let taken = (0..POINTS * POINTS).map(|k| list(k).iter().map(|&entry| lit[entry as usize]).sum()).collect();
+        let maps: Vec<(Vec3, f64, Option<ShadowMap>)> = surround
+            .distant
+            .iter()
+            .filter(|light| Vec3::from_array(light.direction).dot(up) > 0.0)
+            .map(|light| {
+                let direction = Vec3::from_array(light.direction);
+                let position = (self.middle + 40.0 * self.radius * direction).as_dvec3().to_array();
+                let irradiance = Vec3::from_array(light.irradiance) * direction.dot(up);
+                (irradiance, Surround::disc(light), ShadowMap::distant(self.mesh, position))
+            })
+            .collect();
+        let all = whole + maps.iter().map(|(light, ..)| *light).sum::<Vec3>();
+        self.light = GroundLight { all, taken: Grid { width: POINTS, height: POINTS, data: taken }, maps };
+        self.texture = Grid::default();
+    }
+
+    /// Keeps the ratios of the light on a grid of the plane, which [`Self::darken`] reads: sums over distant lights are slow.
+    pub fn keep(&mut self) {
+        let side = if self.light.maps.is_empty() { POINTS } else { KEPT_POINTS };
+        let place = |k: usize| {
+            let t = 2.0 * k as f32 / (side - 1) as f32 - 1.0;
+            t * t.abs() * self.reach * 0.9999
+        };
+        let data = crate::parallel::map(side * side, |k| self.ratio(Vec2::new(place(k % side), place(k / side))) - 1.0);
+        self.texture = Grid { width: side, height: side, data };
+    }
+
+    /// For the pixels of some rows that see a part of the ground which the object darkens: their number in the rows, and the ratio.
+    pub fn darken(&self, camera: &Camera, rows: std::ops::Range<usize>, mut visit: impl FnMut(usize, [f32; 3])) {
+        let (width, first_row) = (camera.width as usize, rows.start);
+        let centre = single(camera.centre()) - self.origin;
+        let [above, beside, beyond] = self.axes.map(|axis| centre.dot(axis));
+        for row in rows {
+            // Along a row the rays change evenly.
+            let ray = |column: f64| single(camera.ray([column, row as f64 + 0.5]));
+            let (first, step) = (ray(0.5), ray(1.5) - ray(0.5));
+            let [up, x, y] = self.axes.map(|axis| (first.dot(axis), step.dot(axis)));
+            for column in 0..width {
+                let along = |(first, step): (f32, f32)| first + column as f32 * step;
+                let t = -above / along(up);
+                let at = Vec2::new(beside + t * along(x), beyond + t * along(y));
+                if !(t > 0.0 && at.x.abs() < self.reach && at.y.abs() < self.reach) {
+                    continue;
+                }
+                let ratio = Vec3::ONE + between(&self.texture, at, self.reach);
+                if ratio.min_element() < 0.999 {
+                    visit((row - first_row) * width + column, ratio.to_array());
+                }
+            }
+        }
+    }
+
+    /// The place on the plane that a pixel's middle sees.
+    #[inline]
+    fn seen(&self, camera: &Camera, [column, row]: [usize; 2]) -> Option<Vec2> {
+        let [up, x, y] = self.axes;
+        let centre = single(camera.centre());
+        let ray = single(camera.ray([column as f64 + 0.5, row as f64 + 0.5]));
+        let t = (self.origin - centre).dot(up) / ray.dot(up);
+        let beyond = centre + ray * t - self.origin;
+        (t.is_finite() && t > 0.0).then(|| Vec2::new(beyond.dot(x), beyond.dot(y)))
+    }
+
+    fn ratio(&self, at: Vec2) -> Vec3 {
+        let GroundLight { all, taken, maps } = &self.light;
+        let [_, x, y] = self.axes;
+        let point = self.origin + x * at.x + y * at.y;
+        let mut light = *all - between(taken, at, self.reach);
+        for (part, disc, map) in maps {
+            if let Some(map) = map {
+                light -= *part * (1.0 - map.soft_reach(point.as_dvec3().to_array(), self.ground.up, *disc) as f32);
+            }
+        }
+        (light.max(Vec3::ZERO) / all.max(Vec3::splat(1e-20))).min(Vec3::ONE)
+    }
+}
+
 /// Bilinear between the grid's points, nothing beyond them.
 fn between(grid: &Grid<Vec3>, at: Vec2, reach: f32) -> Vec3 {
+    let last = grid.width.saturating_sub(1) as f32;
     let place = |t: f32| {
         let t = t / reach;
-        (t.abs().sqrt().copysign(t) + 1.0) * 0.5 * (POINTS - 1) as f32
+        (t.abs().sqrt().copysign(t) + 1.0) * 0.5 * last
     };
     let (u, v) = (place(at.x), place(at.y));
-    let last = (POINTS - 1) as f32;
     if !(u >= 0.0 && v >= 0.0 && u < last && v < last) {
         return Vec3::ZERO;
     }
@@ -169,5 +285,25 @@ mod tests {
         let found = shadow.at(at[0] as usize, at[1] as usize);
         assert!((found[0] as f64 - free).abs() < 0.04 && (found[0] - found[1]).abs() < 1e-3, "{found:?} {free}");
         assert_eq!(*shadow.at(32, 2), [1.0; 3], "above the horizon");
+    }
+
+    #[test]
+    fn kept_ratios_are_those_of_each_pixel() {
+        let mesh = crate::surface::atlas::tests::bumpy_sphere(16);
+        let sun = |d: [f64; 3]| d[0] * 0.48 + d[1] * 0.6 + d[2] * 0.64 > 0.999;
+        let environment = Environment::from_fn(256, |d| if sun(d) { [800.0, 700.0, 500.0] } else { [0.3, 0.4, 0.6] });
+        let surround = Surround::new(&environment, &SurroundOptions::default());
+        let ground = Ground::below(&mesh, [0.0, 1.0, 0.0]);
+        let camera = look_at([2.0, 3.0, 5.0], [0.0, -0.5, 0.0], [0.0, 1.0, 0.0], 200.0, 160, 120);
+        let exact = ground_shadow(&mesh, &surround, &ground, &camera).unwrap();
+        let mut shadow = GroundShadow::new(&mesh, &ground).unwrap();
+        shadow.light(&surround);
+        shadow.keep();
+        let mut kept = RgbImage::filled(160, 120, [1.0; 3]);
+        shadow.darken(&camera, 0..120, |k, ratio| kept.data[k] = ratio);
+        let squares = exact.data.iter().zip(&kept.data).map(|(a, b)| (a[1] - b[1]).powi(2) as f64).sum::<f64>();
+        let psnr = -10.0 * (squares / exact.data.len() as f64).log10();
+        let dark = exact.data.iter().filter(|p| p[1] < 0.5).count();
+        assert!(psnr > 40.0 && dark > 300, "{psnr} dB, {dark} dark pixels");
     }
 }

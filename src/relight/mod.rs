@@ -32,7 +32,7 @@ pub use appearance::{Appearance, Look, Prepared, Uniform};
 pub use cameras::{bounds, look_at, orbit};
 pub use detail::add_detail;
 #[cfg(feature = "encode")]
-pub use ground::{Ground, composite, ground_shadow};
+pub use ground::{Ground, GroundShadow, composite, ground_shadow};
 pub use material::{HalfLobe, Material, Specular, WarpedLobe, fit_lobes};
 pub use models::TorranceSparrow;
 pub use motion::{Frame, Motion};

@@ -9,7 +9,7 @@ use super::appearance::{Appearance, Look, Prepared};
 use super::bands::Samples;
 use super::octahedral::to_square;
 use super::scene::{Evaluator, Point, Scene};
-use super::surround::{Surround, level_of};
+use super::surround::{Surround, level_of, log2};
 use super::{better, published};
 use crate::asset::Camera;
 use crate::error::Result;
@@ -18,7 +18,8 @@ use crate::lighting::spherical_gaussian::{COSINE_PUBLISHED, half_space_share_pub
 use crate::parallel::rows;
 use crate::surface::raster::check_work;
 use glam::Vec3;
-use std::f32::consts::PI;
+use std::borrow::Cow;
+use std::f32::consts::{LN_2, PI};
 
 /// Radiance below which a distant light's reflection is left out; 1 is white.
 const FAINT: f32 = 1e-4;
@@ -48,8 +49,8 @@ struct Stage<'a> {
     /// Of the places, without the distant lights.
     irradiance: Vec<Vec3>,
     faces: Vec<Face>,
-    /// The published evaluator's levels.
-    levels: Option<Surround>,
+    /// The published evaluator's levels: those of the scene's surroundings where they are made of the light's.
+    levels: Option<Cow<'a, Surround>>,
 }
 
 struct Vertex {
@@ -81,7 +82,10 @@ impl<'a> Motion<'a> {
         let vertex = |(&position, &normal)| Vertex { position: Vec3::from_array(position), normal };
         let vertices = vertices.map(vertex).collect();
         let faces = crate::parallel::map(mesh.triangles.len(), |triangle| face(scene, triangle));
-        let levels = scene.light.filter(|_| published).map(|light| Surround::of_levels(&light.levels));
+        let levels = scene.light.filter(|_| published).map(|light| match scene.surround.is_stored {
+            true => Cow::Borrowed(scene.surround),
+            false => Cow::Owned(Surround::of_levels(&light.levels)),
+        });
         let stage = Stage { scene, vertices, irradiance, faces, levels };
         Motion { stage, samples: Samples::default(), coarse: Default::default(), frame: Frame::default() }
     }
@@ -208,9 +212,10 @@ impl Stage<'_> {
             let (axis, sharpness) = (together / length, (sharpness + cosine_sharpness) * length);
             let whole = 2.0 * PI / sharpness * (1.0 - (-2.0 * sharpness).exp());
             let square = to_square(axis);
+            let log = log2(sharpness) * LN_2;
             let seen = occlusion.map_or(1.0, |o| {
                 let distance = o.distance(point.places, point.shares, square);
-                half_space_share_published(sharpness, distance) / half_space_share_published(sharpness, 0.5 * PI)
+                half_space_share_published(log, distance) / half_space_share_published(log, 0.5 * PI)
             });
             let scale = amplitude * cosine_amplitude * exponent.exp() * whole * seen;
             sum += levels.filtered(square, level_of(sharpness)) * scale;

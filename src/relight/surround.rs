@@ -15,6 +15,9 @@ const LARGEST: usize = 256;
 #[cfg(feature = "encode")]
 const MOST_LIGHTS: usize = 64;
 
+/// A level that still shows where light comes from and has few cells: sharpness 82.
+const BLURRED: usize = 4;
+
 /// A small bright part of the environment.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DistantLight {
@@ -46,6 +49,8 @@ pub struct Surround {
     /// Compact bright sources.
     pub(super) distant: Vec<DistantLight>,
     levels: Vec<Sphere>,
+    /// The levels are a file's, with all light in them.
+    pub(super) is_stored: bool,
 }
 
 impl Surround {
@@ -54,7 +59,7 @@ impl Surround {
     pub fn new(environment: &Environment, options: &SurroundOptions) -> Self {
         let (rest, distant) = take_out_bright(environment, options);
         let levels = levels(&rest, LARGEST);
-        Surround { distant, ..Self::of_levels(&levels) }
+        Surround { distant, is_stored: false, ..Self::of_levels(&levels) }
     }
 
     /// From a file's prefiltered levels, one for each of [`SHARPNESS`]; black where there are not as many.
@@ -65,7 +70,7 @@ impl Surround {
         };
         let mut levels: Vec<Sphere> = levels.iter().take(SHARPNESS.len()).map(read).collect();
         levels.resize_with(SHARPNESS.len(), || Sphere::new(1, |_, _| Vec3::ZERO));
-        Surround { distant: Vec::new(), levels }
+        Surround { distant: Vec::new(), levels, is_stored: true }
     }
 
     /// Radius of a disc with a light's [`DistantLight::radius`], radians.
@@ -89,13 +94,34 @@ impl Surround {
         fine + (coarse - fine) * part
     }
 
+    /// Irradiance of a surface with this unit normal that nothing shades.
+    pub fn irradiance(&self, normal: [f32; 3]) -> [f32; 3] {
+        const SIDE: usize = 32;
+        let normal = Vec3::from_array(normal);
+        let cosine = |d: Vec3| d.dot(normal).max(0.0);
+        let cells = self.blurred_cells(SIDE).into_iter().zip(directions(SIDE));
+        let even: Vec3 = cells.map(|(light, d)| light * cosine(Vec3::from_array(d.map(|x| x as f32)))).sum();
+        let distant =
+            self.distant.iter().map(|l| Vec3::from_array(l.irradiance) * cosine(Vec3::from_array(l.direction)));
+        (even + distant.sum::<Vec3>()).to_array()
+    }
+
     /// Mean radiance, times the solid angle, in each cell of a grid, without the distant lights.
     pub(super) fn cells(&self, side: usize) -> Vec<Vec3> {
-        let finest = &self.levels[0];
+        self.cells_of(0, side)
+    }
+
+    /// The same from a blurred level, which has fewer cells to sum.
+    pub(super) fn blurred_cells(&self, side: usize) -> Vec<Vec3> {
+        self.cells_of(BLURRED, side)
+    }
+
+    fn cells_of(&self, level: usize, side: usize) -> Vec<Vec3> {
+        let level = &self.levels[level];
         let mut cells = vec![Vec3::ZERO; side * side];
-        let angles = solid_angles(finest.side);
-        for (k, direction) in directions(finest.side).into_iter().enumerate() {
-            let radiance = finest.at(k % finest.side, k / finest.side) * angles[k] as f32;
+        let angles = solid_angles(level.side);
+        for (k, direction) in directions(level.side).into_iter().enumerate() {
+            let radiance = level.at(k % level.side, k / level.side) * angles[k] as f32;
             let around = taps(direction, side);
             for (cell, weight) in around.cells.into_iter().zip(around.weights) {
                 cells[cell as usize] += weight * radiance;
@@ -109,7 +135,21 @@ impl Surround {
 #[inline]
 pub(super) fn level_of(sharpness: f32) -> f32 {
     // All but the ends are a factor of 4 apart.
-    ((SHARPNESS[0] as f32).ln() - sharpness.max(1e-3).ln()) / 4f32.ln()
+    0.5 * (log2(SHARPNESS[0] as f32) - log2(sharpness.max(1e-3)))
+}
+
+/// Logarithm to the base 2 of a positive number that is not subnormal, within 1e-5; levels need no more.
+#[inline]
+pub(super) fn log2(x: f32) -> f32 {
+    let bits = x.to_bits();
+    let exponent = (bits >> 23) as i32 - 127;
+    let mantissa = f32::from_bits(bits & 0x007f_ffff | 0x3f80_0000);
+    // From 1 .. 2 to sqrt(1/2) .. sqrt(2), where the series of the inverse hyperbolic tangent is short.
+    let large = mantissa > std::f32::consts::SQRT_2;
+    let (mantissa, exponent) = if large { (0.5 * mantissa, exponent + 1) } else { (mantissa, exponent) };
+    let s = (mantissa - 1.0) / (mantissa + 1.0);
+    let squared = s * s;
+    exponent as f32 + s * (2.885_390_1 + squared * (0.961_796_7 + squared * 0.577_078))
 }
 
 /// The environment without its compact bright parts, and those as distant lights: median cut of what lies above the threshold.

@@ -1,6 +1,7 @@
 //! The `tsuya` program: one file a subcommand.
 
 mod align;
+mod ar;
 mod bake;
 mod brdf;
 mod compare;
@@ -59,6 +60,7 @@ enum Command {
     Render(render::Render),
     Composite(composite::Composite),
     Align(align::Align),
+    Ar(Box<ar::Ar>),
     Brdf(brdf::Brdf),
     Bake(bake::Bake),
     Light(light::Light),
@@ -80,6 +82,7 @@ impl Command {
             Command::Render(render) => render.run(),
             Command::Composite(composite) => composite.run(),
             Command::Align(align) => align.run(),
+            Command::Ar(ar) => ar.run(),
             Command::Brdf(brdf) => brdf.run(),
             Command::Bake(bake) => bake.run(),
             Command::Light(light) => light.run(),

@@ -154,7 +154,7 @@ pub fn pictures(
 }
 
 /// The visibility of a file, or computed now where it has none.
-fn occlusion(subject: &Subject) -> Result<Occlusion> {
+pub fn occlusion(subject: &Subject) -> Result<Occlusion> {
     let stored = match subject {
         Subject::Asset(asset) => &asset.visibility,
         Subject::Mesh { visibility, .. } => visibility,

@@ -14,8 +14,8 @@
 //! Six points in one frame that are not in one plane are enough, or three points marked in two frames each; more, spread over
 //! the object and over several frames, are better.
 
-mod refine;
-mod start;
+pub(crate) mod refine;
+pub(crate) mod start;
 
 use super::description::Description;
 use super::json::Document;
@@ -54,10 +54,10 @@ pub struct Alignment {
 
 /// Rotation, translation and scale of the mesh in the world.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Similarity {
-    rotation: glam::DMat3,
-    translation: glam::DVec3,
-    scale: f64,
+pub(crate) struct Similarity {
+    pub(crate) rotation: glam::DMat3,
+    pub(crate) translation: glam::DVec3,
+    pub(crate) scale: f64,
 }
 
 impl Similarity {

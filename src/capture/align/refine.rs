@@ -13,7 +13,7 @@ fn camera_rotation(camera: &Camera) -> DMat3 {
 }
 
 /// Distance in pixels of each correspondence; `None` if a point lies behind its camera.
-pub(super) fn errors(cameras: &[Camera], points: &[Correspondence], pose: &Similarity) -> Option<Vec<f64>> {
+pub(crate) fn errors(cameras: &[Camera], points: &[Correspondence], pose: &Similarity) -> Option<Vec<f64>> {
     let one = |point: &Correspondence| {
         let world = pose.transform(DVec3::from_array(point.mesh));
         let (pixel, _) = cameras[point.frame].project(world.to_array())?;
@@ -28,7 +28,7 @@ fn cost(cameras: &[Camera], points: &[Correspondence], pose: &Similarity) -> Opt
 }
 
 /// The pose of least summed squared distance near `start`, and that sum; `None` if the start puts points behind cameras.
-pub(super) fn refine(
+pub(crate) fn refine(
     cameras: &[Camera],
     points: &[Correspondence],
     start: Similarity,

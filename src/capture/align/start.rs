@@ -123,7 +123,7 @@ fn direct_linear(camera: &Camera, points: &[Correspondence]) -> Option<(DMat3, D
 }
 
 /// The rotation nearest to a matrix, and the mean of its singular values.
-fn nearest_rotation(matrix: DMat3) -> Option<(DMat3, f64)> {
+pub(crate) fn nearest_rotation(matrix: DMat3) -> Option<(DMat3, f64)> {
     let svd = Mat::from_fn(3, 3, |i, j| matrix.col(j)[i]).svd().ok()?;
     let values = svd.S().column_vector();
     let take = |m: faer::MatRef<'_, f64>| {

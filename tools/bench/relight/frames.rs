@@ -1,12 +1,16 @@
-//! Relighting in figures: `TSUYA_DATA=DATA cargo bench --bench relight -- [bake] [light] [frames]`. DATA holds meshes/ and envmaps/; all
-//! three parts without any name.
+//! Relighting in figures: `TSUYA_DATA=DATA cargo bench --bench relight -- [bake] [light] [frames] [ar]`. DATA holds meshes/ and envmaps/;
+//! all parts without any name.
 //!
 //! - bake: visibility of the bunny with about as many vertices as the published meshes, and finer ones.
 //! - light: lobes and levels of an environment of 512 x 256, and their update while it turns, with errors.
 //! - frames: the bunny of about 6,000 vertices at 640 x 480 while the camera goes round it, one sample a pixel; "of stills" is the PSNR of
 //!   the object's pixels against still pictures of the same evaluator (sRGB, white = 1), which compare.py sets beside another renderer's.
+//! - ar: the same bunny put on a marker that moves, 640 x 480, step by step, under light that stays and under light that turns.
 
 #![allow(missing_docs)]
+
+#[path = "../../../tests/support/markers.rs"]
+mod markers;
 
 use std::collections::HashMap;
 use std::f64::consts::FRAC_PI_2;
@@ -44,6 +48,75 @@ fn main() -> Outcome {
     if wants("frames") {
         for name in &environments[..2] {
             frames(&clustered(&bunny, 6_000), name, &environment(data, name)?)?;
+        }
+    }
+    if wants("ar") {
+        for name in &environments[..2] {
+            placing(&clustered(&bunny, 6_000), name, &environment(data, name)?)?;
+        }
+    }
+    Ok(())
+}
+
+fn placing(mesh: &Mesh, name: &str, environment: &Environment) -> Outcome {
+    use tsuya::ar::{Light, Options, Plate, Shot, Subject, run};
+    use tsuya::capture::{Lens, calibration::Calibration};
+    use tsuya::marker::{Rig, place::Placement};
+    const FRAMES: usize = 60;
+    const PLANE: [usize; 2] = [640, 480];
+    let baked = bake(mesh, &BakeOptions::default())?;
+    let occlusion = Occlusion::of(&baked.visibility);
+    let camera = markers::camera(PLANE[0] as u32, PLANE[1] as u32, 600.0);
+    let calibration = Calibration { camera, lens: Lens::Pinhole };
+    let scale = 0.2 / (2.0 * bounds(mesh).1);
+    let placement = Placement::on_ground(mesh, None, 0.0, scale, [0.0; 3])?;
+    let shots: Vec<Plate> = (0..FRAMES)
+        .map(|k| {
+            let t = 0.1 * k as f64;
+            let pose = markers::posed([-50.0 + 5.0 * t.sin(), 10.0 * t.cos(), 0.0], [0.0, 0.05, 0.55 + 0.03 * t.sin()]);
+            let grey = markers::draw(&camera, &Lens::Pinhole, &markers::TAG36H11_0, &pose, k as u32);
+            Plate::Display(grey.map(|&v| [v; 3]))
+        })
+        .collect();
+    println!("{name}, {} vertices, the object 0.2 high at 0.55, {} frames of {PLANE:?}", mesh.positions.len(), FRAMES);
+    println!(
+        "| material | light | samples | pose | light | render | composite | frames a second |\n|---|---|---|---|---|---|---|---|"
+    );
+    let materials = [
+        ("rough", r#"{"model": "cook-torrance", "diffuse": 0.2, "roughness": 0.35, "reflectance": 0.3}"#),
+        ("glossy", r#"{"model": "cook-torrance", "diffuse": 0.1, "roughness": 0.12, "reflectance": 0.7}"#),
+    ];
+    for (material, text) in materials {
+        for (moves, samples) in [(false, 1), (false, 2), (true, 1), (true, 2)] {
+            let look = Uniform::new(serde_json::from_str::<JobMaterial>(text)?.uniform()?, 7);
+            let subject = Subject { mesh, occlusion: &occlusion, look: &look, placement, detail: None };
+            let options = Options { samples, ..Options::default() };
+            let mut turned = 0;
+            let mut turn = || {
+                turned += 1;
+                Ok(Some(environment.rotated_y(3.0 * turned as f64)))
+            };
+            let light = if moves { Light::Moving(&mut turn) } else { Light::Still(environment) };
+            let mut waiting = shots.iter();
+            let mut next = || Ok(waiting.next().map(|plate| Shot { plate: plate.clone(), nearer: None }));
+            let mut sums = [0.0; 4];
+            let mut count = 0;
+            // The first frames fill the caches.
+            run(&subject, &calibration, Rig::parse("tag36h11:0:0.1")?, light, &options, &mut next, &mut |_, done| {
+                if done.frame >= 5 && done.estimate.is_some() {
+                    let t = done.times;
+                    sums = std::array::from_fn(|k| sums[k] + [t.pose, t.light, t.render, t.composite][k]);
+                    count += 1;
+                }
+                Ok(())
+            })?;
+            let [pose, light, render, composite] = sums.map(|s| 1e3 * s / count as f64);
+            let whole = pose + light + render + composite;
+            println!(
+                "| {material} | {} | {samples} | {pose:.1} ms | {light:.1} ms | {render:.1} ms | {composite:.1} ms | {:.1} |",
+                if moves { "turns" } else { "stays" },
+                1e3 / whole
+            );
         }
     }
     Ok(())

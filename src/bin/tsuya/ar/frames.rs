@@ -1,0 +1,231 @@
+//! Where frames come from and where they go.
+
+use super::video::{self, Frames, Writer};
+use crate::{output, pictures};
+use std::io::{Error as IoError, ErrorKind};
+use std::path::{Path, PathBuf};
+use tsuya::ar::Plate;
+use tsuya::{Error, Result};
+
+const PICTURES: [&str; 7] = ["png", "jpg", "jpeg", "tif", "tiff", "exr", "hdr"];
+
+/// Frames of a camera: one photograph, a folder of them, or a video.
+pub enum Source {
+    Pictures { paths: Vec<PathBuf>, next: usize },
+    Video(Box<Frames>),
+}
+
+impl Source {
+    pub fn open(path: &Path, ffmpeg: &Path) -> Result<Self> {
+        let metadata = std::fs::metadata(path).map_err(|e| Error::io(path, e))?;
+        if metadata.is_dir() {
+            return Ok(Source::Pictures { paths: in_folder(path)?, next: 0 });
+        }
+        if video::is_video(path) {
+            return Ok(Source::Video(Box::new(Frames::open(ffmpeg, path)?)));
+        }
+        Ok(Source::Pictures { paths: vec![path.to_owned()], next: 0 })
+    }
+
+    /// Frames, where their number is known.
+    pub fn count(&self) -> Option<usize> {
+        match self {
+            Source::Pictures { paths, .. } => Some(paths.len()),
+            Source::Video(_) => None,
+        }
+    }
+
+    /// Whether it is a single photograph, not a sequence.
+    pub fn is_single(&self) -> bool {
+        self.count() == Some(1)
+    }
+
+    pub fn rate(&self) -> Option<[u32; 2]> {
+        match self {
+            Source::Video(frames) => Some(frames.rate),
+            Source::Pictures { .. } => None,
+        }
+    }
+
+    /// What messages call a frame.
+    pub fn name(&self, frame: usize) -> String {
+        match self {
+            Source::Pictures { paths, .. } => paths.get(frame).map_or(String::new(), |p| p.display().to_string()),
+            Source::Video(_) => format!("frame {frame}"),
+        }
+    }
+
+    /// Name of a frame's file in a folder.
+    fn file_name(&self, frame: usize) -> String {
+        let stem = match self {
+            Source::Pictures { paths, .. } => paths.get(frame).and_then(|p| p.file_stem()),
+            Source::Video(_) => None,
+        };
+        stem.map_or_else(|| format!("{frame:06}.png"), |stem| format!("{}.png", stem.to_string_lossy()))
+    }
+
+    pub fn next(&mut self) -> Result<Option<Plate>> {
+        match self {
+            Source::Video(frames) => frames.next(),
+            Source::Pictures { paths, next } => {
+                let Some(path) = paths.get(*next) else { return Ok(None) };
+                *next += 1;
+                Plate::read(path).map(Some)
+            }
+        }
+    }
+
+    /// The file that the next frame comes from.
+    pub fn upcoming(&self) -> Option<&Path> {
+        match self {
+            Source::Pictures { paths, next } => paths.get(*next).map(PathBuf::as_path),
+            Source::Video(_) => None,
+        }
+    }
+}
+
+fn in_folder(folder: &Path) -> Result<Vec<PathBuf>> {
+    let entries = std::fs::read_dir(folder).map_err(|e| Error::io(folder, e))?;
+    let mut paths: Vec<PathBuf> = (entries.filter_map(|entry| Some(entry.ok()?.path())))
+        .filter(|path| PICTURES.iter().any(|extension| crate::source::has_extension(path, extension)))
+        .collect();
+    // frame2 before frame10.
+    paths.sort_by_cached_key(|path| natural(&path.file_name().unwrap_or_default().to_string_lossy()));
+    if paths.is_empty() {
+        return Err(Error::input(folder, "no picture in this folder: PNG, JPEG, TIFF or EXR frames are looked for"));
+    }
+    Ok(paths)
+}
+
+/// A name as texts and numbers in turn.
+fn natural(name: &str) -> Vec<(String, u64)> {
+    let mut parts = vec![(String::new(), 0)];
+    let mut digits = String::new();
+    for letter in name.chars().chain(['\0']) {
+        if letter.is_ascii_digit() {
+            digits.push(letter);
+            continue;
+        }
+        if !digits.is_empty() {
+            if let Some(last) = parts.last_mut() {
+                last.1 = digits.parse().unwrap_or(u64::MAX);
+            }
+            digits.clear();
+            parts.push((String::new(), 0));
+        }
+        if let Some(last) = parts.last_mut() {
+            last.0.push(letter);
+        }
+    }
+    parts
+}
+
+/// Where frames go. Nothing is in its place until `finish`.
+pub enum Sink {
+    Picture { path: PathBuf, bytes: Option<Vec<u8>>, force: bool },
+    Folder { path: PathBuf, making: tempfile::TempDir, names: Vec<String> },
+    Video(Making),
+}
+
+/// A video, begun with its first frame, whose size it has.
+pub struct Making {
+    ffmpeg: PathBuf,
+    path: PathBuf,
+    rate: [u32; 2],
+    force: bool,
+    writer: Option<Box<Writer>>,
+}
+
+impl Sink {
+    pub fn create(
+        path: &Path,
+        source: &Source,
+        rate: Option<[u32; 2]>,
+        ffmpeg: &Path,
+        force: bool,
+    ) -> anyhow::Result<Self> {
+        if output::is_stream(path) {
+            return Err(Error::parameter("pictures go into a file or a folder, not to standard output").into());
+        }
+        output::check_free(path, force)?;
+        if video::is_video(path) {
+            let rate = rate.or(source.rate()).unwrap_or([30, 1]);
+            let (ffmpeg, path) = (ffmpeg.to_owned(), path.to_owned());
+            return Ok(Sink::Video(Making { ffmpeg, path, rate, force, writer: None }));
+        }
+        let is_picture = PICTURES.iter().any(|extension| crate::source::has_extension(path, extension));
+        if is_picture && !source.is_single() {
+            let message = format!(
+                "{}: several frames go into a folder or a video (.mp4, .mkv), not into one picture",
+                path.display()
+            );
+            return Err(Error::parameter(message).into());
+        }
+        if is_picture {
+            crate::render::is_exr(path)?;
+            return Ok(Sink::Picture { path: path.to_owned(), bytes: None, force });
+        }
+        let failed = |e| Error::io(path, e);
+        if path.is_dir() && !force && std::fs::read_dir(path).map_err(failed)?.next().is_some() {
+            let error = IoError::new(ErrorKind::AlreadyExists, "the folder is not empty; --force writes into it");
+            return Err(failed(error).into());
+        }
+        let parent = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let making = tempfile::Builder::new().prefix(".tsuya-").tempdir_in(parent).map_err(failed)?;
+        Ok(Sink::Folder { path: path.to_owned(), making, names: Vec::new() })
+    }
+
+    pub fn put(&mut self, plate: &Plate, source: &Source, frame: usize) -> Result<()> {
+        match self {
+            Sink::Picture { path, bytes, .. } => {
+                *bytes = Some(if crate::source::has_extension(path, "exr") {
+                    pictures::exr(&plate.to_linear(), false).map_err(ours)?
+                } else {
+                    pictures::png(&plate.to_picture()).map_err(ours)?
+                });
+                Ok(())
+            }
+            Sink::Folder { making, names, .. } => {
+                let mut name = source.file_name(frame);
+                if names.contains(&name) {
+                    name = format!("{frame:06}-{name}");
+                }
+                let file = making.path().join(&name);
+                names.push(name);
+                let bytes = pictures::png(&plate.to_picture()).map_err(ours)?;
+                std::fs::write(&file, bytes).map_err(|e| Error::io(&file, e))
+            }
+            Sink::Video(Making { ffmpeg, path, rate, force, writer }) => {
+                if writer.is_none() {
+                    *writer = Some(Box::new(Writer::create(ffmpeg, path, plate.size(), *rate, *force)?));
+                }
+                writer.as_mut().map_or(Ok(()), |writer| writer.put(plate))
+            }
+        }
+    }
+
+    pub fn finish(self) -> Result<()> {
+        match self {
+            Sink::Picture { path, bytes, force } => {
+                output::write(&path, &bytes.unwrap_or_default(), force).map_err(ours)
+            }
+            Sink::Folder { path, making, names } => {
+                let failed = |e| Error::io(&path, e);
+                std::fs::create_dir_all(&path).map_err(failed)?;
+                for name in names {
+                    std::fs::rename(making.path().join(&name), path.join(&name)).map_err(failed)?;
+                }
+                Ok(())
+            }
+            Sink::Video(Making { writer, .. }) => writer.map_or(Ok(()), |writer| writer.finish()),
+        }
+    }
+}
+
+/// The library's error in one of the program's.
+pub fn ours(error: anyhow::Error) -> Error {
+    match error.downcast::<Error>() {
+        Ok(error) => error,
+        Err(other) => Error::parameter(format!("{other:#}")),
+    }
+}

@@ -1,0 +1,200 @@
+//! A camera's calibration from a file: OpenCV's YAML, ROS's `camera_info` YAML, or JSON with the keys of `transforms.json`.
+//!
+//! - OpenCV and ROS: `image_width`, `image_height`, `camera_matrix` (or `K`), `distortion_coefficients` (or `D`) as matrices with `data`, or as
+//!   plain lists; `distortion_model`, if there: `plumb_bob`, `rational_polynomial` (both OpenCV's `k1 k2 p1 p2 k3 k4 k5 k6`), `equidistant`
+//!   or `fisheye`. Pixel centres are at whole numbers there; half a pixel is added to the principal point.
+//! - JSON: `w`, `h`, `fl_x`, `fl_y`, `cx`, `cy`, `camera_model`, `k1 k2 k3 k4 p1 p2`, pixel centres at .5, as nerfstudio writes them.
+
+use super::Lens;
+use super::json::Document;
+use super::transforms::read_intrinsics;
+use crate::asset::Camera;
+use crate::error::{Error, Result};
+use std::path::Path;
+use yaml_rust2::{Yaml, YamlLoader};
+
+/// Bytes of a calibration file, at most.
+const MOST_BYTES: u64 = 1 << 20;
+
+/// A camera without a place, and its lens.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Calibration {
+    /// Size, focal lengths, principal point; at the origin, looking to +z.
+    pub camera: Camera,
+    /// What the lens adds.
+    pub lens: Lens,
+}
+
+impl Calibration {
+    /// Fails where pictures are of another size: calibrations of cropped or scaled pictures differ in more than one way.
+    pub fn check_size(&self, calibration: &Path, picture: &Path, width: usize, height: usize) -> Result<()> {
+        let Camera { width: w, height: h, .. } = self.camera;
+        if (w as usize, h as usize) == (width, height) {
+            return Ok(());
+        }
+        Err(Error::input(
+            picture,
+            format!(
+                "{width} x {height} pixels, but {} calibrates {w} x {h}: take the calibration made for this size, or scale focal \
+                 lengths and principal point with it",
+                calibration.display()
+            ),
+        ))
+    }
+}
+
+/// Reads a calibration; which kind is told by its content.
+///
+/// Errors name the file and the key that is missing or wrong.
+pub fn read(path: impl AsRef<Path>) -> Result<Calibration> {
+    let path = path.as_ref();
+    let length = std::fs::metadata(path).map_err(|e| Error::io(path, e))?.len();
+    if length > MOST_BYTES {
+        return Err(Error::input(path, format!("{length} bytes are no camera calibration")));
+    }
+    let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
+    let text = String::from_utf8(bytes)
+        .map_err(|_| Error::input(path, "not text: a calibration is OpenCV or ROS YAML, or JSON"))?;
+    let calibration = if text.trim_start().starts_with('{') {
+        let document = Document::read(path)?;
+        let (camera, lens) = read_intrinsics(&document.root(), &document.root())?;
+        Calibration { camera, lens }
+    } else {
+        of_yaml(&text).map_err(|message| Error::input(path, message))?
+    };
+    let Camera { width, height, focal, principal, .. } = calibration.camera;
+    let finite = focal.iter().all(|f| f.is_finite() && *f > 0.0) && principal.iter().all(|p| p.is_finite());
+    if !finite || width == 0 || height == 0 {
+        return Err(Error::input(path, "focal lengths must be above 0, the size at least 1 x 1"));
+    }
+    let camera = Camera { rotation: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], ..calibration.camera };
+    Ok(Calibration { camera, ..calibration })
+}
+
+fn of_yaml(text: &str) -> std::result::Result<Calibration, String> {
+    // OpenCV's first line, "%YAML:1.0", is not YAML.
+    let lines = text.lines().filter(|line| !line.starts_with("%YAML")).collect::<Vec<_>>().join("\n");
+    let documents = YamlLoader::load_from_str(&lines).map_err(|e| format!("neither JSON nor YAML: {e}"))?;
+    let root = documents.first().ok_or("the file is empty")?;
+    let find =
+        |keys: &[&str]| keys.iter().map(|key| &root[*key]).find(|value| !value.is_badvalue() && !value.is_null());
+    let count = |keys: &[&str]| {
+        let value = find(keys).and_then(number).filter(|v| v.fract() == 0.0 && (1.0..=65536.0).contains(v));
+        value.map(|v| v as u32).ok_or_else(|| format!("key {} is missing or no number of pixels", keys[0]))
+    };
+    let (width, height) = (count(&["image_width", "width"])?, count(&["image_height", "height"])?);
+    let list = |keys: &[&str]| {
+        find(keys).map(|value| numbers(value).ok_or_else(|| format!("{} is no list of numbers", keys[0])))
+    };
+    let matrix = list(&["camera_matrix", "Camera_Matrix", "cameraMatrix", "K", "k"])
+        .ok_or("key camera_matrix (or K) is missing")??;
+    let [fx, skew, cx, zero, fy, cy, 0.0, 0.0, 1.0] = matrix[..] else {
+        return Err("camera_matrix is not fx 0 cx, 0 fy cy, 0 0 1".into());
+    };
+    if zero != 0.0 || skew.abs() > 1e-6 * fx.abs() {
+        return Err("camera_matrix has skew, which is not supported".into());
+    }
+    let names =
+        ["distortion_coefficients", "Distortion_Coefficients", "dist_coeffs", "distCoeffs", "dist_coeff", "D", "d"];
+    let bending = list(&names).transpose()?.unwrap_or_default();
+    let model = find(&["distortion_model", "camera_model"]).and_then(Yaml::as_str).unwrap_or("plumb_bob");
+    let at = |k: usize| bending.get(k).copied().unwrap_or(0.0);
+    let lens = match model {
+        "equidistant" | "fisheye" | "kannala_brandt" if bending.len() <= 4 => {
+            Lens::Fisheye { coefficients: std::array::from_fn(at) }
+        }
+        "plumb_bob" | "rational_polynomial" | "pinhole" | "perspective" | "radtan"
+            if matches!(bending.len(), 0 | 4 | 5 | 8 | 12 | 14) =>
+        {
+            if bending.iter().skip(8).any(|&k| k != 0.0) {
+                return Err("thin-prism and tilt coefficients (the ninth and on) are not supported".into());
+            }
+            Lens::Radial {
+                numerator: [at(0), at(1), at(4), 0.0],
+                denominator: [at(5), at(6), at(7)],
+                tangential: [at(2), at(3)],
+            }
+        }
+        "equidistant"
+        | "fisheye"
+        | "kannala_brandt"
+        | "plumb_bob"
+        | "rational_polynomial"
+        | "pinhole"
+        | "perspective"
+        | "radtan" => return Err(format!("{} distortion coefficients don't fit model {model}", bending.len())),
+        other => {
+            return Err(format!(
+                "distortion model {other} is not supported; known: plumb_bob, rational_polynomial, equidistant, fisheye"
+            ));
+        }
+    };
+    let camera = Camera { width, height, focal: [fx, fy], principal: [cx + 0.5, cy + 0.5], ..Camera::default() };
+    Ok(Calibration { camera, lens: if lens.is_pinhole() { Lens::Pinhole } else { lens } })
+}
+
+fn number(value: &Yaml) -> Option<f64> {
+    value.as_f64().or_else(|| value.as_i64().map(|v| v as f64)).filter(|v| v.is_finite())
+}
+
+/// A list, a list of rows, or a matrix with its values under `data`.
+fn numbers(value: &Yaml) -> Option<Vec<f64>> {
+    let list = if value["data"].is_badvalue() { value } else { &value["data"] };
+    let mut flat = Vec::new();
+    for item in list.as_vec()? {
+        match item.as_vec() {
+            Some(row) => flat.extend(row.iter().map(number).collect::<Option<Vec<f64>>>()?),
+            None => flat.push(number(item)?),
+        }
+    }
+    Some(flat)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read_text(text: &str) -> Result<Calibration> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("camera.yaml");
+        std::fs::write(&path, text).unwrap();
+        read(&path)
+    }
+
+    const OPENCV: &str = "%YAML:1.0\n---\nimage_width: 640\nimage_height: 480\ncamera_matrix: !!opencv-matrix\n   rows: 3\n   cols: 3\n   \
+        dt: d\n   data: [ 500., 0., 319.5, 0., 5.1e+02, 239., 0., 0., 1. ]\ndistortion_coefficients: !!opencv-matrix\n   rows: 1\n   \
+        cols: 5\n   dt: d\n   data: [ 0.1, -0.02, 0.001, 0.002, 0.03 ]\n";
+
+    #[test]
+    fn three_kinds_say_the_same() {
+        let ros = "image_width: 640\nimage_height: 480\ncamera_name: front\ncamera_matrix:\n  rows: 3\n  cols: 3\n  \
+            data: [500.0, 0.0, 319.5, 0.0, 510.0, 239, 0.0, 0.0, 1.0]\ndistortion_model: plumb_bob\n\
+            distortion_coefficients:\n  rows: 1\n  cols: 5\n  data: [0.1, -0.02, 0.001, 0.002, 0.03]\n\
+            projection_matrix:\n  rows: 3\n  cols: 4\n  data: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0]\n";
+        let json = r#"{"w": 640, "h": 480, "fl_x": 500, "fl_y": 510, "cx": 320, "cy": 239.5, "camera_model": "OPENCV",
+            "k1": 0.1, "k2": -0.02, "k3": 0.03, "p1": 0.001, "p2": 0.002}"#;
+        let [a, b, c] = [OPENCV, ros, json].map(|text| read_text(text).unwrap());
+        assert_eq!(a, b);
+        assert_eq!(a, c);
+        assert_eq!((a.camera.focal, a.camera.principal), ([500.0, 510.0], [320.0, 239.5]));
+        let fisheye = ros.replace("plumb_bob", "equidistant").replace(", 0.03]", "]");
+        assert_eq!(read_text(&fisheye).unwrap().lens, Lens::Fisheye { coefficients: [0.1, -0.02, 0.001, 0.002] });
+    }
+
+    #[test]
+    fn faults_are_named() {
+        let fault = |text: &str| read_text(text).unwrap_err().to_string();
+        assert!(fault(&OPENCV.replace("image_width", "width_of_image")).contains("image_width is missing"));
+        assert!(fault(&OPENCV.replace("camera_matrix", "matrix")).contains("camera_matrix (or K) is missing"));
+        assert!(fault(&OPENCV.replace("0., 5.1e+02", "3., 5.1e+02")).contains("skew"));
+        assert!(
+            fault(&OPENCV.replace(", 0.03 ]", "]").replace("---", "---\ndistortion_model: cheese")).contains("cheese")
+        );
+        assert!(fault("a: [1, 2").contains("neither JSON nor YAML"));
+        assert!(fault("").contains("empty"));
+        assert!(fault("{\"w\": 3}").contains("\"h\" is missing"));
+        let calibration = read_text(OPENCV).unwrap();
+        let wrong = calibration.check_size(Path::new("k.yaml"), Path::new("a.png"), 320, 240).unwrap_err().to_string();
+        assert!(wrong.contains("320 x 240") && wrong.contains("640 x 480") && wrong.contains("k.yaml"), "{wrong}");
+    }
+}

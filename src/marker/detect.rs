@@ -1,0 +1,115 @@
+//! Finding markers in a picture: AprilTags by the AprilTag library; ArUco markers from the contours of `aruco-rs` with its dictionaries, corners
+//! and bits read here.
+
+use super::{Family, aruco};
+use crate::error::{Error, Result};
+use crate::image::Grid;
+use apriltag::{DetectorBuilder, Family as Tags, Image};
+
+/// Sides of the smallest and the largest picture that is looked at.
+const SIDES: std::ops::RangeInclusive<usize> = 32..=16384;
+/// Bits of a code that may be read wrongly; two make the table of 36h11 grow to many megabytes.
+const CORRECTED_BITS: usize = 1;
+/// Pictures of more pixels are first looked at with every second pixel left out.
+const LARGE: usize = 160 * 160;
+
+/// A marker in a picture.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Detection {
+    /// Its family.
+    pub family: Family,
+    /// Its number within the family.
+    pub id: u32,
+    /// Corners in pixels (centres at +0.5): upper left, upper right, lower right, lower left, as the marker is printed.
+    pub corners: [[f64; 2]; 4],
+}
+
+/// Finds markers of some families.
+pub struct Detector {
+    tags: Vec<(Family, apriltag::Detector)>,
+    aruco: Vec<Family>,
+}
+
+impl Detector {
+    /// For these families, at least one.
+    pub fn new(families: &[Family]) -> Result<Self> {
+        if families.is_empty() {
+            return Err(Error::parameter("no marker family to look for"));
+        }
+        let (mut tags, mut aruco) = (Vec::new(), Vec::new());
+        for &family in families {
+            let codes = match family {
+                Family::Tag36h11 => Tags::tag_36h11(),
+                Family::Tag25h9 => Tags::tag_25h9(),
+                Family::Tag16h5 => Tags::tag_16h5(),
+                Family::Standard41h12 => Tags::tag_standard_41h12(),
+                Family::Aruco | Family::ArucoMip36h12 => {
+                    aruco.push(family);
+                    continue;
+                }
+            };
+            // What is detected does not say its family: each has a detector of its own.
+            let detector = DetectorBuilder::new().add_family_bits(codes, CORRECTED_BITS).build();
+            let mut detector = detector.map_err(failed)?;
+            // One thread, so that what is found never depends on their number.
+            detector.set_thread_number(1);
+            detector.set_refine_edges(true);
+            tags.push((family, detector));
+        }
+        Ok(Detector { tags, aruco })
+    }
+
+    /// Markers in a picture of 8-bit grey values as they are displayed (not linear), 32 to 16384 pixels a side, by family and number.
+    /// If `coarse`, small markers may be missed, and the work is a quarter.
+    pub fn detect(&mut self, grey: &Grid<u8>, coarse: bool) -> Result<Vec<Detection>> {
+        let (width, height) = (grey.width, grey.height);
+        if !SIDES.contains(&width) || !SIDES.contains(&height) {
+            let (least, most) = (SIDES.start(), SIDES.end());
+            return Err(Error::parameter(format!(
+                "markers are looked for in pictures of {least} to {most} pixels a side, this one has {width} x {height}"
+            )));
+        }
+        let mut found = Vec::new();
+        if !self.tags.is_empty() {
+            let image = copy(grey)?;
+            for (family, detector) in &mut self.tags {
+                detector.set_decimation(if coarse && width * height > LARGE { 2.0 } else { 1.0 });
+                found.extend(detector.detect(&image).iter().filter_map(|detection| tag(*family, detection)));
+            }
+        }
+        if !self.aruco.is_empty() {
+            found.extend(aruco::detect(&self.aruco, grey));
+        }
+        // Of a marker found twice the larger one.
+        found.sort_by(|a, b| (a.family as u8, a.id).cmp(&(b.family as u8, b.id)).then(area(b).total_cmp(&area(a))));
+        found.dedup_by(|b, a| (a.family, a.id) == (b.family, b.id));
+        Ok(found)
+    }
+}
+
+/// Area of a marker in a picture, in pixels.
+pub(super) fn area(detection: &Detection) -> f64 {
+    let c = &detection.corners;
+    let twice: f64 = (0..4).map(|k| c[k][0] * c[(k + 1) % 4][1] - c[k][1] * c[(k + 1) % 4][0]).sum();
+    0.5 * twice.abs()
+}
+
+fn failed(error: apriltag::Error) -> Error {
+    Error::Unsupported(format!("the detector of AprilTags: {error}"))
+}
+
+fn copy(grey: &Grid<u8>) -> Result<Image> {
+    let mut image = Image::zeros_with_alignment(grey.width, grey.height, 96).map_err(failed)?;
+    let stride = image.stride();
+    let rows = image.as_slice_mut().chunks_mut(stride).zip(grey.data.chunks(grey.width));
+    rows.for_each(|(to, from)| to[..from.len()].copy_from_slice(from));
+    Ok(image)
+}
+
+fn tag(family: Family, detection: &apriltag::Detection) -> Option<Detection> {
+    // The library starts at the lower left and goes to the right.
+    let [a, b, c, d] = detection.corners();
+    let corners = [d, c, b, a];
+    let finite = corners.iter().flatten().all(|x| x.is_finite());
+    finite.then_some(Detection { family, id: detection.id() as u32, corners })
+}

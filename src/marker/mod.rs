@@ -1,0 +1,121 @@
+//! Where the camera stands, from printed markers in its picture. See `spec/placing.md`.
+//!
+//! # The chain of frames
+//!
+//! Every point goes the same way, `x_camera = camera_of_rig * rig_of_world * world_of_local * x_local`:
+//!
+//! - **local**: the mesh's own coordinates, any unit.
+//! - **world**: +Y up, the ground level, at y = 0 unless the object is put elsewhere; in the rig's unit. Environments are given in these axes.
+//!   `world_of_local` ([`place::Placement`]) turns, scales and shifts the object.
+//! - **rig**: the markers' common frame, in the unit in which their sizes are given. A single marker's own frame: origin in its middle,
+//!   x to the right and y upwards on the print, z out of the paper towards whoever looks at it. `rig_of_world` ([`place::Stands`])
+//!   says how the world's ground lies to it.
+//! - **camera**: x to the right, y down, z forward, as in [`crate::asset::Camera`]; `camera_of_rig` is the [`Pose`] found here.
+
+mod aruco;
+pub mod detect;
+pub mod place;
+mod pose;
+mod rig;
+pub mod track;
+
+pub use pose::{Estimate, estimate};
+pub use rig::{Rig, RigMarker};
+
+use crate::error::{Error, Result};
+use glam::{DMat3, DVec3};
+
+/// Printed codes that can be told apart. Sizes are those of the black border's outer edge (of the border between black and white for
+/// [`Family::Standard41h12`]).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Family {
+    /// AprilTag 36h11.
+    Tag36h11,
+    /// AprilTag 25h9.
+    Tag25h9,
+    /// AprilTag 16h5; few bits, easily found where there is none.
+    Tag16h5,
+    /// AprilTag 3 standard, 41h12.
+    Standard41h12,
+    /// The original ArUco dictionary, 5 x 5 bits.
+    Aruco,
+    /// ArUco MIP 36h12.
+    ArucoMip36h12,
+}
+
+impl Family {
+    /// All families with the names that they go by.
+    pub const NAMES: [(Family, &'static str); 6] = [
+        (Family::Tag36h11, "tag36h11"),
+        (Family::Tag25h9, "tag25h9"),
+        (Family::Tag16h5, "tag16h5"),
+        (Family::Standard41h12, "tagStandard41h12"),
+        (Family::Aruco, "aruco"),
+        (Family::ArucoMip36h12, "aruco-mip-36h12"),
+    ];
+
+    /// The family of a name, capital letters or small.
+    pub fn named(name: &str) -> Result<Self> {
+        let found = Family::NAMES.iter().find(|(_, known)| known.eq_ignore_ascii_case(name));
+        let known: Vec<&str> = Family::NAMES.iter().map(|(_, name)| *name).collect();
+        let unknown = || Error::parameter(format!("no marker family \"{name}\"; known: {}", known.join(", ")));
+        found.map(|(family, _)| *family).ok_or_else(unknown)
+    }
+
+    /// Its name.
+    pub fn name(self) -> &'static str {
+        Family::NAMES.iter().find(|(family, _)| *family == self).map_or("", |(_, name)| name)
+    }
+}
+
+/// A rigid motion: `rotation * x + translation`, rotation by rows.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Pose {
+    /// Rotation, rows.
+    pub rotation: [[f64; 3]; 3],
+    /// Translation.
+    pub translation: [f64; 3],
+}
+
+impl Pose {
+    /// Nothing moves.
+    pub const IDENTITY: Pose =
+        Pose { rotation: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], translation: [0.0; 3] };
+
+    /// A point moved.
+    pub fn apply(&self, x: [f64; 3]) -> [f64; 3] {
+        (self.matrix() * DVec3::from_array(x) + DVec3::from_array(self.translation)).to_array()
+    }
+
+    /// First `inner`, then this.
+    pub fn after(&self, inner: &Pose) -> Pose {
+        Pose::of(
+            self.matrix() * inner.matrix(),
+            self.matrix() * DVec3::from_array(inner.translation) + DVec3::from_array(self.translation),
+        )
+    }
+
+    /// The motion back.
+    pub fn inverse(&self) -> Pose {
+        let back = self.matrix().transpose();
+        Pose::of(back, -(back * DVec3::from_array(self.translation)))
+    }
+
+    /// Angle of the rotation that leads from one pose's to the other's, radians.
+    pub fn angle_to(&self, other: &Pose) -> f64 {
+        let between = self.matrix().transpose() * other.matrix();
+        let columns = [between.x_axis, between.y_axis, between.z_axis];
+        let trace = columns[0].x + columns[1].y + columns[2].z;
+        let skew =
+            DVec3::new(columns[1].z - columns[2].y, columns[2].x - columns[0].z, columns[0].y - columns[1].x).length();
+        skew.atan2(trace - 1.0)
+    }
+
+    pub(crate) fn of(rotation: DMat3, translation: DVec3) -> Pose {
+        Pose { rotation: rotation.transpose().to_cols_array_2d(), translation: translation.to_array() }
+    }
+
+    pub(crate) fn matrix(&self) -> DMat3 {
+        DMat3::from_cols_array_2d(&self.rotation).transpose()
+    }
+}

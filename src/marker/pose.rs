@@ -1,0 +1,112 @@
+//! The pose of a rig from its corners: a homography for each marker, both of the poses that a small flat square leaves open, and
+//! Levenberg-Marquardt on the reprojection error of all corners.
+
+use super::detect::{Detection, area};
+use super::{Pose, Rig, RigMarker};
+use crate::asset::Camera;
+use crate::capture::Lens;
+use crate::capture::align::{Correspondence, Similarity, refine, start::nearest_rotation};
+use glam::{DMat3, DVec3};
+
+/// Markers, the largest ones, from which a pose is started.
+const MOST_STARTS: usize = 4;
+/// Poses nearer to each other than this are one, radians.
+const SAME: f64 = 1e-3;
+
+/// A pose and how well it fits.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Estimate {
+    /// Rig to camera.
+    pub pose: Pose,
+    /// Root mean square distance between found and projected corners, pixels of the pinhole camera.
+    pub rms_pixels: f64,
+    /// Largest such distance.
+    pub max_pixels: f64,
+    /// Markers that it rests on.
+    pub markers: usize,
+}
+
+/// Poses of a rig in one picture, the best first: one, or two where the markers found leave it nearly open which way they lean. Empty where no
+/// marker of the rig was found.
+///
+/// Of `camera` focal lengths and principal point are taken; `lens` bends what it sees.
+pub fn estimate(camera: &Camera, lens: &Lens, rig: &Rig, found: &[Detection]) -> Vec<Estimate> {
+    let camera = Camera { rotation: Pose::IDENTITY.rotation, translation: [0.0; 3], ..*camera };
+    let mut seen: Vec<(&RigMarker, &Detection, [[f64; 2]; 4])> = Vec::new();
+    for marker in &rig.markers {
+        let same = found.iter().filter(|d| d.family == marker.family && marker.id.is_none_or(|id| id == d.id));
+        let Some(largest) = same.max_by(|a, b| area(a).total_cmp(&area(b))) else { continue };
+        let corners = largest.corners.map(|c| {
+            let bent: [f64; 2] = std::array::from_fn(|i| (c[i] - camera.principal[i]) / camera.focal[i]);
+            lens.undistort(bent)
+        });
+        if let [Some(a), Some(b), Some(c), Some(d)] = corners {
+            seen.push((marker, largest, [a, b, c, d]));
+        }
+    }
+    seen.sort_by(|a, b| area(b.1).total_cmp(&area(a.1)));
+    let points: Vec<Correspondence> = (seen.iter())
+        .flat_map(|(marker, _, ideal)| marker.corners().into_iter().zip(*ideal))
+        .map(|(mesh, ideal)| {
+            let pixel = std::array::from_fn(|i| ideal[i] * camera.focal[i] + camera.principal[i]);
+            Correspondence { frame: 0, pixel, mesh }
+        })
+        .collect();
+    let mut estimates: Vec<Estimate> = Vec::new();
+    for (marker, _, ideal) in seen.iter().take(MOST_STARTS) {
+        let Some(first) = from_homography(*ideal, marker.size) else { continue };
+        for start in [first, leaning_the_other_way(&first)] {
+            let start = start.after(&marker.pose.inverse());
+            let start = Similarity { rotation: start.matrix(), translation: start.translation.into(), scale: 1.0 };
+            let Some((_, refined)) = refine::refine(&[camera], &points, start, false) else { continue };
+            let Some(errors) = refine::errors(&[camera], &points, &refined) else { continue };
+            let pose = Pose::of(refined.rotation, refined.translation);
+            let rms_pixels = (errors.iter().map(|e| e * e).sum::<f64>() / errors.len() as f64).sqrt();
+            let max_pixels = errors.iter().copied().fold(0.0, f64::max);
+            if estimates.iter().all(|known| known.pose.angle_to(&pose) > SAME) {
+                estimates.push(Estimate { pose, rms_pixels, max_pixels, markers: seen.len() });
+            }
+        }
+    }
+    estimates.sort_by(|a, b| a.rms_pixels.total_cmp(&b.rms_pixels));
+    estimates.truncate(2);
+    estimates
+}
+
+/// The perspective map `u across + v down + constant` from the unit square, u to the right and v down, to four corners that go clockwise
+/// from the upper left, in closed form (Heckbert 1989).
+pub(super) fn homography([p0, p1, p2, p3]: [[f64; 2]; 4]) -> Option<(DVec3, DVec3, DVec3)> {
+    let along = |i: usize| (p1[i] - p2[i], p3[i] - p2[i], p0[i] - p1[i] + p2[i] - p3[i]);
+    let ((ax, bx, sx), (ay, by, sy)) = (along(0), along(1));
+    let determinant = ax * by - bx * ay;
+    if determinant.abs() < 1e-12 {
+        return None;
+    }
+    let (g, h) = ((sx * by - bx * sy) / determinant, (ax * sy - sx * ay) / determinant);
+    let across = DVec3::new(p1[0] - p0[0] + g * p1[0], p1[1] - p0[1] + g * p1[1], g);
+    let down = DVec3::new(p3[0] - p0[0] + h * p3[0], p3[1] - p0[1] + h * p3[1], h);
+    Some((across, down, DVec3::new(p0[0], p0[1], 1.0)))
+}
+
+/// Pose of a square of sides `size` from its corners in focal lengths from the principal point.
+fn from_homography(corners: [[f64; 2]; 4], size: f64) -> Option<Pose> {
+    let (across, down, constant) = homography(corners)?;
+    let middle = constant + 0.5 * (across + down);
+    // x = (u - 1/2) size, y = (1/2 - v) size.
+    let (x, y) = (across / size, -down / size);
+    let scale = 2.0 / (x.length() + y.length()) * middle.z.signum();
+    let (x, y, middle) = (x * scale, y * scale, middle * scale);
+    let (rotation, _) = nearest_rotation(DMat3::from_cols(x, y, x.cross(y)))?;
+    (rotation.is_finite() && middle.is_finite()).then(|| Pose::of(rotation, middle))
+}
+
+/// The other pose under which a small square looks nearly the same: its normal mirrored at the line of sight (Schweighofer and Pinz
+/// 2006).
+fn leaning_the_other_way(pose: &Pose) -> Pose {
+    let rotation = pose.matrix();
+    let sight = DVec3::from_array(pose.translation).normalize_or(DVec3::Z);
+    let normal = rotation.z_axis;
+    let mirrored = 2.0 * sight.dot(normal) * sight - normal;
+    let turn = glam::DQuat::from_rotation_arc(normal.normalize_or(DVec3::Z), mirrored.normalize_or(DVec3::Z));
+    Pose::of(DMat3::from_quat(turn) * rotation, pose.translation.into())
+}

@@ -1,0 +1,86 @@
+//! Pictures of a marker, drawn from where it truly is.
+#![allow(dead_code)]
+
+use tsuya::asset::Camera;
+use tsuya::capture::Lens;
+use tsuya::image::Grid;
+use tsuya::marker::Pose;
+
+/// Rows of white (1) and black cells of number 0 of tag36h11, without its border.
+pub const TAG36H11_0: [&str; 6] = ["110101", "011101", "011000", "101000", "010110", "000100"];
+/// The same of the original ArUco dictionary.
+pub const ARUCO_0: [&str; 5] = ["10000"; 5];
+
+/// At the origin, looking to +z.
+pub fn camera(width: u32, height: u32, focal: f64) -> Camera {
+    let principal = [0.5 * width as f64, 0.5 * height as f64];
+    Camera { width, height, focal: [focal; 2], principal, rotation: Pose::IDENTITY.rotation, translation: [0.0; 3] }
+}
+
+/// A marker of side 0.1 on white paper, as a camera sees it before a grey wall, with noise.
+pub fn draw(camera: &Camera, lens: &Lens, cells: &[&str], pose: &Pose, seed: u32) -> Grid<u8> {
+    const SAMPLES: usize = 4;
+    const WALL: f64 = 90.0;
+    let (width, height) = (camera.width as usize, camera.height as usize);
+    let count = cells.len() as f64 + 2.0;
+    let back = pose.inverse();
+    let value = |x: f64, y: f64| {
+        let bent = [(x - camera.principal[0]) / camera.focal[0], (y - camera.principal[1]) / camera.focal[1]];
+        let Some([dx, dy]) = lens.undistort(bent) else { return WALL };
+        let (from, to) = (back.apply([0.0; 3]), back.apply([dx, dy, 1.0]));
+        let t = from[2] / (from[2] - to[2]);
+        let [u, v] = [0, 1].map(|k| (from[k] + t * (to[k] - from[k])) / 0.1);
+        if t <= 0.0 || u.abs() > 0.5 + 1.0 / count || v.abs() > 0.5 + 1.0 / count {
+            return WALL;
+        }
+        let (column, row) = ((u + 0.5) * count - 1.0, (0.5 - v) * count - 1.0);
+        if u.abs() > 0.5 || v.abs() > 0.5 {
+            return 225.0;
+        }
+        let cell = |k: f64| if k < 0.0 { None } else { Some(k as usize) };
+        let white =
+            cell(row).zip(cell(column)).and_then(|(r, c)| cells.get(r)?.as_bytes().get(c)).is_some_and(|&b| b == b'1');
+        if white { 225.0 } else { 25.0 }
+    };
+    // Elsewhere is the wall.
+    let reach = 0.1 * camera.focal[0] / pose.translation[2] * 1.1;
+    let corner = pose.apply([0.0; 3]);
+    let (cx, cy) = {
+        let [x, y] = lens.distort([corner[0] / corner[2], corner[1] / corner[2]]);
+        (camera.focal[0] * x + camera.principal[0], camera.focal[1] * y + camera.principal[1])
+    };
+    let mut state = seed.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
+    let mut noise = || {
+        // The sum of four is near enough to a Gaussian; standard deviation 2.
+        let mut sum = 0.0;
+        for _ in 0..4 {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            sum += (state >> 8) as f64 / (1u32 << 24) as f64 - 0.5;
+        }
+        sum * 2.0 * 3f64.sqrt()
+    };
+    let mut picture = Grid::filled(width, height, 0u8);
+    for k in 0..picture.data.len() {
+        let (x, y) = ((k % width) as f64, (k / width) as f64);
+        let at = |i: usize| (i as f64 + 0.5) / SAMPLES as f64;
+        let samples = || (0..SAMPLES * SAMPLES).map(|i| value(x + at(i % SAMPLES), y + at(i / SAMPLES))).sum::<f64>();
+        let near = (x - cx).abs() < reach && (y - cy).abs() < reach;
+        let mean = if near { samples() / (SAMPLES * SAMPLES) as f64 } else { WALL };
+        picture.data[k] = (mean + noise()).round().clamp(0.0, 255.0) as u8;
+    }
+    picture
+}
+
+/// The print's axes in the camera's, first as if hung before it, then turned about x, y and z (degrees), at a place.
+pub fn posed([x, y, z]: [f64; 3], translation: [f64; 3]) -> Pose {
+    let turn = |axis: usize, degrees: f64| {
+        let (s, c) = degrees.to_radians().sin_cos();
+        let (i, j) = ((axis + 1) % 3, (axis + 2) % 3);
+        let mut rotation = Pose::IDENTITY.rotation;
+        (rotation[i][i], rotation[i][j], rotation[j][i], rotation[j][j]) = (c, -s, s, c);
+        Pose { rotation, translation: [0.0; 3] }
+    };
+    let hung = turn(0, 180.0);
+    let Pose { rotation, .. } = turn(2, z).after(&turn(1, y)).after(&turn(0, x)).after(&hung);
+    Pose { rotation, translation }
+}
