@@ -313,7 +313,7 @@ impl LightArguments {
     /// The light, in the object's axes.
     fn source(&self, placement: &Placement, ffmpeg: &Path) -> Result<LightSource> {
         let finite = self.env_scale.is_finite() && self.env_scale >= 0.0 && self.env_rotation.is_finite();
-        if !finite || !(self.lamp_gain.is_finite() && self.lamp_gain >= 1.0) {
+        if !(finite && self.lamp_gain.is_finite() && self.lamp_gain >= 1.0) {
             return Err(Error::parameter("--env-scale is 0 or more, --lamp-gain 1 or more").into());
         }
         let (placement, rotation) = (*placement, self.env_rotation);
