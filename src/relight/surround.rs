@@ -45,6 +45,7 @@ impl Default for SurroundOptions {
 }
 
 /// Environment light for a renderer.
+#[derive(Clone)]
 pub struct Surround {
     /// Compact bright sources.
     pub(super) distant: Vec<DistantLight>,
