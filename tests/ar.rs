@@ -4,7 +4,7 @@
 mod markers;
 mod support;
 
-use markers::{ARUCO_0, TAG36H11_0, camera, draw, posed};
+use markers::{ARUCO_0, Rays, TAG36H11_0, camera, draw, draw_through, posed};
 use std::path::Path;
 use support::{shared, text};
 use tsuya::asset::Camera;
@@ -58,6 +58,7 @@ fn a_moving_tag_is_followed() {
     let lens = Lens::Radial { numerator: [-0.12, 0.03, 0.0, 0.0], denominator: [0.0; 3], tangential: [0.001, -0.002] };
     for lens in [Lens::Pinhole, lens] {
         let camera = camera(640, 480, 600.0);
+        let rays = Rays::new(&camera, &lens);
         let mut tracker = Tracker::new(Rig::parse("tag36h11:0:0.1").unwrap(), camera, lens).unwrap();
         let (mut worst_turn, mut worst_place) = (0.0f64, 0.0f64);
         for frame in 0..100 {
@@ -66,7 +67,7 @@ fn a_moving_tag_is_followed() {
             let turned = [35.0 * (2.0 * t).sin(), 55.0 * t.sin(), 40.0 * (3.0 * t).cos()];
             let distance = 0.65 - 0.25 * (2.0 * t).cos();
             let truth = posed(turned, [0.2 * distance * t.cos(), 0.15 * distance * (2.0 * t).sin(), distance]);
-            let picture = draw(&camera, &lens, &TAG36H11_0, &truth, frame);
+            let picture = draw_through(&rays, &TAG36H11_0, &truth, frame);
             let Some((found, _)) = tracker.next(&picture).unwrap() else { panic!("frame {frame}: not found") };
             let turn = found.pose.angle_to(&truth).to_degrees();
             let gap: [f64; 3] = std::array::from_fn(|k| found.pose.translation[k] - truth.translation[k]);

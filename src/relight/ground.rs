@@ -17,6 +17,8 @@ const DIRECTIONS: usize = 32;
 const POINTS: usize = 72;
 /// The same where ratios are kept that have sharp shadows in them.
 const KEPT_POINTS: usize = 320;
+/// Ratios above this change no pixel of 8 bits by more than a third of a step.
+const VISIBLE: f32 = 0.997;
 /// Half the side of that part of the ground, in radii of the object.
 const EXTENT: f32 = 4.0;
 
@@ -194,7 +196,7 @@ impl<'a> GroundShadow<'a> {
                     continue;
                 }
                 let ratio = Vec3::ONE + between(&self.texture, at, self.reach);
-                if ratio.min_element() < 0.999 {
+                if ratio.min_element() < VISIBLE {
                     visit((row - first_row) * width + column, ratio.to_array());
                 }
             }

@@ -17,16 +17,51 @@ pub fn camera(width: u32, height: u32, focal: f64) -> Camera {
     Camera { width, height, focal: [focal; 2], principal, rotation: Pose::IDENTITY.rotation, translation: [0.0; 3] }
 }
 
-/// A marker of side 0.1 on white paper, as a camera sees it before a grey wall, with noise.
+/// Where the rays of a camera's pixels meet the plane one before it: at the corners of all pixels, as undistorting takes long.
+pub struct Rays {
+    camera: Camera,
+    lens: Lens,
+    corners: Vec<[f64; 2]>,
+}
+
+impl Rays {
+    pub fn new(camera: &Camera, lens: &Lens) -> Self {
+        let columns = camera.width as usize + 1;
+        let corner = |k: usize| {
+            let pixel = [(k % columns) as f64, (k / columns) as f64];
+            let bent = std::array::from_fn(|i| (pixel[i] - camera.principal[i]) / camera.focal[i]);
+            lens.undistort(bent).unwrap_or([9.0; 2])
+        };
+        let corners = (0..columns * (camera.height as usize + 1)).map(corner).collect();
+        Rays { camera: *camera, lens: *lens, corners }
+    }
+
+    /// Between the corners of a pixel.
+    fn at(&self, x: f64, y: f64) -> [f64; 2] {
+        let columns = self.camera.width as usize + 1;
+        let (column, row) = (x as usize, y as usize);
+        let (s, t) = (x - column as f64, y - row as f64);
+        let corner = |dx: usize, dy: usize| self.corners[(row + dy) * columns + column + dx];
+        let ([a, b], [c, d]) = ([corner(0, 0), corner(1, 0)], [corner(0, 1), corner(1, 1)]);
+        std::array::from_fn(|i| (a[i] * (1.0 - s) + b[i] * s) * (1.0 - t) + (c[i] * (1.0 - s) + d[i] * s) * t)
+    }
+}
+
+/// As [`draw_through`], for a single picture.
 pub fn draw(camera: &Camera, lens: &Lens, cells: &[&str], pose: &Pose, seed: u32) -> Grid<u8> {
+    draw_through(&Rays::new(camera, lens), cells, pose, seed)
+}
+
+/// A marker of side 0.1 on white paper, as a camera sees it before a grey wall, with noise.
+pub fn draw_through(rays: &Rays, cells: &[&str], pose: &Pose, seed: u32) -> Grid<u8> {
+    let Rays { camera, lens, .. } = rays;
     const SAMPLES: usize = 4;
     const WALL: f64 = 90.0;
     let (width, height) = (camera.width as usize, camera.height as usize);
     let count = cells.len() as f64 + 2.0;
     let back = pose.inverse();
     let value = |x: f64, y: f64| {
-        let bent = [(x - camera.principal[0]) / camera.focal[0], (y - camera.principal[1]) / camera.focal[1]];
-        let Some([dx, dy]) = lens.undistort(bent) else { return WALL };
+        let [dx, dy] = rays.at(x, y);
         let (from, to) = (back.apply([0.0; 3]), back.apply([dx, dy, 1.0]));
         let t = from[2] / (from[2] - to[2]);
         let [u, v] = [0, 1].map(|k| (from[k] + t * (to[k] - from[k])) / 0.1);
