@@ -1,9 +1,9 @@
 //! Pictures in motion: the sums of [`super::better`] and [`super::published`] in single precision, one sample a pixel, with everything
 //! prepared that stays when the camera moves.
 //!
-//! What differs from still pictures: reflection functions are read from tables ([`super::gloss`]); the better evaluator's
-//! specular light of the levels is summed at one of four samples and interpolated between like normals; the published one's diffuse light
-//! is summed at the places that visibility is known at.
+//! What differs from still pictures: reflection functions are read from tables ([`super::gloss`]); specular light of the levels is summed at
+//! one of four samples and interpolated between like normals; the published evaluator's diffuse light is summed at the places that visibility
+//! is known at.
 
 use super::appearance::{Appearance, Look, Prepared};
 use super::bands::Samples;
@@ -101,12 +101,7 @@ impl<'a> Motion<'a> {
         let (half_width, half_height) = (width.div_ceil(2), height.div_ceil(2));
         coarse.resize(half_width * half_height, None);
         coarser.resize(half_width * half_height, None);
-        let (part_of_coarse, part_of_coarser) = match stage.levels {
-            // The published evaluator sums at every sample.
-            Some(_) => (&mut coarse[..0], &mut coarser[..0]),
-            None => (&mut coarse[..], &mut coarser[..]),
-        };
-        rows(part_of_coarse, part_of_coarser, half_width * ROWS / 2, |part, values, _| {
+        rows(coarse, coarser, half_width * ROWS / 2, |part, values, _| {
             for (k, value) in values.iter_mut().enumerate() {
                 let (x, y) = (k % half_width * 2, (part * ROWS / 2 + k / half_width) * 2);
                 // Of the four samples the first that shows the object.
@@ -179,10 +174,13 @@ impl Stage<'_> {
         (normal.dot(outgoing) > 0.0).then_some(Spot { point, turned })
     }
 
-    /// Specular light of the levels as the better evaluator has it; `None` where there is no specular part.
+    /// Specular light of the levels; `None` where there is no specular part.
     fn reflected(&self, point: &Point, look: &dyn Look) -> Option<Vec3> {
         let appearance = look.at(point.triangle, point.weights, point.position);
         let prepared = appearance.specular.filter(|_| appearance.specular_scale.max_element() > 0.0)?;
+        if let Some(levels) = &self.levels {
+            return Some(self.reflected_published(point, prepared, levels));
+        }
         Some(better::reflected(self.scene, point, prepared, |half, cosine, incoming, outgoing| match &prepared.gloss {
             Some(gloss) => {
                 let sine = (1.0 - half.z * half.z).max(0.0).sqrt();
@@ -230,11 +228,7 @@ impl Stage<'_> {
         let specular = specular.filter(|_| specular_scale.max_element() > 0.0);
         let [a, b, c] = point.places.map(|place| self.irradiance[place as usize]);
         let mut irradiance = a * point.shares.x + b * point.shares.y + c * point.shares.z;
-        let mut shine = match (specular, &self.levels) {
-            (Some(prepared), Some(levels)) => self.reflected_published(point, prepared, levels),
-            (Some(_), None) => coarse.between(x, y, point.normal).unwrap_or(Vec3::ZERO),
-            (None, _) => Vec3::ZERO,
-        };
+        let mut shine = specular.and_then(|_| coarse.between(x, y, point.normal)).unwrap_or(Vec3::ZERO);
         if self.levels.is_none() {
             self.distant(spot, specular, specular_scale.max_element(), &mut irradiance, &mut shine);
         }
