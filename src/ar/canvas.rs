@@ -258,18 +258,6 @@ impl Canvas {
     }
 }
 
-/// The same view with more pixels.
-pub(super) fn finer(camera: &Camera, samples: u32) -> Camera {
-    let scale = samples as f64;
-    Camera {
-        width: camera.width * samples,
-        height: camera.height * samples,
-        focal: camera.focal.map(|f| f * scale),
-        principal: camera.principal.map(|p| p * scale),
-        ..*camera
-    }
-}
-
 /// A part of the view.
 pub(super) fn cropped(camera: &Camera, [left, top, width, height]: Part) -> Camera {
     Camera {

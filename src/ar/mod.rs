@@ -232,7 +232,7 @@ impl<'s> Painter<'s, '_> {
                 Ok(Layer { image: relit.image, coverage: relit.coverage })
             }
             Painter::Motion(motion) => {
-                let frame = motion.draw(&canvas::finer(camera, samples), subject.look)?;
+                let frame = motion.draw(&crate::relight::finer(camera, samples), subject.look)?;
                 Ok(Layer::of(frame, samples as usize))
             }
         }

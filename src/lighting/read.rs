@@ -493,9 +493,8 @@ mod tests {
                 let quarter = turned.image().data[k / 64 * 64 + (k + 48) % 64];
                 assert!((0..3).all(|c| (quarter[c] - found[c]).abs() < 1e-5), "{projection:?} {k}");
             }
-            assert!(
-                Unwrapper::new([96, 48], projection, 64, |d| d).unwrap().environment(&single.image().clone()).is_err()
-            );
+            let smaller = draw(48, 48, |_, _| Some([0.0, 1.0, 0.0]));
+            assert!(Unwrapper::new([96, 48], projection, 64, |d| d).unwrap().environment(&smaller).is_err());
         }
         assert!(Unwrapper::new([96, 48], Projection::Cube, 64, |d| d).is_err());
         let mut lamp = RgbImage { width: 2, height: 1, data: vec![[1.0, 0.9, 0.8], [0.5, 0.6, 0.7]] };

@@ -3,7 +3,7 @@
 
 use crate::asset::Mesh;
 use crate::error::{Error, Result};
-use crate::limits::{Budget, Limits};
+use crate::limits::Budget;
 use std::borrow::Cow;
 use std::collections::HashMap;
 
@@ -113,7 +113,7 @@ impl Places {
             let cut = |corners: &[u32; 3]| (parts(mesh, corners, middle as f32) as usize).pow(2);
             let triangles: usize = mesh.triangles.iter().map(cut).sum();
             let found = (triangles <= most.saturating_mul(6))
-                .then(|| Self::new(mesh, middle as f32, &Budget::new(Limits::default())));
+                .then(|| Self::new(mesh, middle as f32, &Budget::new(crate::Limits::default())));
             match found.transpose()? {
                 Some(found) if found.count() <= most => (best, coarse) = (found, middle),
                 _ => fine = middle,
@@ -227,6 +227,7 @@ fn squared_length(mesh: &Mesh, a: u32, b: u32) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Limits;
 
     /// A long and a short triangle at one edge.
     fn mesh() -> Mesh {
