@@ -150,7 +150,7 @@ pub(super) fn log2(x: f32) -> f32 {
     let (mantissa, exponent) = if large { (0.5 * mantissa, exponent + 1) } else { (mantissa, exponent) };
     let s = (mantissa - 1.0) / (mantissa + 1.0);
     let squared = s * s;
-    exponent as f32 + s * (2.885_390_1 + squared * (0.961_796_7 + squared * 0.577_078))
+    exponent as f32 + s * (2.885_39 + squared * (0.961_796_7 + squared * 0.577_078))
 }
 
 /// The environment without its compact bright parts, and those as distant lights: median cut of what lies above the threshold.

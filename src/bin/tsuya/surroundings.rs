@@ -22,7 +22,7 @@ const LEVEL_SIDE: usize = 256;
 /// What is shown: an asset, or a mesh of one material.
 pub enum Subject {
     Asset(Box<Asset>),
-    Mesh { mesh: Mesh, visibility: Option<Visibility>, material: Box<JobMaterial>, folder: PathBuf, file: PathBuf },
+    Mesh { mesh: Mesh, visibility: Option<Box<Visibility>>, material: Box<JobMaterial>, folder: PathBuf, file: PathBuf },
 }
 
 impl Subject {
@@ -156,8 +156,8 @@ pub fn pictures(
 /// The visibility of a file, or computed now where it has none.
 pub fn occlusion(subject: &Subject) -> Result<Occlusion> {
     let stored = match subject {
-        Subject::Asset(asset) => &asset.visibility,
-        Subject::Mesh { visibility, .. } => visibility,
+        Subject::Asset(asset) => asset.visibility.as_ref(),
+        Subject::Mesh { visibility, .. } => visibility.as_deref(),
     };
     if let Some(visibility) = stored {
         return Ok(Occlusion::of(visibility));
@@ -185,7 +185,7 @@ pub fn subject(job: &Job, folder: &Path, detail: bool) -> Result<Subject> {
             // What `tsuya bake` writes brings its visibility along.
             let (mesh, visibility) = if source::has_extension(&file, "tsuya") {
                 let (asset, _) = source::decode(&file, Selection::None)?;
-                (asset.mesh, asset.visibility)
+                (asset.mesh, asset.visibility.map(Box::new))
             } else {
                 (mesh::read::read(&file)?, None)
             };
