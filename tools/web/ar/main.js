@@ -2,6 +2,7 @@
 
 import { ENVIRONMENTS, environmentOfLobes } from "tsuya/three";
 import { openFile } from "../open.js";
+import { element, hush, keep, passOn, say, wantedFile } from "../page.js";
 import { CameraPictures, cameras } from "./camera.js";
 import { irradiance, lobesOfFisheye } from "./light.js";
 import { Place } from "./place.js";
@@ -9,7 +10,6 @@ import { markerCorners, poseOf } from "./pose.js";
 import { FAMILIES, Tracker, paperColour } from "./tracker.js";
 import { offerHeadset } from "./headset.js";
 
-const element = (id) => document.getElementById(id);
 const query = new URLSearchParams(location.search);
 const SECOND = "camera-";
 /** Reflectance of the paper that markers are printed on, and of the white board that appearances are in units of. */
@@ -34,12 +34,6 @@ const state = {
 };
 let place = null;
 
-function say(title, text, note = false) {
-  element("message").hidden = false;
-  element("message").classList.toggle("note", note);
-  element("message-title").textContent = title;
-  element("message-text").textContent = text;
-}
 const status = (text) => element("status").textContent !== text && (element("status").textContent = text);
 
 /** Height of the object in sides of the marker. */
@@ -126,7 +120,7 @@ async function startCamera(id = null) {
     const pictures = await CameraPictures.start(id, Number(query.get("width")) || 640, Number(query.get("height")) || 480);
     state.pictures = pictures;
     element("empty").hidden = true;
-    element("message").hidden = true;
+    hush();
     pictures.run(() => {
       if (pictures.ended) return lost();
       step();
@@ -213,35 +207,23 @@ function adopt({ appearance }) {
   }, () => {});
 }
 
-/** The file in the address, or what `viewer.json` names. */
+/** Opens what the page was made for. */
 async function first() {
-  const wanted = query.get("file");
-  if (wanted) {
-    const address = new URL(wanted, document.baseURI);
-    return open(address, decodeURIComponent(address.pathname.split("/").pop()));
-  }
-  const beside = new URL("../viewer.json", document.baseURI);
-  const description = await fetch(beside).then((answer) => (answer.ok ? answer.json() : null)).catch(() => null);
-  if (description?.file) return open(new URL(description.file, beside), description.name);
+  const wanted = await wantedFile(new URL("..", document.baseURI));
+  if (wanted) return open(wanted.address, wanted.name);
   say("There is no object", "Start this page from the viewer, or name a file: ?file=ADDRESS");
 }
 
 function listen() {
-  element("message-close").addEventListener("click", () => (element("message").hidden = true));
+  element("message-close").addEventListener("click", hush);
   element("start").addEventListener("click", () => startCamera());
   element("camera").addEventListener("change", ({ target }) => startCamera(target.value));
   element("light").addEventListener("change", ({ target }) => setLight(target.value));
   element("size").addEventListener("input", () => place.resize(size()));
   element("orientation").addEventListener("change", ({ target }) => (place.orientation = target.value));
   element("family").addEventListener("change", ({ target }) => (state.tracker = new Tracker(target.value)));
-  element("save").addEventListener("click", async () => {
-    const link = document.createElement("a");
-    link.href = URL.createObjectURL(await place.screenshot());
-    link.download = `${state.model?.name.replace(/\.[^.]*$/, "") ?? "picture"}.png`;
-    link.click();
-    setTimeout(() => URL.revokeObjectURL(link.href), 10000);
-  });
-  if (query.get("file")) element("back").search = `?file=${encodeURIComponent(new URL(query.get("file"), document.baseURI).href)}`;
+  element("save").addEventListener("click", async () => keep(await place.screenshot(), state.model?.name));
+  passOn(element("back"));
 }
 
 function start() {

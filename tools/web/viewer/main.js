@@ -4,10 +4,10 @@ import { Matrix4, Vector3 } from "three";
 import { ALL_LAYERS, ENVIRONMENTS, environmentOfLobes } from "tsuya/three";
 import { factsOf, showFacts } from "./facts.js";
 import { REASONS, openFile } from "./open.js";
+import { element, hush, keep, passOn, say, wantedFile } from "./page.js";
 import { Stage } from "./stage.js";
 import { centre } from "./three/views.js";
 
-const element = (id) => document.getElementById(id);
 const canvas = element("picture");
 const LAYERS = {
   photograph: { ...ALL_LAYERS },
@@ -22,16 +22,6 @@ const LAMP = "lamp";
 const state = { model: null, layer: "photograph", light: `${CAPTURE}0`, stops: 0, pointer: [0.35, 0.45], captured: -1, environments: { ...ENVIRONMENTS } };
 let opening = null;
 let stage = null;
-
-/** Says what went wrong, or with `note` what is worth knowing, until it is closed. */
-function say(title, text, note = false) {
-  element("message").hidden = false;
-  element("message").classList.toggle("note", note);
-  element("message-title").textContent = title;
-  element("message-text").textContent = text;
-}
-
-const hush = () => (element("message").hidden = true);
 
 function showStatus() {
   const { model } = state;
@@ -241,15 +231,6 @@ function panel(name) {
   refresh();
 }
 
-async function save() {
-  const blob = await stage.screenshot();
-  const link = document.createElement("a");
-  link.href = URL.createObjectURL(blob);
-  link.download = `${state.model.name.replace(/\.[^.]*$/, "")}.png`;
-  link.click();
-  setTimeout(() => URL.revokeObjectURL(link.href), 10000);
-}
-
 const acts = {
   open: () => element("chooser").click(),
   reset: () => {
@@ -259,7 +240,7 @@ const acts = {
     refresh();
     showStatus();
   },
-  screenshot: () => state.model && save(),
+  screenshot: async () => state.model && keep(await stage.screenshot(), state.model.name),
   facts: () => panel("facts"),
   keys: () => panel("keys"),
 };
@@ -348,16 +329,10 @@ function listen() {
   });
 }
 
-/** What the page was made for: an address in it, or what `viewer.json` beside it names. */
+/** Opens what the page was made for. */
 async function first() {
-  const wanted = new URLSearchParams(location.search).get("file");
-  if (wanted) {
-    const address = new URL(wanted, document.baseURI);
-    element("room").search = `?file=${encodeURIComponent(address.href)}`;
-    return open(address, decodeURIComponent(address.pathname.split("/").pop()));
-  }
-  const description = await fetch("viewer.json").then((answer) => (answer.ok ? answer.json() : null)).catch(() => null);
-  if (description?.file) return open(new URL(description.file, document.baseURI), description.name);
+  const wanted = await wantedFile(document.baseURI);
+  if (wanted) return open(wanted.address, wanted.name);
   element("empty").hidden = false;
   refresh();
 }
@@ -379,6 +354,7 @@ function start() {
     return;
   }
   listen();
+  passOn(element("room"));
   offerLights(null);
   // For tests and the curious.
   window.tsuyaViewer = { state, stage, open, setLayer, setLight, opened: first() };
