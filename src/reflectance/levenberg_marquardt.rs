@@ -12,18 +12,26 @@ impl<const P: usize> NormalEquations<P> {
     fn new() -> Self {
         NormalEquations { matrix: [[0.0; P]; P], gradient: [0.0; P], cost: 0.0 }
     }
+
     /// Adds one residual `r` (model minus measured), its derivatives by the parameters and its weight.
     #[inline]
     pub fn add(&mut self, residual: f64, derivatives: &[f64; P], weight: f64) {
+        self.add_some(residual, std::array::from_fn(|i| i), derivatives, weight);
+    }
+
+    /// The same where it depends on some parameters alone, whose numbers rise.
+    #[inline]
+    pub fn add_some<const S: usize>(&mut self, residual: f64, which: [usize; S], derivatives: &[f64; S], weight: f64) {
         self.cost += weight * residual * residual;
-        for i in 0..P {
+        for (i, &row) in which.iter().enumerate() {
             let scaled = weight * derivatives[i];
-            self.gradient[i] += scaled * residual;
-            for j in 0..=i {
-                self.matrix[i][j] += scaled * derivatives[j];
+            self.gradient[row] += scaled * residual;
+            for (j, &column) in which[..=i].iter().enumerate() {
+                self.matrix[row][column] += scaled * derivatives[j];
             }
         }
     }
+
     /// Solves `(A + damping diag(A)) x = -g` by Cholesky; `None` where the matrix is not positive definite.
     fn step(&self, damping: f64) -> Option<[f64; P]> {
         let mut lower = self.matrix;

@@ -252,13 +252,10 @@ fn improve(
                 for k in (0..2).filter(|&k| sample.weights[k] > 0.0) {
                     let (signal, slope) = signals[k].of((diffuse + specular) * g.cos_incoming);
                     let scaled = g.cos_incoming * slope;
-                    let mut derivatives = [0.0; PARAMETERS];
-                    derivatives[c] = scaled * diffuse;
-                    derivatives[3 + c] = scaled * specular;
-                    derivatives[6] = scaled * found.specular[c] * by_width;
-                    derivatives[7] = scaled * found.specular[c] * by_second;
-                    derivatives[8] = scaled * found.specular[c] * by_ratio;
-                    equations.add(signal - sample.signals[k][c], &derivatives, sample.weights[k]);
+                    let by_shape = [by_width, by_second, by_ratio].map(|by| found.specular[c] * by);
+                    let derivatives = [diffuse, specular, by_shape[0], by_shape[1], by_shape[2]].map(|d| scaled * d);
+                    let residual = signal - sample.signals[k][c];
+                    equations.add_some(residual, [c, 3 + c, 6, 7, 8], &derivatives, sample.weights[k]);
                 }
             }
         }
