@@ -13,6 +13,31 @@ pub(crate) fn map<T: Send>(count: usize, f: impl Fn(usize) -> T + Sync + Send) -
     }
 }
 
+/// Both, at the same time where that is possible.
+pub(crate) fn join<A: Send, B: Send>(a: impl FnOnce() -> A + Send, b: impl FnOnce() -> B + Send) -> (A, B) {
+    #[cfg(feature = "parallel")]
+    {
+        rayon::join(a, b)
+    }
+    #[cfg(not(feature = "parallel"))]
+    {
+        (a(), b())
+    }
+}
+
+/// `f(k, part)` for the k-th part of `size` items.
+pub(crate) fn parts<T: Send>(items: &mut [T], size: usize, f: impl Fn(usize, &mut [T]) + Sync + Send) {
+    #[cfg(feature = "parallel")]
+    {
+        use rayon::prelude::*;
+        items.par_chunks_mut(size.max(1)).enumerate().for_each(|(k, part)| f(k, part));
+    }
+    #[cfg(not(feature = "parallel"))]
+    {
+        items.chunks_mut(size.max(1)).enumerate().for_each(|(k, part)| f(k, part));
+    }
+}
+
 /// `f(k, a, b)` for the k-th part of `size` items of both lists, which are equally long.
 pub(crate) fn rows<A: Send, B: Send>(
     a: &mut [A],
@@ -31,4 +56,14 @@ pub(crate) fn rows<A: Send, B: Send>(
         let parts = a.chunks_mut(size.max(1)).zip(b.chunks_mut(size.max(1)));
         parts.enumerate().for_each(|(k, (a, b))| f(k, a, b));
     }
+}
+
+/// `f` on a thread of its own, for faer: its kernels (private-gemm-x86 0.1) leave the upper halves of the vector registers in use, and from then
+/// on everything else on the same thread runs at half its speed or less (Intel's optimization manual, "Mixing AVX code with SSE code").
+#[cfg(feature = "encode")]
+pub(crate) fn apart<T: Send>(f: impl FnOnce() -> T + Send) -> T {
+    std::thread::scope(|scope| match scope.spawn(f).join() {
+        Ok(result) => result,
+        Err(panic) => std::panic::resume_unwind(panic),
+    })
 }

@@ -13,6 +13,8 @@ mod minimise;
 pub mod octahedral;
 pub mod prefiltered;
 #[cfg(feature = "encode")]
+pub mod projection;
+#[cfg(feature = "encode")]
 pub mod read;
 pub mod spherical_gaussian;
 

@@ -50,7 +50,7 @@ pub(super) struct Content {
 
 impl Content {
     /// With numbers in place of integers.
-    pub fn visibility(&self) -> Visibility {
+    pub fn visibility(self) -> Visibility {
         let cells = self.size * self.size;
         let mut bases = Vec::with_capacity(cells * (self.bases.len() + 1));
         for cell in 0..cells {
@@ -65,8 +65,8 @@ impl Content {
             ground: self.ground,
             error: self.error,
             bases,
-            places: self.places.clone(),
-            weights: self.weights.clone(),
+            places: self.places,
+            weights: self.weights,
         }
     }
 }
@@ -190,6 +190,7 @@ pub fn decode(bytes: &[u8], mesh: &Mesh, budget: &Budget) -> Result<Visibility> 
     budget.charge_items("weights of the visibility", count_of_places as u64, 2 * count + 24)?;
     let cut = places.cut(mesh);
     budget.charge_items("neighbours of the places", cut.triangles.len() as u64, 40)?;
+    let before = Before::new(&cut);
     let mut content = Content {
         size,
         terms,
@@ -199,9 +200,8 @@ pub fn decode(bytes: &[u8], mesh: &Mesh, budget: &Budget) -> Result<Visibility> 
         mean: vec![0; cells],
         bases: vec![vec![0; cells]; count],
         weights: vec![0; count_of_places * count],
-        places: places.clone(),
+        places,
     };
-    let before = Before::new(&cut);
     for (group, stream) in [first_stream, second_stream].into_iter().enumerate() {
         let at = streams_at + group * first_length;
         let mut coder = RangeDecoder::new(stream);
@@ -364,7 +364,7 @@ mod tests {
         for (terms, spacing) in [([3, 2], 0.0), ([2, 0], 1.2)] {
             let (mesh, content) = sample(terms, spacing);
             let bytes = write(&content, &mesh);
-            assert_eq!(read(&bytes, &mesh).unwrap(), content.visibility());
+            assert_eq!(read(&bytes, &mesh).unwrap(), content.clone().visibility());
             for length in 0..bytes.len() {
                 assert!(read(&bytes[..length], &mesh).is_err(), "{length}");
             }

@@ -1,5 +1,6 @@
 //! Principal components of many functions on the sphere, by subspace iteration on their covariance.
 
+use crate::parallel::apart;
 use faer::linalg::matmul::triangular::{BlockStructure, matmul as matmul_triangular};
 use faer::{Accum, Mat, MatRef, Par, Side};
 
@@ -19,6 +20,13 @@ pub fn components(rows: &[f32], columns: usize, count: usize) -> (Vec<f32>, Vec<
     }
     let mean: Vec<f32> = sums.iter().map(|sum| (sum / samples.max(1) as f64) as f32).collect();
     let covariance = covariance(rows, &mean);
+    let components = apart(|| leading(&covariance, count, samples));
+    (mean, components)
+}
+
+/// The eigenvectors of the largest eigenvalues.
+fn leading(covariance: &Mat<f32>, count: usize, samples: usize) -> Vec<Vec<f32>> {
+    let columns = covariance.ncols();
     let width = (count + EXTRA).min(columns);
     let mut state = 0x9e37_79b9_7f4a_7c15u64;
     let mut vectors = Mat::from_fn(columns, width, |_, _| {
@@ -26,15 +34,15 @@ pub fn components(rows: &[f32], columns: usize, count: usize) -> (Vec<f32>, Vec<
         (state >> 40) as f32 / (1 << 23) as f32 - 1.0
     });
     for _ in 0..ITERATIONS {
-        let next = multiply(&covariance, vectors.as_ref());
+        let next = multiply(covariance, vectors.as_ref());
         vectors = next.qr().compute_thin_Q();
     }
     // Rayleigh and Ritz: the principal directions within the subspace.
-    let next = multiply(&covariance, vectors.as_ref());
+    let next = multiply(covariance, vectors.as_ref());
     let mut small = Mat::<f32>::zeros(width, width);
     faer::linalg::matmul::matmul(&mut small, Accum::Replace, vectors.transpose(), &next, 1.0, Par::Seq);
     let mut result = vec![vec![0.0; columns]; count];
-    let Ok(eigen) = small.self_adjoint_eigen(Side::Lower) else { return (mean, result) };
+    let Ok(eigen) = small.self_adjoint_eigen(Side::Lower) else { return result };
     let rotated = multiply_any(vectors.as_ref(), eigen.U());
     let values = eigen.S().column_vector();
     for (k, component) in result.iter_mut().enumerate().take(width.min(samples)) {
@@ -47,7 +55,7 @@ pub fn components(rows: &[f32], columns: usize, count: usize) -> (Vec<f32>, Vec<
             component.iter_mut().for_each(|x| *x *= largest.signum());
         }
     }
-    (mean, result)
+    result
 }
 
 fn covariance(rows: &[f32], mean: &[f32]) -> Mat<f32> {
@@ -57,19 +65,21 @@ fn covariance(rows: &[f32], mean: &[f32]) -> Mat<f32> {
         let block = blocks[k];
         let centred: Vec<f32> = block.iter().enumerate().map(|(i, x)| x - mean[i % columns]).collect();
         let matrix = MatRef::from_row_major_slice(&centred, block.len() / columns, columns);
-        let mut product = Mat::<f32>::zeros(columns, columns);
-        matmul_triangular(
-            &mut product,
-            BlockStructure::TriangularLower,
-            Accum::Replace,
-            matrix.transpose(),
-            BlockStructure::Rectangular,
-            matrix,
-            BlockStructure::Rectangular,
-            1.0,
-            Par::Seq,
-        );
-        product
+        apart(|| {
+            let mut product = Mat::<f32>::zeros(columns, columns);
+            matmul_triangular(
+                &mut product,
+                BlockStructure::TriangularLower,
+                Accum::Replace,
+                matrix.transpose(),
+                BlockStructure::Rectangular,
+                matrix,
+                BlockStructure::Rectangular,
+                1.0,
+                Par::Seq,
+            );
+            product
+        })
     });
     let mut sum = Mat::<f32>::zeros(columns, columns);
     products.iter().for_each(|product| sum += product);
@@ -94,7 +104,7 @@ fn multiply_any(left: MatRef<'_, f32>, right: MatRef<'_, f32>) -> Mat<f32> {
 /// The rows of `left` (of `columns` values) times a matrix of `columns` rows, row by row.
 pub fn project(left: &[f32], columns: usize, right: MatRef<'_, f32>) -> Vec<f32> {
     let rows = MatRef::from_row_major_slice(left, left.len() / columns, columns);
-    let product = multiply_any(rows, right);
+    let product = apart(|| multiply_any(rows, right));
     (0..product.nrows()).flat_map(|i| (0..product.ncols()).map(move |j| (i, j))).map(|at| product[at]).collect()
 }
 
@@ -110,7 +120,7 @@ pub fn least_squares(bases: &[Vec<f32>]) -> Mat<f32> {
     });
     let matrix = Mat::from_fn(columns, count, |i, k| bases[k][i] as f64);
     use faer::linalg::solvers::Solve;
-    let solved = gram.partial_piv_lu().solve(matrix.transpose());
+    let solved = apart(|| gram.partial_piv_lu().solve(matrix.transpose()));
     Mat::from_fn(columns, count, |i, k| solved[(k, i)] as f32)
 }
 

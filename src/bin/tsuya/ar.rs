@@ -20,14 +20,16 @@ use tsuya::capture::calibration::{self, Calibration};
 use tsuya::decoder::Selection;
 use tsuya::image::Mask;
 use tsuya::lighting::environment::turn_y;
-use tsuya::lighting::read::{Fisheye, Looks, Projection, ReadOptions, Unwrapper, raise_clipped, read};
+use tsuya::lighting::projection::{Fisheye, Looks, Projection, Unwrapper};
+use tsuya::lighting::read::{ReadOptions, raise_clipped, read};
 use tsuya::lighting::{self, Environment};
 use tsuya::marker::Rig;
 use tsuya::marker::place::{Placement, Stands};
 use tsuya::relight::{AssetLook, Renderer};
 
-/// Columns of the environments that light is taken from.
-const COLUMNS: [usize; 2] = [512, 2048];
+/// Columns of the environments that light is taken from: those that stay, and those of sequences.
+const COLUMNS: std::ops::RangeInclusive<usize> = 512..=2048;
+const MOVING_COLUMNS: usize = 256;
 
 /// Puts an object into a photograph, a folder of frames or a video, where a marker lies.
 ///
@@ -342,7 +344,7 @@ impl LightArguments {
                         );
                         return Err(Error::input(&path, message));
                     };
-                    unwrapper = Some(Unwrapper::new(size, projection, COLUMNS[0], turn)?);
+                    unwrapper = Some(Unwrapper::new(size, projection, MOVING_COLUMNS, turn)?);
                 }
                 let environment = unwrapper.as_ref().map(|unwrapper| unwrapper.environment(&picture)).transpose()?;
                 Ok(environment.map(|environment| if scale == 1.0 { environment } else { environment.scaled(scale) }))
@@ -370,7 +372,7 @@ impl LightArguments {
             }
         };
         let image = environment.image();
-        let columns = image.width.clamp(COLUMNS[0], COLUMNS[1]);
+        let columns = image.width.clamp(*COLUMNS.start(), *COLUMNS.end());
         // Larger ones are averaged, not skipped over.
         let environment = if image.width > columns { environment.resized(columns, columns / 2) } else { environment };
         let image = environment.image();

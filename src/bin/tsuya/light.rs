@@ -11,7 +11,8 @@ use std::time::Instant;
 use tsuya::container::{SectionCodec, Tag, Writer, edit};
 use tsuya::lighting;
 use tsuya::lighting::fit::{self, FitOptions};
-use tsuya::lighting::read::{Fisheye, Looks, Projection, ReadOptions, read};
+use tsuya::lighting::projection::{Fisheye, Looks, Projection};
+use tsuya::lighting::read::{ReadOptions, read};
 use tsuya::lighting::{Environment, code, levels};
 
 /// Environments as light: fits lobes and prefilters levels.

@@ -3,6 +3,7 @@
 use super::{Correspondence, FEWEST_POINTS, Similarity};
 use crate::asset::Camera;
 use crate::error::{Error, Result};
+use crate::parallel::apart;
 use faer::Mat;
 use glam::{DMat3, DVec3};
 
@@ -68,7 +69,7 @@ fn distinct(points: impl Iterator<Item = [f64; 3]>) -> Vec<DVec3> {
 fn spread(points: &[DVec3]) -> [f64; 3] {
     let centre = points.iter().sum::<DVec3>() / points.len().max(1) as f64;
     let matrix = Mat::from_fn(points.len().max(3), 3, |i, j| points.get(i).map_or(0.0, |p| (*p - centre)[j]));
-    match matrix.thin_svd() {
+    match apart(|| matrix.thin_svd()) {
         Ok(svd) => {
             let values = svd.S().column_vector();
             [values[0], values[1], values[2]]
@@ -102,7 +103,7 @@ fn direct_linear(camera: &Camera, points: &[Correspondence]) -> Option<(DMat3, D
             _ => 0.0,
         }
     });
-    let svd = matrix.svd().ok()?;
+    let svd = apart(|| matrix.svd()).ok()?;
     let values = svd.S().column_vector();
     if values[10] <= 1e-9 * values[0] {
         return None;
@@ -124,7 +125,7 @@ fn direct_linear(camera: &Camera, points: &[Correspondence]) -> Option<(DMat3, D
 
 /// The rotation nearest to a matrix, and the mean of its singular values.
 pub(crate) fn nearest_rotation(matrix: DMat3) -> Option<(DMat3, f64)> {
-    let svd = Mat::from_fn(3, 3, |i, j| matrix.col(j)[i]).svd().ok()?;
+    let svd = apart(|| Mat::from_fn(3, 3, |i, j| matrix.col(j)[i]).svd()).ok()?;
     let values = svd.S().column_vector();
     let take = |m: faer::MatRef<'_, f64>| {
         DMat3::from_cols_array_2d(&std::array::from_fn(|j| std::array::from_fn(|i| m[(i, j)])))
