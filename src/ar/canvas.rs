@@ -6,7 +6,7 @@ use super::sensor::grain;
 use crate::asset::{Camera, Mesh};
 use crate::capture::calibration::Calibration;
 use crate::image::{Grid, RgbImage};
-use crate::relight::{Frame, GroundShadow};
+use crate::relight::GroundShadow;
 
 /// The pinhole camera's picture reaches at most this many of its own sizes beyond the frame.
 const BEYOND: f64 = 1.0;
@@ -31,29 +31,8 @@ pub(super) struct Layer {
 }
 
 impl Layer {
-    /// Means of `samples` x `samples`.
-    pub(super) fn of(frame: &Frame, samples: usize) -> Self {
-        let (width, height) = (frame.image.width / samples, frame.image.height / samples);
-        let mut layer =
-            Layer { image: Grid::filled(width, height, [0.0; 3]), coverage: Grid::filled(width, height, 0.0) };
-        let share = 1.0 / (samples * samples) as f32;
-        let Layer { image, coverage } = &mut layer;
-        crate::parallel::rows(&mut image.data, &mut coverage.data, width * ROWS, |part, pixels, covered| {
-            for (k, (pixel, covered)) in pixels.iter_mut().zip(covered).enumerate() {
-                let (x, y) = (k % width * samples, (part * ROWS + k / width) * samples);
-                for row in y..y + samples {
-                    let start = row * frame.image.width + x;
-                    let hits = &frame.hit.data[start..start + samples];
-                    for (sample, _) in
-                        frame.image.data[start..start + samples].iter().zip(hits).filter(|(_, hit)| **hit)
-                    {
-                        *covered += share;
-                        (0..3).for_each(|c| pixel[c] += share * sample[c]);
-                    }
-                }
-            }
-        });
-        layer
+    fn at(&self, x: usize, y: usize) -> ([f32; 3], f32) {
+        (*self.image.at(x, y), *self.coverage.at(x, y))
     }
 
     /// Bilinear at a place of the layer, in pixels; nothing beyond it.
@@ -110,152 +89,108 @@ impl Canvas {
 
     /// Darkens the ground.
     pub(super) fn darken(&self, shadow: &GroundShadow, camera: &Camera, curve: &Curve, plate: &mut Plate) {
-        let Some(places) = &self.places else {
-            let change = |pixel: &mut [f32; 3], ratio: [f32; 3]| (0..3).for_each(|c| pixel[c] *= ratio[c]);
-            let width = self.size[0];
-            let rows_of = |part: usize, count: usize| part * ROWS..part * ROWS + count / width;
-            match plate {
-                Plate::Display(picture) => {
-                    let mut unused = vec![(); picture.data.len()];
-                    crate::parallel::rows(&mut picture.data, &mut unused, width * ROWS, |part, pixels, _| {
-                        shadow.darken(camera, rows_of(part, pixels.len()), |k, ratio| {
-                            let mut linear = curve.linear(pixels[k]);
-                            change(&mut linear, ratio);
-                            pixels[k] = linear.map(|c| curve.display(c).round() as u8);
-                        });
-                    });
-                }
-                Plate::Linear(image) => {
-                    let mut unused = vec![(); image.data.len()];
-                    crate::parallel::rows(&mut image.data, &mut unused, width * ROWS, |part, pixels, _| {
-                        shadow.darken(camera, rows_of(part, pixels.len()), |k, ratio| change(&mut pixels[k], ratio));
-                    });
-                }
-            }
-            return;
-        };
-        let (width, height) = (camera.width as usize, camera.height as usize);
-        let mut ratios =
-            Layer { image: Grid::filled(width, height, [0.0; 3]), coverage: Grid::filled(width, height, 0.0) };
-        let Layer { image, coverage } = &mut ratios;
-        crate::parallel::rows(&mut image.data, &mut coverage.data, width * ROWS, |part, pixels, covered| {
-            let first = part * ROWS;
-            shadow.darken(camera, first..first + pixels.len() / width, |k, ratio| {
-                (pixels[k], covered[k]) = (ratio.map(|r| 1.0 - r), 1.0);
-            });
-        });
-        let noise = (0.0, 0);
-        self.change(
-            plate,
-            curve,
-            noise,
-            |k| {
-                let (taken, covered) = ratios.between(places[k]);
-                (covered > 0.0).then(|| (taken.map(|t| (1.0 - t).max(0.0)), [0.0; 3], 0.0))
-            },
-            [0, 0, self.size[0], self.size[1]],
-        );
+        let seen = shadow.seen_by(camera);
+        let value = |place| Some(Change { factor: seen.ratio(place)?, ..Change::default() });
+        self.change(plate, self.whole(), curve, 0, value);
     }
 
-    /// Puts a layer, a part of the canvas, over the frame.
+    /// Puts a layer, a part of the canvas, over the frame, with noise of standard deviation `sigma`.
     pub(super) fn put(
         &self,
         layer: &Layer,
         part: Part,
         gain: [f32; 3],
-        noise: (f32, u32),
+        (sigma, frame): (f32, u32),
         curve: &Curve,
         plate: &mut Plate,
     ) {
         let [left, top, width, height] = part;
-        let whole = [0, 0, self.size[0], self.size[1]];
-        let over = |colour: [f32; 3], covered: f32| {
-            let behind = (1.0 - covered).max(0.0);
-            ([behind; 3], std::array::from_fn(|c| colour[c] * gain[c]), covered)
+        let value = |[x, y]: [f32; 2]| {
+            let (x, y) = (x - left as f32, y - top as f32);
+            if !(x > -1.0 && y > -1.0 && x < width as f32 + 1.0 && y < height as f32 + 1.0) {
+                return None;
+            }
+            let (colour, covered) = match self.places {
+                Some(_) => layer.between([x, y]),
+                None => layer.at(x as usize, y as usize),
+            };
+            // In partly covered pixels the photograph's part has its own noise.
+            (covered > 0.0).then(|| Change {
+                factor: [(1.0 - covered).max(0.0); 3],
+                colour: std::array::from_fn(|c| colour[c] * gain[c]),
+                noise: sigma * covered,
+            })
         };
-        match &self.places {
-            None => self.change(
-                plate,
-                curve,
-                noise,
-                |k| {
-                    let (x, y) = (k % self.size[0], k / self.size[0]);
-                    let at = (y - top) * width + (x - left);
-                    let covered = layer.coverage.data[at];
-                    (covered > 0.0).then(|| over(layer.image.data[at], covered))
-                },
-                [left, top, width, height],
-            ),
-            Some(places) => self.change(
-                plate,
-                curve,
-                noise,
-                |k| {
-                    let [x, y] = places[k];
-                    let (x, y) = (x - left as f32, y - top as f32);
-                    if !(x > -1.0 && y > -1.0 && x < width as f32 + 1.0 && y < height as f32 + 1.0) {
-                        return None;
-                    }
-                    let (colour, covered) = layer.between([x, y]);
-                    (covered > 0.0).then(|| over(colour, covered))
-                },
-                whole,
-            ),
-        }
+        let part = if self.places.is_some() { self.whole() } else { part };
+        self.change(plate, part, curve, frame, value);
     }
 
-    /// For the pixels of a part of the frame: `pixel * factor + colour`, with noise where the third number, the coverage, is above 0.
+    fn whole(&self) -> Part {
+        [0, 0, self.size[0], self.size[1]]
+    }
+
+    /// Changes pixels of a part of the frame, by their places on the canvas; `frame` chooses the noise.
     fn change(
         &self,
         plate: &mut Plate,
+        part: Part,
         curve: &Curve,
-        (sigma, frame): (f32, u32),
-        value: impl Fn(usize) -> Option<([f32; 3], [f32; 3], f32)> + Sync + Send,
-        [left, top, part_width, part_height]: Part,
+        frame: u32,
+        value: impl Fn([f32; 2]) -> Option<Change> + Sync + Send,
     ) {
         let width = self.size[0];
-        let (right, bottom) = ((left + part_width).min(width), (top + part_height).min(self.size[1]));
-        let blend = |k: usize, linear: [f32; 3]| {
-            let (factor, colour, covered) = value(k)?;
+        // Linear colour, and noise in display values.
+        let blend = |[x, y]: [usize; 2], linear: [f32; 3]| {
+            let k = y * width + x;
+            let place = self.places.as_ref().map_or_else(|| [x as f32 + 0.5, y as f32 + 0.5], |places| places[k]);
+            let Change { factor, colour, noise } = value(place)?;
             let mixed: [f32; 3] = std::array::from_fn(|c| linear[c] * factor[c] + colour[c]);
-            let grain = if covered > 0.0 && sigma > 0.0 { grain(k as u32, frame) } else { [0.0; 3] };
-            // In partly covered pixels the photograph's part has its own.
-            Some((mixed, grain.map(|g| g * sigma * covered)))
+            Some((mixed, (noise > 0.0).then(|| grain(k as u32, frame).map(|g| g * noise))))
         };
         match plate {
-            Plate::Display(picture) => {
-                let mut unused = vec![(); picture.data.len()];
-                crate::parallel::rows(&mut picture.data, &mut unused, width * ROWS, |part, pixels, _| {
-                    for row in (part * ROWS).max(top)..(part * ROWS + pixels.len() / width).min(bottom) {
-                        for k in row * width + left..row * width + right {
-                            let pixel = &mut pixels[k - part * ROWS * width];
-                            if let Some((mixed, grain)) = blend(k, curve.linear(*pixel)) {
-                                *pixel = std::array::from_fn(|c| {
-                                    (curve.display(mixed[c]) + grain[c]).round().clamp(0.0, 255.0) as u8
-                                });
-                            }
-                        }
+            Plate::Display(picture) => each(picture, part, |at, pixel| {
+                *pixel = match blend(at, curve.linear(*pixel)) {
+                    None => *pixel,
+                    Some((mixed, None)) => mixed.map(|x| curve.code(x)),
+                    Some((mixed, Some(grain))) => {
+                        std::array::from_fn(|c| (curve.display(mixed[c]) + grain[c]).round().clamp(0.0, 255.0) as u8)
                     }
+                };
+            }),
+            Plate::Linear(image) => each(image, part, |at, pixel| {
+                let Some((mixed, grain)) = blend(at, *pixel) else { return };
+                *pixel = std::array::from_fn(|c| match (mixed[c], grain) {
+                    // Noise is known in display values; beyond white there is none.
+                    (x, Some(grain)) if x < 1.0 => curve.undisplay(curve.display(x) + grain[c]),
+                    (x, _) => x,
                 });
-            }
-            Plate::Linear(image) => {
-                let mut unused = vec![(); image.data.len()];
-                crate::parallel::rows(&mut image.data, &mut unused, width * ROWS, |part, pixels, _| {
-                    for row in (part * ROWS).max(top)..(part * ROWS + pixels.len() / width).min(bottom) {
-                        for k in row * width + left..row * width + right {
-                            let pixel = &mut pixels[k - part * ROWS * width];
-                            let Some((mixed, grain)) = blend(k, *pixel) else { continue };
-                            *pixel = std::array::from_fn(|c| match mixed[c] {
-                                // Noise is known in display values; beyond white there is none.
-                                x if x < 1.0 && grain[c] != 0.0 => curve.undisplay(curve.display(x) + grain[c]),
-                                x => x,
-                            });
-                        }
-                    }
-                });
-            }
+            }),
         }
     }
+}
+
+/// What becomes of a pixel: `pixel * factor + colour`, and the noise that is added, in display values.
+#[derive(Default)]
+struct Change {
+    factor: [f32; 3],
+    colour: [f32; 3],
+    noise: f32,
+}
+
+/// `f` of column and row and the pixel, for the pixels of a part of a picture.
+fn each<P: Send>(
+    picture: &mut Grid<P>,
+    [left, top, width, height]: Part,
+    f: impl Fn([usize; 2], &mut P) + Sync + Send,
+) {
+    let columns = picture.width;
+    let (right, bottom) = ((left + width).min(columns), (top + height).min(picture.height));
+    let rows = picture.data.get_mut(top * columns..bottom * columns).unwrap_or_default();
+    crate::parallel::parts(rows, columns * ROWS, |part, pixels| {
+        for (k, row) in pixels.chunks_exact_mut(columns).enumerate() {
+            (left..right).for_each(|x| f([x, top + part * ROWS + k], &mut row[x]));
+        }
+    });
 }
 
 /// A part of the view.

@@ -19,7 +19,7 @@ use crate::marker::place::{Placement, Stands};
 use crate::marker::track::Tracker;
 use crate::marker::{Estimate, Rig};
 use crate::relight::{
-    EnvironmentOptions, Evaluator, GroundShadow, Look, Motion, Object, Occlusion, Renderer, Scene, Surround,
+    EnvironmentOptions, Evaluator, Frame, GroundShadow, Look, Motion, Object, Occlusion, Renderer, Scene, Surround,
     SurroundOptions, add_detail,
 };
 use canvas::{Canvas, Layer};
@@ -183,7 +183,8 @@ pub fn run(
             let mut follower = Follower::new(LOBES);
             let mut ended = false;
             let mut surround = Surround::of_levels(&[]);
-            while let Some(shot) = next()? {
+            let mut shot = next()?;
+            while let Some(first) = shot {
                 let clock = Instant::now();
                 let environment = if ended { None } else { source()? };
                 ended |= environment.is_none();
@@ -196,8 +197,15 @@ pub fn run(
                 let light = follower.light();
                 let scene = Scene::new(&object, &surround, Some(light), environment_options(Evaluator::Published))?;
                 let mut painter = Painter::new(&scene, options.quality);
-                let (plate, report) = stage.work(&mut painter, shot, clock.elapsed().as_secs_f64())?;
+                let (plate, report) = stage.work(&mut painter, first, clock.elapsed().as_secs_f64())?;
                 done(plate, &report)?;
+                shot = next()?;
+                // Under the last light nothing is prepared again.
+                while ended && let Some(another) = shot.take() {
+                    let (plate, report) = stage.work(&mut painter, another, 0.0)?;
+                    done(plate, &report)?;
+                    shot = next()?;
+                }
             }
         }
     }
@@ -222,7 +230,7 @@ impl<'s> Painter<'s, '_> {
     }
 
     /// What `camera`, a part of the canvas, sees.
-    fn draw(&mut self, subject: &Subject, camera: &Camera, samples: u32) -> Result<Layer> {
+    fn draw(&mut self, subject: &Subject, camera: &Camera) -> Result<Layer> {
         match self {
             Painter::Still(scene) => {
                 let mut relit = scene.render(camera, subject.look)?;
@@ -232,8 +240,8 @@ impl<'s> Painter<'s, '_> {
                 Ok(Layer { image: relit.image, coverage: relit.coverage })
             }
             Painter::Motion(motion) => {
-                let frame = motion.draw(&crate::relight::finer(camera, samples), subject.look)?;
-                Ok(Layer::of(frame, samples as usize))
+                let Frame { image, coverage } = motion.draw(camera, subject.look)?.clone();
+                Ok(Layer { image, coverage })
             }
         }
     }
@@ -256,10 +264,8 @@ struct Stage<'s, 'a> {
 impl Stage<'_, '_> {
     /// The markers' irradiance; the print faces the world's +Y, or stands.
     fn take_light(&mut self, surround: &Surround) {
-        let placement = &self.subject.placement;
         let out_of_paper = self.options.stands.rig_of_world().inverse().apply([0.0, 0.0, 1.0]);
-        // Rotations turn back by their transposes.
-        let local: [f64; 3] = std::array::from_fn(|k| (0..3).map(|i| placement.rotation[i][k] * out_of_paper[i]).sum());
+        let local = self.subject.placement.to_local(out_of_paper);
         self.paper_irradiance = surround.irradiance(local.map(|x| x as f32));
     }
 
@@ -286,9 +292,7 @@ impl Stage<'_, '_> {
         let clock = Instant::now();
         let part = canvas::part_around(self.subject.mesh, &camera);
         let layer = match part {
-            Some(part) => {
-                Some((part, painter.draw(self.subject, &canvas::cropped(&camera, part), self.options.samples)?))
-            }
+            Some(part) => Some((part, painter.draw(self.subject, &canvas::cropped(&camera, part))?)),
             None => None,
         };
         times.render = clock.elapsed().as_secs_f64();

@@ -97,21 +97,23 @@ impl Plate {
     }
 }
 
-/// Steps of the table that encodes.
-const STEPS: usize = 1 << 14;
+/// Steps of the tables that encode, by the square root of the linear value: finer than a twentieth of a code.
+const STEPS: usize = 1 << 13;
 
 /// sRGB's curve, both ways, for 8-bit pictures.
 pub(super) struct Curve {
     linear: [f32; 256],
-    /// By the square root of the linear value.
     display: Vec<f32>,
+    codes: Vec<u8>,
 }
 
 impl Curve {
     pub(super) fn new() -> Self {
         let linear = std::array::from_fn(|k| from_srgb(k as f64 / 255.0) as f32);
         let display = (0..=STEPS + 1).map(|k| 255.0 * to_srgb((k as f64 / STEPS as f64).powi(2).min(1.0)) as f32);
-        Curve { linear, display: display.collect() }
+        let display: Vec<f32> = display.collect();
+        let codes = display.iter().map(|value| value.round() as u8).collect();
+        Curve { linear, display, codes }
     }
 
     pub(super) fn linear(&self, code: [u8; 3]) -> [f32; 3] {
@@ -125,6 +127,13 @@ impl Curve {
         let k = place as usize;
         let part = (place - k as f32).max(0.0);
         self.display[k] + (self.display[k + 1] - self.display[k]) * part
+    }
+
+    /// [`Self::display`] rounded.
+    #[inline]
+    pub(super) fn code(&self, linear: f32) -> u8 {
+        // A NaN becomes 0.
+        self.codes[((linear.sqrt() * STEPS as f32 + 0.5) as usize).min(STEPS)]
     }
 
     /// Linear value of a display value, 0 to 255, between the whole ones.
@@ -162,8 +171,10 @@ mod tests {
         for code in 0..=255u8 {
             let [linear, ..] = curve.linear([code; 3]);
             assert!((curve.display(linear) - code as f32).abs() < 0.02, "{code}: {}", curve.display(linear));
+            assert_eq!(curve.code(linear), code);
             assert!((curve.undisplay(code as f32) - linear).abs() < 1e-6);
         }
         assert_eq!((curve.display(f32::NAN), curve.display(-1.0), curve.display(9.0)), (0.0, 0.0, 255.0));
+        assert_eq!((curve.code(f32::NAN), curve.code(-1.0), curve.code(9.0)), (0, 0, 255));
     }
 }

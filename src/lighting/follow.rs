@@ -3,23 +3,29 @@
 //! Lobes start from the last ones. Sharp levels are blurred along rows, then along columns, of the latitude-longitude picture reduced to
 //! what the lobe can show: with the angles `t` from the pole and `p` around it
 //! `exp(l (cos a - 1)) = exp(l (cos(t - t') - 1)) exp(-l sin t sin t' (1 - cos(p - p')))`, where `sin t` in the second factor is taken to be
-//! `sin t'`. Around the poles, where that fails, and for wide lobes [`super::levels`] sums directly.
+//! `sin t'`. Around the poles, where that fails, and for wide lobes all pixels of a small picture are summed, with weights that depend on its
+//! size alone.
 
+use super::Environment;
+use super::environment::direction_at;
 use super::fit::Projection;
-use super::levels::level;
 use super::octahedral::directions;
 use super::prefiltered::{Level, Light, SHARPNESS};
-use super::{Environment, SphericalGaussian};
 use crate::image::RgbImage;
+use crate::vector::dot;
 
 /// Columns of the picture at most.
 const COLUMNS: usize = 512;
 /// Sharp levels, blurred by rows and columns.
 const SHARP: usize = 4;
-/// Cells along a side of the levels.
+/// Columns at least of the pictures for wide levels: a pixel is less than half of the lobe's standard deviation.
+const WIDE_COLUMNS: [usize; 3] = [128, 64, 32];
+/// Cells along a side of the levels, at most: half of the picture's columns.
 const SIZES: [usize; 7] = [256, 256, 256, 184, 64, 32, 24];
 /// Within this many standard deviations of a lobe from a pole cells are summed directly.
 const POLAR: f64 = 4.0;
+/// A wide lobe ends where it has fallen to `exp(-FALLEN)`.
+const FALLEN: f64 = 7.0;
 /// Samples of a blur end at this many standard deviations.
 const REACH: f64 = 3.3;
 
@@ -28,17 +34,83 @@ fn halvings(level: usize) -> usize {
     level.saturating_sub(1)
 }
 
+/// The same for a wide level, of a picture whose columns are a multiple of 128.
+fn wide_halvings(columns: usize, level: usize) -> usize {
+    (columns / WIDE_COLUMNS[level - SHARP]).ilog2() as usize
+}
+
+/// Cells along a side of a level.
+fn size(columns: usize, level: usize) -> usize {
+    SIZES[level].min(columns / 2)
+}
+
 /// Follows an environment from frame to frame.
 pub struct Follower {
     /// Lobes of the fit.
     lobes: usize,
     plans: Vec<Plan>,
+    wide: Vec<Sums>,
     projection: Option<Projection>,
     light: Light,
 }
 
+/// The sums of a wide level, which depend on the size of the picture alone.
+struct Sums {
+    size: usize,
+    /// For each cell where its pixels begin, and at last their number.
+    starts: Vec<u32>,
+    /// Pixels and their weights, of all cells.
+    pixels: Vec<(u32, f32)>,
+}
+
+impl Sums {
+    /// Of a level of `size` cells along a side and a picture of `width` x `width / 2` pixels.
+    fn new(width: usize, number: usize, size: usize) -> Self {
+        use std::f64::consts::PI;
+        let height = width / 2;
+        let pixel = PI / height as f64;
+        let cell = 4.0 * PI / (size * size) as f64;
+        // Pixels are means, and readers interpolate between cells.
+        let sharpness = 1.0 / (1.0 / SHARPNESS[number] - cell / 6.0 - pixel * pixel / 12.0);
+        let around: Vec<([f64; 3], f64)> = (0..width * height)
+            .map(|k| {
+                let [x, y] = [k % width, k / width].map(|at| at as f64 + 0.5);
+                (direction_at(width, height, x, y), (PI * y / height as f64).sin())
+            })
+            .collect();
+        let (mut starts, mut pixels) = (vec![0], Vec::new());
+        for direction in directions(size) {
+            let first = pixels.len();
+            let mut total = 0.0;
+            for (k, &(towards, share)) in around.iter().enumerate() {
+                let exponent = sharpness * (dot(direction, towards) - 1.0);
+                if exponent > -FALLEN {
+                    let weight = exponent.exp() * share;
+                    total += weight;
+                    pixels.push((k as u32, weight as f32));
+                }
+            }
+            pixels[first..].iter_mut().for_each(|(_, weight)| *weight /= total as f32);
+            starts.push(pixels.len() as u32);
+        }
+        Sums { size, starts, pixels }
+    }
+
+    fn level(&self, picture: &Planes, number: usize) -> Option<Level> {
+        let size = self.size;
+        let mut cells = vec![[0.0; 3]; size * size];
+        crate::parallel::parts(&mut cells, size, |row, cells| {
+            for (cell, ends) in cells.iter_mut().zip(self.starts[row * size..].windows(2)) {
+                *cell = picture.sum(&self.pixels[ends[0] as usize..ends[1] as usize]);
+            }
+        });
+        Level::new(SHARPNESS[number], size, cells)
+    }
+}
+
 /// What of a sharp level depends on the size of the picture alone.
 struct Plan {
+    size: usize,
     width: usize,
     height: usize,
     /// For each row the weights of the blur along it, from its middle outwards.
@@ -53,7 +125,7 @@ struct Plan {
 /// Where a cell's value is found.
 #[derive(Clone, Copy)]
 enum Place {
-    /// In the blurred picture: the upper left pixel and the place between that and the next.
+    /// In the blurred picture, whose rows are one pixel longer: the upper left pixel and the place between that and the next.
     Between(u32, f32, f32),
     /// Around a pole: a sum over a part of [`Plan::polar`].
     Polar(u32, u32),
@@ -62,7 +134,7 @@ enum Place {
 impl Follower {
     /// For environments of up to 512 columns (larger ones are reduced) and lights of `lobes` lobes, 1 to 64.
     pub fn new(lobes: usize) -> Self {
-        Follower { lobes, plans: Vec::new(), projection: None, light: Light::default() }
+        Follower { lobes, plans: Vec::new(), wide: Vec::new(), projection: None, light: Light::default() }
     }
 
     /// The last light.
@@ -78,7 +150,7 @@ impl Follower {
     /// The light of the next environment.
     pub fn update(&mut self, environment: &Environment) -> &Light {
         let image = environment.image();
-        let columns = COLUMNS.min(image.width).next_multiple_of(1 << (SHARP - 1)).max(64);
+        let columns = COLUMNS.min(image.width).next_multiple_of(128);
         let reduced;
         let image = if (image.width, image.height) == (columns, columns / 2) {
             image
@@ -86,27 +158,31 @@ impl Follower {
             reduced = environment.resized(columns, columns / 2);
             reduced.image()
         };
+        let halved = |level: usize| if level < SHARP { halvings(level) } else { wide_halvings(columns, level) };
         if self.plans.first().is_none_or(|plan| plan.width != columns) {
-            self.plans = (0..SHARP).map(|k| Plan::new(columns >> halvings(k), k)).collect();
+            self.plans = (0..SHARP).map(|k| Plan::new(columns >> halved(k), k, size(columns, k))).collect();
+            self.wide =
+                (SHARP..SHARPNESS.len()).map(|k| Sums::new(columns >> halved(k), k, size(columns, k))).collect();
             self.projection = None;
         }
         let mut pictures = vec![Planes::of(image)];
-        for k in 1..=halvings(SHARP - 1) {
+        for k in 1..=(0..SHARPNESS.len()).map(halved).max().unwrap_or(0) {
             let next = pictures[k - 1].halved();
             pictures.push(next);
         }
-        // The smallest picture serves for everything wide.
-        let coarse = pictures[halvings(SHARP - 1)].environment();
-        let Some(coarse) = coarse else { return &self.light };
-        let projection = self.projection.get_or_insert_with(|| Projection::new(&coarse));
+        let Some(coarse) = pictures[halved(SHARP - 1)].environment() else { return &self.light };
         let before = std::mem::take(&mut self.light.diffuse);
         let before = (before.len() == self.lobes).then_some(before);
-        let diffuse: Vec<SphericalGaussian> = projection.fit(&coarse, self.lobes, before.as_deref());
-        let sharp = self.plans.iter().zip(SHARPNESS).zip(SIZES).enumerate();
-        let sharp =
-            sharp.filter_map(|(k, ((plan, sharpness), size))| plan.level(&pictures[halvings(k)], sharpness, size));
-        let mut levels: Vec<Level> = sharp.collect();
-        levels.extend((SHARP..SHARPNESS.len()).filter_map(|k| level(&coarse, SHARPNESS[k], SIZES[k])));
+        let Follower { lobes, plans, wide, projection, .. } = self;
+        let projection = projection.get_or_insert_with(|| Projection::new(&coarse));
+        let (diffuse, levels) = crate::parallel::join(
+            || projection.fit(&coarse, *lobes, before.as_deref()),
+            || {
+                let sharp = plans.iter().enumerate().filter_map(|(k, plan)| plan.level(&pictures[halved(k)], k));
+                let wide = wide.iter().zip(SHARP..).filter_map(|(sums, k)| sums.level(&pictures[halved(k)], k));
+                sharp.chain(wide).collect::<Vec<Level>>()
+            },
+        );
         self.light = Light { diffuse, levels };
         &self.light
     }
@@ -123,6 +199,13 @@ impl Planes {
     fn of(image: &RgbImage) -> Self {
         let lists = std::array::from_fn(|c| image.data.iter().map(|p| p[c]).collect());
         Planes { width: image.width, height: image.height, lists }
+    }
+
+    /// Sum of weighted pixels.
+    fn sum(&self, pixels: &[(u32, f32)]) -> [f32; 3] {
+        pixels.iter().fold([0.0; 3], |sums, &(at, weight)| {
+            std::array::from_fn(|c| sums[c] + weight * self.lists[c][at as usize])
+        })
     }
 
     /// Means of four pixels, rows by the sines of their angles.
@@ -150,10 +233,10 @@ impl Planes {
 }
 
 impl Plan {
-    /// Of a level and a picture of `width` x `width / 2` pixels.
-    fn new(width: usize, number: usize) -> Self {
+    /// Of a level of `size` cells along a side and a picture of `width` x `width / 2` pixels.
+    fn new(width: usize, number: usize, size: usize) -> Self {
         use std::f64::consts::PI;
-        let (height, size, sharpness) = (width / 2, SIZES[number], SHARPNESS[number]);
+        let (height, sharpness) = (width / 2, SHARPNESS[number]);
         let pixel = PI / height as f64;
         let cell = 4.0 * PI / (size * size) as f64;
         // The first picture's pixels are meant to be spread over tents. Reading between this picture's spreads them likewise, its own
@@ -191,38 +274,39 @@ impl Plan {
                 let v = (theta / PI * height as f64 - 0.5).clamp(0.0, height as f64 - 1.001);
                 let column = (u.floor() as isize).rem_euclid(width as isize) as usize;
                 let row = v as usize;
-                Place::Between((row * width + column) as u32, (u - u.floor()) as f32, (v - row as f64) as f32)
+                // Rows have their first pixel once more at the end.
+                Place::Between((row * (width + 1) + column) as u32, (u - u.floor()) as f32, (v - row as f64) as f32)
             })
             .collect();
-        Plan { width, height, along, down, places, polar }
+        Plan { size, width, height, along, down, places, polar }
     }
 
-    fn level(&self, picture: &Planes, sharpness: f64, size: usize) -> Option<Level> {
-        let width = self.width;
+    fn level(&self, picture: &Planes, number: usize) -> Option<Level> {
+        let (width, size) = (self.width, self.size);
         let blurred: Vec<[Vec<f32>; 3]> = crate::parallel::map(self.height, |y| {
             picture.lists.each_ref().map(|list| blur(&list[y * width..][..width], &self.along[y]))
         });
         // Each row with its first pixel once more at the end.
-        let rows: Vec<Vec<[f32; 3]>> = crate::parallel::map(self.height, |y| {
+        let mut rows = vec![[0.0f32; 3]; self.height * (width + 1)];
+        crate::parallel::parts(&mut rows, width + 1, |y, sums| {
             let (first, weights) = &self.down[y];
-            let mut sums = [0, 1, 2].map(|_| vec![0.0f32; width]);
+            let mut lists = [0, 1, 2].map(|_| vec![0.0f32; width]);
             for (row, &weight) in blurred[*first..].iter().zip(weights) {
-                for (sum, list) in sums.iter_mut().zip(row) {
-                    sum.iter_mut().zip(list).for_each(|(sum, value)| *sum += weight * value);
+                for (list, blurred) in lists.iter_mut().zip(row) {
+                    list.iter_mut().zip(blurred).for_each(|(sum, value)| *sum += weight * value);
                 }
             }
-            (0..width + 1).map(|x| sums.each_ref().map(|sum| sum[x % width])).collect()
+            for (k, sum) in sums[..width].iter_mut().enumerate() {
+                *sum = lists.each_ref().map(|list| list[k]);
+            }
+            sums[width] = sums[0];
         });
         let cells = crate::parallel::map(size, |row| {
             let cells = (row * size..(row + 1) * size).map(|k| match self.places[k] {
-                Place::Polar(first, end) => {
-                    let pixels = &self.polar[first as usize..end as usize];
-                    let sum = |list: &Vec<f32>| pixels.iter().map(|&(at, weight)| weight * list[at as usize]).sum();
-                    picture.lists.each_ref().map(sum)
-                }
+                Place::Polar(first, end) => picture.sum(&self.polar[first as usize..end as usize]),
                 Place::Between(at, s, t) => {
-                    let (x, y) = (at as usize % width, at as usize / width);
-                    let (upper, lower) = (&rows[y][x..x + 2], &rows[y + 1][x..x + 2]);
+                    let at = at as usize;
+                    let (upper, lower) = (&rows[at..at + 2], &rows[at + width + 1..at + width + 3]);
                     std::array::from_fn(|c| {
                         let a = upper[0][c] + (upper[1][c] - upper[0][c]) * s;
                         let b = lower[0][c] + (lower[1][c] - lower[0][c]) * s;
@@ -232,7 +316,7 @@ impl Plan {
             });
             cells.collect::<Vec<[f32; 3]>>()
         });
-        Level::new(sharpness, size, cells.concat())
+        Level::new(SHARPNESS[number], size, cells.concat())
     }
 }
 

@@ -159,7 +159,8 @@ pub fn half_space_published(sharpness: f64, distance: f64) -> f64 {
 #[inline]
 pub fn half_space_share_published(log: f32, distance: f32) -> f32 {
     let steep = ((0.204 * log - 0.892) * log + 2.995) * log + 0.067;
-    1.05 / (1.0 + (-steep * distance).exp()) - 0.025
+    // Overflow and underflow are slow.
+    1.05 / (1.0 + (-steep * distance).clamp(-80.0, 80.0).exp()) - 0.025
 }
 
 /// Share of the lobe that a half-space at a signed angle leaves, 0 to 1.

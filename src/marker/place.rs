@@ -78,6 +78,11 @@ impl Placement {
         (self.matrix() * DVec3::from_array(direction)).to_array()
     }
 
+    /// A direction of the world in the object's axes.
+    pub fn to_local(&self, direction: [f64; 3]) -> [f64; 3] {
+        (self.matrix().transpose() * DVec3::from_array(direction)).to_array()
+    }
+
     /// The world's ground in the object's coordinates.
     pub fn ground(&self) -> Ground {
         let back = self.matrix().transpose();

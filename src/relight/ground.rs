@@ -4,15 +4,15 @@ use super::cameras::bounds;
 use super::octahedral::texel_direction;
 use super::scene::Relit;
 use super::shadow::ShadowMap;
-use super::surround::Surround;
+use super::surround::{BLURRED_SIDE, Surround};
 use crate::asset::{Camera, Mesh};
 use crate::error::{Error, Result};
 use crate::image::{Grid, RgbImage};
 use crate::surface::visibility::Occluders;
-use glam::{Vec2, Vec3};
+use glam::{DVec3, Vec2, Vec3, Vec4};
 
 /// Side of the grid of directions that light is summed over.
-const DIRECTIONS: usize = 32;
+const DIRECTIONS: usize = BLURRED_SIDE;
 /// Points of the ground along each side at which its light is computed.
 const POINTS: usize = 72;
 /// The same where ratios are kept that have sharp shadows in them.
@@ -45,12 +45,12 @@ pub fn ground_shadow(mesh: &Mesh, surround: &Surround, ground: &Ground, camera: 
     let mut shadow = GroundShadow::new(mesh, ground)?;
     shadow.light(surround);
     let (width, height) = (camera.width as usize, camera.height as usize);
-    let rows = crate::parallel::map(height, |row| {
-        let pixel =
-            |column: usize| shadow.seen(camera, [column, row]).map_or([1.0; 3], |at| shadow.ratio(at).to_array());
-        (0..width).map(pixel).collect::<Vec<_>>()
+    let view = shadow.view(camera);
+    let data = crate::parallel::map(width * height, |k| {
+        let place = view.place([(k % width) as f32 + 0.5, (k / width) as f32 + 0.5]);
+        place.map_or([1.0; 3], |at| shadow.ratio(at).to_array())
     });
-    Ok(Grid { width, height, data: rows.concat() })
+    Ok(Grid { width, height, data })
 }
 
 /// The shadow of an object on a plane, for lights that change and cameras that move.
@@ -70,7 +70,9 @@ pub struct GroundShadow<'a> {
     blocked: Vec<u16>,
     starts: Vec<u32>,
     light: GroundLight,
-    texture: Grid<Vec3>,
+    /// Ratios less 1, and the lower and upper corner of what they darken.
+    texture: Grid<Vec4>,
+    dark: [Vec2; 2],
 }
 
 /// What a light does on the plane.
@@ -79,7 +81,7 @@ struct GroundLight {
     /// Irradiance without the object.
     all: Vec3,
     /// What the object takes of the levels' light, on a grid that is denser in the middle.
-    taken: Grid<Vec3>,
+    taken: Grid<Vec4>,
     /// Distant lights: irradiance, radius, depth map.
     maps: Vec<(Vec3, f64, Option<ShadowMap>)>,
 }
@@ -132,25 +134,28 @@ impl<'a> GroundShadow<'a> {
             starts,
             light: GroundLight::default(),
             texture: Grid::default(),
+            dark: [Vec2::ZERO; 2],
         })
     }
 
     /// Takes a light, in the object's axes as the mesh.
     pub fn light(&mut self, surround: &Surround) {
-        self.take(surround, surround.cells(DIRECTIONS));
+        self.take(surround, &surround.cells(DIRECTIONS));
     }
 
     /// As [`Self::light`], blurred by some degrees, in a fraction of the time.
     pub fn light_blurred(&mut self, surround: &Surround) {
-        self.take(surround, surround.blurred_cells(DIRECTIONS));
+        self.take(surround, surround.blurred_cells());
     }
 
-    fn take(&mut self, surround: &Surround, cells: Vec<Vec3>) {
+    fn take(&mut self, surround: &Surround, cells: &[Vec3]) {
         let up = self.axes[0];
         let lit: Vec<Vec3> = self.above.iter().map(|&(k, cosine)| cells[k as usize] * cosine).collect();
         let whole: Vec3 = lit.iter().sum();
         let list = |k: usize| &self.blocked[self.starts[k] as usize..self.starts[k + 1] as usize];
-        let taken = (0..POINTS * POINTS).map(|k| list(k).iter().map(|&entry| lit[entry as usize]).sum()).collect();
+        let taken = crate::parallel::map(POINTS * POINTS, |k| {
+            list(k).iter().map(|&entry| lit[entry as usize]).sum::<Vec3>().extend(0.0)
+        });
         let maps: Vec<(Vec3, f64, Option<ShadowMap>)> = surround
             .distant
             .iter()
@@ -164,61 +169,57 @@ impl<'a> GroundShadow<'a> {
             .collect();
         let all = whole + maps.iter().map(|(light, ..)| *light).sum::<Vec3>();
         self.light = GroundLight { all, taken: Grid { width: POINTS, height: POINTS, data: taken }, maps };
-        self.texture = Grid::default();
+        (self.texture, self.dark) = (Grid::default(), [Vec2::ZERO; 2]);
     }
 
-    /// Keeps the ratios of the light on a grid of the plane, which [`Self::darken`] reads: sums over distant lights are slow.
+    /// Keeps the ratios of the light on a grid of the plane, which [`Self::seen_by`] reads: sums over distant lights are slow.
     pub fn keep(&mut self) {
         let side = if self.light.maps.is_empty() { POINTS } else { KEPT_POINTS };
         let place = |k: usize| {
             let t = 2.0 * k as f32 / (side - 1) as f32 - 1.0;
             t * t.abs() * self.reach * 0.9999
         };
-        let data = crate::parallel::map(side * side, |k| self.ratio(Vec2::new(place(k % side), place(k / side))) - 1.0);
+        let data = crate::parallel::map(side * side, |k| {
+            (self.ratio(Vec2::new(place(k % side), place(k / side))) - 1.0).extend(0.0)
+        });
+        let (mut low, mut high) = ([side; 2], [0; 2]);
+        for (k, _) in data.iter().enumerate().filter(|(_, less)| less.min_element() < VISIBLE - 1.0) {
+            let node = [k % side, k / side];
+            (low, high) = (std::array::from_fn(|i| low[i].min(node[i])), std::array::from_fn(|i| high[i].max(node[i])));
+        }
+        // Up to the nodes around those.
+        self.dark = match low[0] < side {
+            true => [
+                Vec2::from_array(low.map(|k| place(k.saturating_sub(1)))),
+                Vec2::from_array(high.map(|k| place((k + 1).min(side - 1)))),
+            ],
+            false => [Vec2::ZERO; 2],
+        };
         self.texture = Grid { width: side, height: side, data };
     }
 
-    /// For the pixels of some rows that see a part of the ground which the object darkens: their number in the rows, and the ratio.
-    pub fn darken(&self, camera: &Camera, rows: std::ops::Range<usize>, mut visit: impl FnMut(usize, [f32; 3])) {
-        let (width, first_row) = (camera.width as usize, rows.start);
-        let centre = single(camera.centre()) - self.origin;
-        let [above, beside, beyond] = self.axes.map(|axis| centre.dot(axis));
-        for row in rows {
-            // Along a row the rays change evenly.
-            let ray = |column: f64| single(camera.ray([column, row as f64 + 0.5]));
-            let (first, step) = (ray(0.5), ray(1.5) - ray(0.5));
-            let [up, x, y] = self.axes.map(|axis| (first.dot(axis), step.dot(axis)));
-            for column in 0..width {
-                let along = |(first, step): (f32, f32)| first + column as f32 * step;
-                let t = -above / along(up);
-                let at = Vec2::new(beside + t * along(x), beyond + t * along(y));
-                if !(t > 0.0 && at.x.abs() < self.reach && at.y.abs() < self.reach) {
-                    continue;
-                }
-                let ratio = Vec3::ONE + between(&self.texture, at, self.reach);
-                if ratio.min_element() < VISIBLE {
-                    visit((row - first_row) * width + column, ratio.to_array());
-                }
-            }
-        }
+    /// The kept ratios as a camera sees them.
+    pub fn seen_by(&self, camera: &Camera) -> SeenShadow<'_> {
+        SeenShadow { view: self.view(camera), texture: &self.texture, reach: self.reach, dark: self.dark }
     }
 
-    /// The place on the plane that a pixel's middle sees.
-    #[inline]
-    fn seen(&self, camera: &Camera, [column, row]: [usize; 2]) -> Option<Vec2> {
-        let [up, x, y] = self.axes;
-        let centre = single(camera.centre());
-        let ray = single(camera.ray([column as f64 + 0.5, row as f64 + 0.5]));
-        let t = (self.origin - centre).dot(up) / ray.dot(up);
-        let beyond = centre + ray * t - self.origin;
-        (t.is_finite() && t > 0.0).then(|| Vec2::new(beyond.dot(x), beyond.dot(y)))
+    fn view(&self, camera: &Camera) -> View {
+        let centre = single(camera.centre()) - self.origin;
+        // Over the picture the rays change evenly; the small differences are taken in double precision.
+        let [first, right, below] =
+            [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]].map(|pixel| DVec3::from_array(camera.ray(pixel)));
+        let axes = self.axes.map(|axis| {
+            let along = [right - first, below - first, first].map(|d| d.dot(axis.as_dvec3()));
+            (DVec3::from_array(along).as_vec3(), centre.dot(axis))
+        });
+        View { axes }
     }
 
     fn ratio(&self, at: Vec2) -> Vec3 {
         let GroundLight { all, taken, maps } = &self.light;
         let [_, x, y] = self.axes;
         let point = self.origin + x * at.x + y * at.y;
-        let mut light = *all - between(taken, at, self.reach);
+        let mut light = *all - between(taken, at, self.reach).truncate();
         for (part, disc, map) in maps {
             if let Some(map) = map {
                 light -= *part * (1.0 - map.soft_reach(point.as_dvec3().to_array(), self.ground.up, *disc) as f32);
@@ -228,22 +229,60 @@ impl<'a> GroundShadow<'a> {
     }
 }
 
-/// Bilinear between the grid's points, nothing beyond them.
-fn between(grid: &Grid<Vec3>, at: Vec2, reach: f32) -> Vec3 {
-    let last = grid.width.saturating_sub(1) as f32;
-    let place = |t: f32| {
-        let t = t / reach;
-        (t.abs().sqrt().copysign(t) + 1.0) * 0.5 * last
-    };
-    let (u, v) = (place(at.x), place(at.y));
-    if !(u >= 0.0 && v >= 0.0 && u < last && v < last) {
-        return Vec3::ZERO;
+/// Where the rays of a picture's pixels meet the plane.
+struct View {
+    /// Of the plane's normal and its other axes: what a ray has along it, for column, row and 1, and what the camera's centre has.
+    axes: [(Vec3, f32); 3],
+}
+
+impl View {
+    /// The place on the plane that a place of the picture, in pixels, shows.
+    #[inline]
+    fn place(&self, [x, y]: [f32; 2]) -> Option<Vec2> {
+        let pixel = Vec3::new(x, y, 1.0);
+        let [(up, above), (first, beside), (second, beyond)] = self.axes;
+        let t = -above / up.dot(pixel);
+        (t > 0.0 && t < f32::INFINITY).then(|| Vec2::new(beside + t * first.dot(pixel), beyond + t * second.dot(pixel)))
     }
-    let (column, row) = (u as usize, v as usize);
-    let (s, t) = (u - column as f32, v - row as f32);
-    let upper = grid.at(column, row).lerp(*grid.at(column + 1, row), s);
-    let lower = grid.at(column, row + 1).lerp(*grid.at(column + 1, row + 1), s);
-    upper.lerp(lower, t)
+}
+
+/// A kept shadow in a camera's picture.
+pub struct SeenShadow<'a> {
+    view: View,
+    texture: &'a Grid<Vec4>,
+    reach: f32,
+    dark: [Vec2; 2],
+}
+
+impl SeenShadow<'_> {
+    /// The ratio at a place of the picture, in pixels; `None` where nothing is darkened.
+    #[inline]
+    pub fn ratio(&self, pixel: [f32; 2]) -> Option<[f32; 3]> {
+        let at = self.view.place(pixel)?;
+        let [low, high] = self.dark;
+        if !(at.cmpgt(low) & at.cmplt(high)).all() {
+            return None;
+        }
+        let less = between(self.texture, at, self.reach);
+        (less.min_element() < VISIBLE - 1.0).then(|| (less.truncate() + 1.0).to_array())
+    }
+}
+
+/// Bilinear between the grid's points, nothing beyond them. The fourth number is there for whole registers.
+#[inline]
+fn between(grid: &Grid<Vec4>, at: Vec2, reach: f32) -> Vec4 {
+    let last = grid.width.saturating_sub(1) as f32;
+    let t = at / reach;
+    let root = Vec2::new(t.x.abs().sqrt().copysign(t.x), t.y.abs().sqrt().copysign(t.y));
+    let place = (root + 1.0) * (0.5 * last);
+    if !(place.cmpge(Vec2::ZERO) & place.cmplt(Vec2::splat(last))).all() {
+        return Vec4::ZERO;
+    }
+    let (column, row) = (place.x as usize, place.y as usize);
+    let (s, t) = (place.x - column as f32, place.y - row as f32);
+    let first = row * grid.width + column;
+    let (upper, lower) = (&grid.data[first..first + 2], &grid.data[first + grid.width..first + grid.width + 2]);
+    upper[0].lerp(upper[1], s).lerp(lower[0].lerp(lower[1], s), t)
 }
 
 /// The object over a photograph, its shadow on the ground (16). All linear and of one size.
@@ -301,9 +340,10 @@ mod tests {
         let mut shadow = GroundShadow::new(&mesh, &ground).unwrap();
         shadow.light(&surround);
         shadow.keep();
-        let mut kept = RgbImage::filled(160, 120, [1.0; 3]);
-        shadow.darken(&camera, 0..120, |k, ratio| kept.data[k] = ratio);
-        let squares = exact.data.iter().zip(&kept.data).map(|(a, b)| (a[1] - b[1]).powi(2) as f64).sum::<f64>();
+        let seen = shadow.seen_by(&camera);
+        let kept =
+            (0..160 * 120).map(|k| seen.ratio([(k % 160) as f32 + 0.5, (k / 160) as f32 + 0.5]).unwrap_or([1.0; 3]));
+        let squares = exact.data.iter().zip(kept).map(|(a, b)| (a[1] - b[1]).powi(2) as f64).sum::<f64>();
         let psnr = -10.0 * (squares / exact.data.len() as f64).log10();
         let dark = exact.data.iter().filter(|p| p[1] < 0.5).count();
         assert!(psnr > 40.0 && dark > 300, "{psnr} dB, {dark} dark pixels");

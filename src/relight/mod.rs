@@ -40,8 +40,6 @@ pub use occlusion::Occlusion;
 #[cfg(feature = "encode")]
 pub use reference::{ReferenceOptions, reference};
 pub use renderer::Renderer;
-#[cfg(feature = "encode")]
-pub(crate) use scene::finer;
 pub use scene::{EnvironmentOptions, Evaluator, Object, Relit, Scene};
 pub use surround::{DistantLight, Surround, SurroundOptions};
 pub use textures::{AssetLook, Texture, TexturedLook, Textures};

@@ -1,21 +1,21 @@
-//! Pictures in motion: the sums of [`super::better`] and [`super::published`] in single precision, one sample a pixel, with everything
-//! prepared that stays when the camera moves.
+//! Pictures in motion: the sums of [`super::better`] and [`super::published`] in single precision, with everything prepared that stays when
+//! the camera moves.
 //!
 //! What differs from still pictures: reflection functions are read from tables ([`super::gloss`]); specular light of the levels is summed at
-//! one of four samples and interpolated between like normals; the published evaluator's diffuse light is summed at the places that visibility
-//! is known at.
+//! one of four pixels and interpolated between like normals; the published evaluator's diffuse light is summed at the places that visibility
+//! is known at; samples of a pixel are shaded together where they show one piece of surface.
 
 use super::appearance::{Appearance, Look, Prepared};
 use super::bands::Samples;
 use super::octahedral::to_square;
-use super::scene::{Evaluator, Point, Scene};
+use super::scene::{Evaluator, Point, Scene, finer};
 use super::surround::{Surround, level_of, log2};
 use super::{better, published};
 use crate::asset::Camera;
 use crate::error::Result;
-use crate::image::{Mask, RgbImage};
+use crate::image::{Grid, RgbImage};
 use crate::lighting::spherical_gaussian::{COSINE_PUBLISHED, half_space_share_published};
-use crate::parallel::rows;
+use crate::parallel::{parts, rows};
 use crate::surface::raster::check_work;
 use glam::Vec3;
 use std::borrow::Cow;
@@ -25,22 +25,26 @@ use std::f32::consts::{LN_2, PI};
 const FAINT: f32 = 1e-4;
 /// Rows that are worked on at a time.
 const ROWS: usize = 8;
+/// Pieces of surface in a pixel that are told apart; samples of others count for the last.
+const PIECES: usize = 4;
+/// Cosine between the normals of triangles that touch, from which on they are one piece.
+const LIKE: f32 = 0.8;
 
 /// A scene prepared for many pictures.
 pub struct Motion<'a> {
     stage: Stage<'a>,
     samples: Samples,
-    coarse: [Vec<Option<(Vec3, Vec3)>>; 2],
+    coarse: Vec<Option<(Vec3, Vec3)>>,
     frame: Frame,
 }
 
 /// A picture in motion.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Frame {
-    /// Linear radiance, Rec. 709; 0 where nothing is hit.
+    /// Linear radiance, Rec. 709; 0 where nothing is hit. Of pixels that the object covers in part it is that part's share.
     pub image: RgbImage,
-    /// Pixels whose central ray meets the mesh.
-    pub hit: Mask,
+    /// Share of each pixel that shows the object.
+    pub coverage: Grid<f32>,
 }
 
 struct Stage<'a> {
@@ -65,6 +69,24 @@ struct Face {
     partial: u64,
 }
 
+/// Samples of a pixel that show one triangle and such as touch it.
+#[derive(Clone, Copy, Default)]
+struct Piece {
+    triangle: usize,
+    /// Sums of the second and third corner's weights over the samples within the triangle, and the number of those.
+    weights: [f32; 2],
+    inside: u32,
+    /// All samples.
+    count: u32,
+}
+
+impl Piece {
+    #[inline]
+    fn of(samples: &Samples, index: usize) -> Self {
+        Piece { triangle: samples.triangle[index] as usize, weights: samples.weights[index], inside: 1, count: 1 }
+    }
+}
+
 /// A surface point in a picture.
 struct Spot {
     point: Point,
@@ -73,7 +95,7 @@ struct Spot {
 }
 
 impl<'a> Motion<'a> {
-    /// Prepares the scene. Its `samples` are taken to be 1.
+    /// Prepares the scene.
     pub fn new(scene: &'a Scene<'a>) -> Self {
         let published = scene.options.evaluator == Evaluator::Published;
         let irradiance = if published { published::irradiance(scene) } else { scene.irradiance.clone() };
@@ -87,42 +109,49 @@ impl<'a> Motion<'a> {
             false => Cow::Owned(Surround::of_levels(&light.levels)),
         });
         let stage = Stage { scene, vertices, irradiance, faces, levels };
-        Motion { stage, samples: Samples::default(), coarse: Default::default(), frame: Frame::default() }
+        Motion { stage, samples: Samples::default(), coarse: Vec::new(), frame: Frame::default() }
     }
 
     /// Draws one picture.
     pub fn draw(&mut self, camera: &Camera, look: &dyn Look) -> Result<&Frame> {
         let mesh = self.stage.scene.object.mesh;
-        check_work(mesh, camera)?;
-        let Motion { stage, samples, coarse: [coarse, coarser], frame } = self;
-        samples.draw(mesh, camera);
+        let fine = finer(camera, self.stage.scene.options.samples);
+        check_work(mesh, &fine)?;
+        let Motion { stage, samples, coarse, frame } = self;
+        samples.draw(mesh, &fine);
         let centre = Vec3::from_array(camera.centre().map(|x| x as f32));
-        let (width, height) = (samples.width, samples.height);
+        let (width, height) = (camera.width as usize, camera.height as usize);
         let (half_width, half_height) = (width.div_ceil(2), height.div_ceil(2));
         coarse.resize(half_width * half_height, None);
-        coarser.resize(half_width * half_height, None);
-        rows(coarse, coarser, half_width * ROWS / 2, |part, values, _| {
+        parts(coarse, half_width * ROWS / 2, |part, values| {
             for (k, value) in values.iter_mut().enumerate() {
                 let (x, y) = (k % half_width * 2, (part * ROWS / 2 + k / half_width) * 2);
-                // Of the four samples the first that shows the object.
+                // Of the four pixels the first that shows the object.
                 let places = [(x, y), (x + 1, y), (x, y + 1), (x + 1, y + 1)];
-                let shown = places.iter().filter(|&&(x, y)| x < width && y < height).map(|&(x, y)| y * width + x);
-                let spot = shown.filter_map(|index| stage.spot(samples, index, centre)).next();
+                let shown = places.iter().filter(|&&(x, y)| x < width && y < height);
+                let spot = shown.filter_map(|&at| stage.spot(&stage.first(samples, at)?, centre)).next();
                 *value = spot.and_then(|spot| Some((spot.point.normal, stage.reflected(&spot.point, look)?)));
             }
         });
         let coarse = Coarse { width: half_width, height: half_height, values: coarse };
         if (frame.image.width, frame.image.height) != (width, height) {
             frame.image = RgbImage::filled(width, height, [0.0; 3]);
-            frame.hit = Mask::filled(width, height, false);
+            frame.coverage = Grid::filled(width, height, 0.0);
         }
-        rows(&mut frame.image.data, &mut frame.hit.data, width * ROWS, |part, image, hits| {
-            for (k, (pixel, hit)) in image.iter_mut().zip(hits).enumerate() {
-                let index = part * ROWS * width + k;
-                (*pixel, *hit) = ([0.0; 3], samples.is_covered(index));
-                if let Some(spot) = stage.spot(samples, index, centre) {
-                    *pixel = stage.radiance(&spot, look, &coarse, [index % width, index / width]).to_array();
+        let share = 1.0 / (stage.scene.options.samples as f32).powi(2);
+        rows(&mut frame.image.data, &mut frame.coverage.data, width * ROWS, |part, image, coverage| {
+            let mut list = [Piece::default(); PIECES];
+            for (k, (pixel, covered)) in image.iter_mut().zip(coverage).enumerate() {
+                let (x, y) = (k % width, part * ROWS + k / width);
+                let mut sum = Vec3::ZERO;
+                *covered = 0.0;
+                for piece in stage.pieces(samples, (x, y), &mut list) {
+                    *covered += share * piece.count as f32;
+                    if let Some(spot) = stage.spot(piece, centre) {
+                        sum += share * piece.count as f32 * stage.radiance(&spot, look, &coarse, [x, y]);
+                    }
                 }
+                *pixel = sum.to_array();
             }
         });
         Ok(frame)
@@ -152,15 +181,56 @@ fn face(scene: &Scene, triangle: usize) -> Face {
 }
 
 impl Stage<'_> {
-    /// The point that a sample shows, if it faces the camera.
+    /// The first sample of a pixel that shows the object.
     #[inline]
-    fn spot(&self, samples: &Samples, index: usize, centre: Vec3) -> Option<Spot> {
-        if !samples.is_covered(index) {
-            return None;
+    fn first(&self, samples: &Samples, at: (usize, usize)) -> Option<Piece> {
+        let index = self.samples_of(samples, at).find(|&index| samples.is_covered(index))?;
+        Some(Piece::of(samples, index))
+    }
+
+    /// Numbers of a pixel's samples.
+    #[inline]
+    fn samples_of(&self, samples: &Samples, (x, y): (usize, usize)) -> impl Iterator<Item = usize> + use<> {
+        let (n, width) = (self.scene.options.samples as usize, samples.width);
+        let first = y * n * width + x * n;
+        (0..n).flat_map(move |row| first + row * width..first + row * width + n)
+    }
+
+    /// Puts the pieces of surface that a pixel shows into a list.
+    #[inline]
+    fn pieces<'p>(&self, samples: &Samples, at: (usize, usize), list: &'p mut [Piece; PIECES]) -> &'p [Piece] {
+        let triangles = &self.scene.object.mesh.triangles;
+        let mut count = 0;
+        for index in self.samples_of(samples, at) {
+            if !samples.is_covered(index) {
+                continue;
+            }
+            let new = Piece::of(samples, index);
+            let touches = |other: usize| {
+                let shared = triangles[new.triangle].iter().any(|corner| triangles[other].contains(corner));
+                shared && self.faces[new.triangle].normal.dot(self.faces[other].normal) > LIKE
+            };
+            let known = &mut list[..count];
+            if let Some(piece) = known.iter_mut().find(|piece| piece.triangle == new.triangle) {
+                piece.weights = [piece.weights[0] + new.weights[0], piece.weights[1] + new.weights[1]];
+                piece.inside += 1;
+                piece.count += 1;
+            } else if let Some(k) = (0..count).find(|&k| k == PIECES - 1 || touches(known[k].triangle)) {
+                known[k].count += 1;
+            } else {
+                list[count] = new;
+                count += 1;
+            }
         }
-        let triangle = samples.triangle[index] as usize;
+        &list[..count]
+    }
+
+    /// The point that stands for a piece, if it faces the camera.
+    #[inline]
+    fn spot(&self, piece: &Piece, centre: Vec3) -> Option<Spot> {
+        let triangle = piece.triangle;
         let corners = self.scene.object.mesh.triangles[triangle];
-        let [b, c] = samples.weights[index];
+        let [b, c] = piece.weights.map(|sum| sum / piece.inside as f32);
         let weights = Vec3::new(1.0 - b - c, b, c);
         let [p, q, r] = corners.map(|v| &self.vertices[v as usize]);
         let position = p.position * weights.x + q.position * b + r.position * c;
@@ -208,7 +278,7 @@ impl Stage<'_> {
             let length = together.length();
             let exponent = (sharpness + cosine_sharpness) * (length - 1.0);
             let (axis, sharpness) = (together / length, (sharpness + cosine_sharpness) * length);
-            let whole = 2.0 * PI / sharpness * (1.0 - (-2.0 * sharpness).exp());
+            let whole = 2.0 * PI / sharpness * published::whole(2.0 * sharpness);
             let square = to_square(axis);
             let log = log2(sharpness) * LN_2;
             let seen = occlusion.map_or(1.0, |o| {
@@ -290,7 +360,7 @@ impl Stage<'_> {
     }
 }
 
-/// Normal and specular reflection of every fourth sample, where it shows a shiny object.
+/// Normal and specular reflection of every fourth pixel, where it shows a shiny object.
 struct Coarse<'a> {
     width: usize,
     height: usize,

@@ -34,18 +34,21 @@ pub(super) struct Sphere {
 }
 
 impl Sphere {
-    /// From a value for each texel's direction, in parallel by rows.
-    pub(super) fn new(side: usize, value: impl Fn(usize, usize) -> Vec3 + Sync) -> Self {
-        let rows = crate::parallel::map(side, |y| (0..side).map(|x| value(x, y)).collect::<Vec<_>>());
-        let inner: Vec<Vec3> = rows.concat();
+    /// From a value for each texel's direction, in parallel by rows; those at the edges are asked for twice.
+    pub(super) fn new(side: usize, value: impl Fn(usize, usize) -> Vec3 + Sync + Send) -> Self {
         let pitch = side + 2;
         let mut texels = vec![Vec3::ZERO; pitch * pitch];
-        for y in -1..=side as isize {
-            for x in -1..=side as isize {
+        crate::parallel::parts(&mut texels, pitch, |row, texels| {
+            let y = row as isize - 1;
+            let beyond = |x: isize| {
                 let cell = octahedral::wrap(x, y, side);
-                texels[(y + 1) as usize * pitch + (x + 1) as usize] = inner[cell];
+                value(cell % side, cell / side)
+            };
+            let inner = (0..side as isize).contains(&y);
+            for (texel, x) in texels.iter_mut().zip(-1..) {
+                *texel = if inner && (0..side as isize).contains(&x) { value(x as usize, row - 1) } else { beyond(x) };
             }
-        }
+        });
         Sphere { side, texels }
     }
 

@@ -2,9 +2,11 @@
 
 use super::appearance::{Appearance, Prepared};
 use super::scene::{Point, Scene};
+use super::surround::log2;
 use crate::lighting::SphericalGaussian;
+use crate::lighting::spherical_gaussian::{COSINE_PUBLISHED, half_space_share_published};
 use glam::Vec3;
-use std::f32::consts::PI;
+use std::f32::consts::{LN_2, PI};
 
 /// Radiance towards the camera, diffuse and specular.
 pub(super) fn radiance(scene: &Scene, point: &Point, appearance: &Appearance) -> [Vec3; 2] {
@@ -20,20 +22,28 @@ pub(super) fn irradiance(scene: &Scene) -> Vec<Vec3> {
     crate::parallel::map(normals.len(), |k| irradiance_at(scene, normals[k], [k as u32; 3], Vec3::X))
 }
 
-/// The lobes of the light, each times the clamped cosine and cut by the visibility (13).
+/// The lobes of the light, each times the clamped cosine and cut by the visibility (13): [`SphericalGaussian::product`] and
+/// [`SphericalGaussian::visible_published`] in single precision.
 fn irradiance_at(scene: &Scene, normal: Vec3, places: [u32; 3], shares: Vec3) -> Vec3 {
     let Some(light) = scene.light else { return Vec3::ZERO };
     let occlusion = scene.object.occlusion.filter(|_| scene.options.shadows);
-    let cosine = SphericalGaussian::cosine_published(normal.as_dvec3().to_array());
+    let (cosine_sharpness, cosine_amplitude) = (COSINE_PUBLISHED.0 as f32, COSINE_PUBLISHED.1 as f32);
     let mut irradiance = Vec3::ZERO;
     for lobe in &light.diffuse {
-        let product = cosine.product(lobe);
-        let distance = occlusion.map(|o| o.towards(places, shares, single(product.axis)) as f64);
-        let sum = match distance {
-            Some(distance) => product.visible_published(distance),
-            None => product.integral(),
+        let (axis, sharpness) = (single(lobe.axis), lobe.sharpness as f32);
+        let sum = cosine_sharpness * normal + sharpness * axis;
+        let product = sum.length().max(1e-3);
+        // Of the lengths' difference, without cancellation.
+        let both = cosine_sharpness + sharpness;
+        let exponent = 2.0 * cosine_sharpness * sharpness * (normal.dot(axis) - 1.0) / (product + both);
+        let share = match occlusion {
+            Some(occlusion) => {
+                let distance = occlusion.towards(places, shares, sum / product);
+                half_space_share_published(log2(product) * LN_2, distance) * whole(product)
+            }
+            None => whole(2.0 * product),
         };
-        irradiance += single(sum);
+        irradiance += single(lobe.amplitude) * (cosine_amplitude * exponent.exp() * share * 2.0 * PI / product);
     }
     irradiance
 }
@@ -68,6 +78,13 @@ pub(super) fn reflected(scene: &Scene, point: &Point, prepared: &Prepared) -> Ve
         shine += smooth * single(shadowed.integral()) * Vec3::from_array(mean);
     }
     shine
+}
+
+/// `1 - exp(-x)`.
+#[inline]
+pub(super) fn whole(x: f32) -> f32 {
+    // Underflow is slow.
+    1.0 - (-x.min(80.0)).exp()
 }
 
 fn single(v: [f64; 3]) -> Vec3 {

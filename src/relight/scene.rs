@@ -235,7 +235,7 @@ pub(super) fn draw(object: &Object, drawn: &Drawn, shade: impl Fn(&Point, usize)
 }
 
 /// The same view with more pixels.
-pub(crate) fn finer(camera: &Camera, samples: u32) -> Camera {
+pub(super) fn finer(camera: &Camera, samples: u32) -> Camera {
     let scale = samples as f64;
     Camera {
         width: camera.width * samples,

@@ -7,6 +7,7 @@ use crate::lighting::prefiltered::SHARPNESS;
 #[cfg(feature = "encode")]
 use crate::lighting::{Environment, levels::levels};
 use glam::Vec3;
+use std::sync::OnceLock;
 
 /// Cells along a side of the sharpest levels' grids.
 #[cfg(feature = "encode")]
@@ -17,6 +18,8 @@ const MOST_LIGHTS: usize = 64;
 
 /// A level that still shows where light comes from and has few cells: sharpness 82.
 const BLURRED: usize = 4;
+/// Cells along a side of the grid that it is summed in.
+pub(super) const BLURRED_SIDE: usize = 32;
 
 /// A small bright part of the environment.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -50,6 +53,8 @@ pub struct Surround {
     /// Compact bright sources.
     pub(super) distant: Vec<DistantLight>,
     levels: Vec<Sphere>,
+    /// [`Self::blurred_cells`], once they were asked for.
+    blurred: OnceLock<Vec<Vec3>>,
     /// The levels are a file's, with all light in them.
     pub(super) is_stored: bool,
 }
@@ -71,7 +76,7 @@ impl Surround {
         };
         let mut levels: Vec<Sphere> = levels.iter().take(SHARPNESS.len()).map(read).collect();
         levels.resize_with(SHARPNESS.len(), || Sphere::new(1, |_, _| Vec3::ZERO));
-        Surround { distant: Vec::new(), levels, is_stored: true }
+        Surround { distant: Vec::new(), levels, blurred: OnceLock::new(), is_stored: true }
     }
 
     /// Radius of a disc with a light's [`DistantLight::radius`], radians.
@@ -97,10 +102,9 @@ impl Surround {
 
     /// Irradiance of a surface with this unit normal that nothing shades.
     pub fn irradiance(&self, normal: [f32; 3]) -> [f32; 3] {
-        const SIDE: usize = 32;
         let normal = Vec3::from_array(normal);
         let cosine = |d: Vec3| d.dot(normal).max(0.0);
-        let cells = self.blurred_cells(SIDE).into_iter().zip(directions(SIDE));
+        let cells = self.blurred_cells().iter().zip(directions(BLURRED_SIDE));
         let even: Vec3 = cells.map(|(light, d)| light * cosine(Vec3::from_array(d.map(|x| x as f32)))).sum();
         let distant =
             self.distant.iter().map(|l| Vec3::from_array(l.irradiance) * cosine(Vec3::from_array(l.direction)));
@@ -112,9 +116,9 @@ impl Surround {
         self.cells_of(0, side)
     }
 
-    /// The same from a blurred level, which has fewer cells to sum.
-    pub(super) fn blurred_cells(&self, side: usize) -> Vec<Vec3> {
-        self.cells_of(BLURRED, side)
+    /// The same in a grid of [`BLURRED_SIDE`] from a blurred level, which has fewer cells to sum.
+    pub(super) fn blurred_cells(&self) -> &[Vec3] {
+        self.blurred.get_or_init(|| self.cells_of(BLURRED, BLURRED_SIDE))
     }
 
     fn cells_of(&self, level: usize, side: usize) -> Vec<Vec3> {

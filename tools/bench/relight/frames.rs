@@ -86,16 +86,16 @@ fn placing(mesh: &Mesh, name: &str, environment: &Environment) -> Outcome {
         ("rough", r#"{"model": "cook-torrance", "diffuse": 0.2, "roughness": 0.35, "reflectance": 0.3}"#),
         ("glossy", r#"{"model": "cook-torrance", "diffuse": 0.1, "roughness": 0.12, "reflectance": 0.7}"#),
     ];
+    // As many columns as `tsuya ar` gives sequences, turned before the clock runs.
+    let moving: Vec<Environment> =
+        (1..=FRAMES).map(|k| environment.resized(256, 128).rotated_y(3.0 * k as f64)).collect();
     for (material, text) in materials {
         for (moves, samples) in [(false, 1), (false, 2), (true, 1), (true, 2)] {
             let look = Uniform::new(serde_json::from_str::<JobMaterial>(text)?.uniform()?, 7);
             let subject = Subject { mesh, occlusion: &occlusion, look: &look, placement, detail: None };
             let options = Options { samples, ..Options::default() };
-            let mut turned = 0;
-            let mut turn = || {
-                turned += 1;
-                Ok(Some(environment.rotated_y(3.0 * turned as f64)))
-            };
+            let mut turned = moving.iter();
+            let mut turn = || Ok(turned.next().cloned());
             let light = if moves { Light::Moving(&mut turn) } else { Light::Still(environment) };
             let mut waiting = shots.iter();
             let mut next = || Ok(waiting.next().map(|plate| Shot { plate: plate.clone(), nearer: None }));
@@ -254,14 +254,15 @@ fn frames(mesh: &Mesh, name: &str, environment: &Environment) -> Outcome {
             motion.draw(&camera(mesh, 0), &look)?;
             let (clock, mut pixels) = (Instant::now(), 0);
             for k in 0..FRAMES {
-                pixels += motion.draw(&camera(mesh, k), &look)?.hit.count();
+                let covered = &motion.draw(&camera(mesh, k), &look)?.coverage.data;
+                pixels += covered.iter().filter(|&&covered| covered > 0.0).count();
             }
             let seconds = clock.elapsed().as_secs_f64() / FRAMES as f64;
             let named: Result<_, Box<dyn std::error::Error>> = material_of();
             let still = scene_of(24, 1)?.render(&camera(mesh, 7), &Uniform::new(named?, 24))?.image;
             let moving = motion.draw(&camera(mesh, 7), &look)?;
             let (mut squares, mut count) = (0.0, 0);
-            for (k, _) in moving.hit.data.iter().enumerate().filter(|&(_, &hit)| hit) {
+            for (k, _) in moving.coverage.data.iter().enumerate().filter(|&(_, &covered)| covered > 0.0) {
                 for c in 0..3 {
                     squares += (encoded(moving.image.data[k][c]) - encoded(still.data[k][c])).powi(2);
                     count += 1;
