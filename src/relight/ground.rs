@@ -9,7 +9,7 @@ use crate::asset::{Camera, Mesh};
 use crate::error::{Error, Result};
 use crate::image::{Grid, RgbImage};
 use crate::surface::visibility::Occluders;
-use glam::{DVec3, Vec2, Vec3, Vec4};
+use glam::{DVec3, Vec2, Vec3, Vec3A};
 
 /// Side of the grid of directions that light is summed over.
 const DIRECTIONS: usize = BLURRED_SIDE;
@@ -71,7 +71,7 @@ pub struct GroundShadow<'a> {
     starts: Vec<u32>,
     light: GroundLight,
     /// Ratios less 1, and the lower and upper corner of what they darken.
-    texture: Grid<Vec4>,
+    texture: Grid<Vec3A>,
     dark: [Vec2; 2],
 }
 
@@ -81,7 +81,7 @@ struct GroundLight {
     /// Irradiance without the object.
     all: Vec3,
     /// What the object takes of the levels' light, on a grid that is denser in the middle.
-    taken: Grid<Vec4>,
+    taken: Grid<Vec3A>,
     /// Distant lights: irradiance, radius, depth map.
     maps: Vec<(Vec3, f64, Option<ShadowMap>)>,
 }
@@ -154,7 +154,7 @@ impl<'a> GroundShadow<'a> {
         let whole: Vec3 = lit.iter().sum();
         let list = |k: usize| &self.blocked[self.starts[k] as usize..self.starts[k + 1] as usize];
         let taken = crate::parallel::map(POINTS * POINTS, |k| {
-            list(k).iter().map(|&entry| lit[entry as usize]).sum::<Vec3>().extend(0.0)
+            list(k).iter().map(|&entry| lit[entry as usize]).sum::<Vec3>().into()
         });
         let maps: Vec<(Vec3, f64, Option<ShadowMap>)> = surround
             .distant
@@ -180,7 +180,7 @@ impl<'a> GroundShadow<'a> {
             t * t.abs() * self.reach * 0.9999
         };
         let data = crate::parallel::map(side * side, |k| {
-            (self.ratio(Vec2::new(place(k % side), place(k / side))) - 1.0).extend(0.0)
+            Vec3A::from(self.ratio(Vec2::new(place(k % side), place(k / side))) - 1.0)
         });
         let (mut low, mut high) = ([side; 2], [0; 2]);
         for (k, _) in data.iter().enumerate().filter(|(_, less)| less.min_element() < VISIBLE - 1.0) {
@@ -219,7 +219,7 @@ impl<'a> GroundShadow<'a> {
         let GroundLight { all, taken, maps } = &self.light;
         let [_, x, y] = self.axes;
         let point = self.origin + x * at.x + y * at.y;
-        let mut light = *all - between(taken, at, self.reach).truncate();
+        let mut light = *all - Vec3::from(between(taken, at, self.reach));
         for (part, disc, map) in maps {
             if let Some(map) = map {
                 light -= *part * (1.0 - map.soft_reach(point.as_dvec3().to_array(), self.ground.up, *disc) as f32);
@@ -249,7 +249,7 @@ impl View {
 /// A kept shadow in a camera's picture.
 pub struct SeenShadow<'a> {
     view: View,
-    texture: &'a Grid<Vec4>,
+    texture: &'a Grid<Vec3A>,
     reach: f32,
     dark: [Vec2; 2],
 }
@@ -264,19 +264,19 @@ impl SeenShadow<'_> {
             return None;
         }
         let less = between(self.texture, at, self.reach);
-        (less.min_element() < VISIBLE - 1.0).then(|| (less.truncate() + 1.0).to_array())
+        (less.min_element() < VISIBLE - 1.0).then(|| (less + 1.0).to_array())
     }
 }
 
-/// Bilinear between the grid's points, nothing beyond them. The fourth number is there for whole registers.
+/// Bilinear between the grid's points, nothing beyond them.
 #[inline]
-fn between(grid: &Grid<Vec4>, at: Vec2, reach: f32) -> Vec4 {
+fn between(grid: &Grid<Vec3A>, at: Vec2, reach: f32) -> Vec3A {
     let last = grid.width.saturating_sub(1) as f32;
     let t = at / reach;
     let root = Vec2::new(t.x.abs().sqrt().copysign(t.x), t.y.abs().sqrt().copysign(t.y));
     let place = (root + 1.0) * (0.5 * last);
     if !(place.cmpge(Vec2::ZERO) & place.cmplt(Vec2::splat(last))).all() {
-        return Vec4::ZERO;
+        return Vec3A::ZERO;
     }
     let (column, row) = (place.x as usize, place.y as usize);
     let (s, t) = (place.x - column as f32, place.y - row as f32);

@@ -2,7 +2,7 @@
 //! texels needs no case: renderers read it millions of times a picture.
 
 use crate::lighting::octahedral;
-use glam::{Vec2, Vec3};
+use glam::{Vec2, Vec3, Vec3A};
 
 /// Position of a unit direction in the unit square.
 #[inline]
@@ -30,14 +30,14 @@ pub(super) fn texel_direction(side: usize, x: usize, y: usize) -> Vec3 {
 #[derive(Clone)]
 pub(super) struct Sphere {
     pub(super) side: usize,
-    texels: Vec<Vec3>,
+    texels: Vec<Vec3A>,
 }
 
 impl Sphere {
     /// From a value for each texel's direction, in parallel by rows; those at the edges are asked for twice.
     pub(super) fn new(side: usize, value: impl Fn(usize, usize) -> Vec3 + Sync + Send) -> Self {
         let pitch = side + 2;
-        let mut texels = vec![Vec3::ZERO; pitch * pitch];
+        let mut texels = vec![Vec3A::ZERO; pitch * pitch];
         crate::parallel::parts(&mut texels, pitch, |row, texels| {
             let y = row as isize - 1;
             let beyond = |x: isize| {
@@ -46,7 +46,8 @@ impl Sphere {
             };
             let inner = (0..side as isize).contains(&y);
             for (texel, x) in texels.iter_mut().zip(-1..) {
-                *texel = if inner && (0..side as isize).contains(&x) { value(x as usize, row - 1) } else { beyond(x) };
+                let inside = inner && (0..side as isize).contains(&x);
+                *texel = if inside { value(x as usize, row - 1) } else { beyond(x) }.into();
             }
         });
         Sphere { side, texels }
@@ -54,7 +55,7 @@ impl Sphere {
 
     /// The value of a texel.
     pub(super) fn at(&self, x: usize, y: usize) -> Vec3 {
-        self.texels[(y + 1) * (self.side + 2) + x + 1]
+        self.texels[(y + 1) * (self.side + 2) + x + 1].into()
     }
 
     /// Bilinear reading at a position of the unit square.
@@ -66,7 +67,8 @@ impl Sphere {
         let (s, t) = (p.x - x as f32, p.y - y as f32);
         let first = y * pitch + x;
         let (upper, lower) = (&self.texels[first..first + 2], &self.texels[first + pitch..first + pitch + 2]);
-        (upper[0] + (upper[1] - upper[0]) * s) * (1.0 - t) + (lower[0] + (lower[1] - lower[0]) * s) * t
+        let sum = (upper[0] + (upper[1] - upper[0]) * s) * (1.0 - t) + (lower[0] + (lower[1] - lower[0]) * s) * t;
+        sum.into()
     }
 }
 
