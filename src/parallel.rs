@@ -13,16 +13,24 @@ pub(crate) fn map<T: Send>(count: usize, f: impl Fn(usize) -> T + Sync + Send) -
     }
 }
 
-/// Both, at the same time where that is possible.
+/// Both, at the same time where that is possible; `here` on this thread.
 #[cfg(feature = "encode")]
-pub(crate) fn join<A: Send, B: Send>(a: impl FnOnce() -> A + Send, b: impl FnOnce() -> B + Send) -> (A, B) {
+pub(crate) fn join<A, B: Send>(here: impl FnOnce() -> A, elsewhere: impl FnOnce() -> B + Send) -> (A, B) {
     #[cfg(feature = "parallel")]
     {
-        rayon::join(a, b)
+        let mut result = None;
+        let a = rayon::in_place_scope(|scope| {
+            scope.spawn(|_| result = Some(elsewhere()));
+            here()
+        });
+        match result {
+            Some(b) => (a, b),
+            None => unreachable!("the scope ends when all in it have"),
+        }
     }
     #[cfg(not(feature = "parallel"))]
     {
-        (a(), b())
+        (here(), elsewhere())
     }
 }
 

@@ -5,8 +5,9 @@ use super::plate::{Curve, Plate};
 use super::sensor::grain;
 use crate::asset::{Camera, Mesh};
 use crate::capture::calibration::Calibration;
-use crate::image::{Grid, RgbImage};
-use crate::relight::GroundShadow;
+use crate::image::Grid;
+use crate::relight::{Frame, GroundShadow, RUN};
+use glam::Vec3A;
 
 /// The pinhole camera's picture reaches at most this many of its own sizes beyond the frame.
 const BEYOND: f64 = 1.0;
@@ -24,35 +25,23 @@ pub(super) struct Canvas {
     places: Option<Vec<[f32; 2]>>,
 }
 
-/// An object drawn: radiance times coverage, and coverage.
-pub(super) struct Layer {
-    pub(super) image: RgbImage,
-    pub(super) coverage: Grid<f32>,
-}
-
-impl Layer {
-    fn at(&self, x: usize, y: usize) -> ([f32; 3], f32) {
-        (*self.image.at(x, y), *self.coverage.at(x, y))
-    }
-
-    /// Bilinear at a place of the layer, in pixels; nothing beyond it.
-    fn between(&self, [x, y]: [f32; 2]) -> ([f32; 3], f32) {
-        let (x, y) = (x - 0.5, y - 0.5);
-        let (left, top) = (x.floor(), y.floor());
-        let (s, t) = (x - left, y - top);
-        let (mut colour, mut covered) = ([0.0; 3], 0.0);
-        for (row, wy) in [(top, 1.0 - t), (top + 1.0, t)] {
-            for (column, wx) in [(left, 1.0 - s), (left + 1.0, s)] {
-                if row < 0.0 || column < 0.0 || row >= self.image.height as f32 || column >= self.image.width as f32 {
-                    continue;
-                }
-                let k = row as usize * self.image.width + column as usize;
-                covered += wx * wy * self.coverage.data[k];
-                (0..3).for_each(|c| colour[c] += wx * wy * self.image.data[k][c]);
+/// Bilinear at a place of a picture of the object, in pixels, colour and coverage; nothing beyond it.
+fn between(frame: &Frame, [x, y]: [f32; 2]) -> ([f32; 3], f32) {
+    let (x, y) = (x - 0.5, y - 0.5);
+    let (left, top) = (x.floor(), y.floor());
+    let (s, t) = (x - left, y - top);
+    let (mut colour, mut covered) = ([0.0; 3], 0.0);
+    for (row, wy) in [(top, 1.0 - t), (top + 1.0, t)] {
+        for (column, wx) in [(left, 1.0 - s), (left + 1.0, s)] {
+            if row < 0.0 || column < 0.0 || row >= frame.image.height as f32 || column >= frame.image.width as f32 {
+                continue;
             }
+            let k = row as usize * frame.image.width + column as usize;
+            covered += wx * wy * frame.coverage.data[k];
+            (0..3).for_each(|c| colour[c] += wx * wy * frame.image.data[k][c]);
         }
-        (colour, covered)
     }
+    (colour, covered)
 }
 
 impl Canvas {
@@ -90,14 +79,42 @@ impl Canvas {
     /// Darkens the ground.
     pub(super) fn darken(&self, shadow: &GroundShadow, camera: &Camera, curve: &Curve, plate: &mut Plate) {
         let seen = shadow.seen_by(camera);
-        let value = |place| Some(Change { factor: seen.ratio(place)?, ..Change::default() });
-        self.change(plate, self.whole(), curve, 0, value);
+        let width = self.size[0];
+        // The pixels from column `left` on.
+        let ratios = |left: usize, y: usize| {
+            let places = match &self.places {
+                None => [std::array::from_fn(|k| (left + k) as f32 + 0.5), [y as f32 + 0.5; RUN]],
+                Some(places) => {
+                    let row = &places[y * width + left..(y + 1) * width];
+                    [0, 1].map(|i| std::array::from_fn(|k| row.get(k).map_or(f32::NAN, |place| place[i])))
+                }
+            };
+            seen.ratios(&places)
+        };
+        match plate {
+            Plate::Display(picture) => rows(picture, |y, row| {
+                for (run, pixels) in row.chunks_mut(RUN).enumerate() {
+                    let Some(ratios) = ratios(run * RUN, y) else { continue };
+                    for (pixel, ratio) in pixels.iter_mut().zip(ratios) {
+                        *pixel = curve.codes((Vec3A::from(curve.linear(*pixel)) * ratio).to_array());
+                    }
+                }
+            }),
+            Plate::Linear(image) => rows(image, |y, row| {
+                for (run, pixels) in row.chunks_mut(RUN).enumerate() {
+                    let Some(ratios) = ratios(run * RUN, y) else { continue };
+                    for (pixel, ratio) in pixels.iter_mut().zip(ratios) {
+                        *pixel = (Vec3A::from(*pixel) * ratio).to_array();
+                    }
+                }
+            }),
+        }
     }
 
-    /// Puts a layer, a part of the canvas, over the frame, with noise of standard deviation `sigma`.
+    /// Puts the object, drawn on a part of the canvas, over the frame, with noise of standard deviation `sigma`.
     pub(super) fn put(
         &self,
-        layer: &Layer,
+        object: &Frame,
         part: Part,
         gain: [f32; 3],
         (sigma, frame): (f32, u32),
@@ -111,12 +128,12 @@ impl Canvas {
                 return None;
             }
             let (colour, covered) = match self.places {
-                Some(_) => layer.between([x, y]),
-                None => layer.at(x as usize, y as usize),
+                Some(_) => between(object, [x, y]),
+                None => (*object.image.at(x as usize, y as usize), *object.coverage.at(x as usize, y as usize)),
             };
             // In partly covered pixels the photograph's part has its own noise.
             (covered > 0.0).then(|| Change {
-                factor: [(1.0 - covered).max(0.0); 3],
+                factor: (1.0 - covered).max(0.0),
                 colour: std::array::from_fn(|c| colour[c] * gain[c]),
                 noise: sigma * covered,
             })
@@ -144,14 +161,14 @@ impl Canvas {
             let k = y * width + x;
             let place = self.places.as_ref().map_or_else(|| [x as f32 + 0.5, y as f32 + 0.5], |places| places[k]);
             let Change { factor, colour, noise } = value(place)?;
-            let mixed: [f32; 3] = std::array::from_fn(|c| linear[c] * factor[c] + colour[c]);
+            let mixed: [f32; 3] = std::array::from_fn(|c| linear[c] * factor + colour[c]);
             Some((mixed, (noise > 0.0).then(|| grain(k as u32, frame).map(|g| g * noise))))
         };
         match plate {
             Plate::Display(picture) => each(picture, part, |at, pixel| {
                 *pixel = match blend(at, curve.linear(*pixel)) {
                     None => *pixel,
-                    Some((mixed, None)) => mixed.map(|x| curve.code(x)),
+                    Some((mixed, None)) => curve.codes(mixed),
                     Some((mixed, Some(grain))) => {
                         std::array::from_fn(|c| (curve.display(mixed[c]) + grain[c]).round().clamp(0.0, 255.0) as u8)
                     }
@@ -170,9 +187,8 @@ impl Canvas {
 }
 
 /// What becomes of a pixel: `pixel * factor + colour`, and the noise that is added, in display values.
-#[derive(Default)]
 struct Change {
-    factor: [f32; 3],
+    factor: f32,
     colour: [f32; 3],
     noise: f32,
 }
@@ -183,13 +199,18 @@ fn each<P: Send>(
     [left, top, width, height]: Part,
     f: impl Fn([usize; 2], &mut P) + Sync + Send,
 ) {
-    let columns = picture.width;
-    let (right, bottom) = ((left + width).min(columns), (top + height).min(picture.height));
-    let rows = picture.data.get_mut(top * columns..bottom * columns).unwrap_or_default();
-    crate::parallel::parts(rows, columns * ROWS, |part, pixels| {
-        for (k, row) in pixels.chunks_exact_mut(columns).enumerate() {
-            (left..right).for_each(|x| f([x, top + part * ROWS + k], &mut row[x]));
+    rows(picture, |y, row| {
+        if (top..top + height).contains(&y) {
+            (left..(left + width).min(row.len())).for_each(|x| f([x, y], &mut row[x]));
         }
+    });
+}
+
+/// `f` of the number of a row and its pixels.
+fn rows<P: Send>(picture: &mut Grid<P>, f: impl Fn(usize, &mut [P]) + Sync + Send) {
+    let columns = picture.width.max(1);
+    crate::parallel::parts(&mut picture.data, columns * ROWS, |part, pixels| {
+        pixels.chunks_exact_mut(columns).enumerate().for_each(|(k, row)| f(part * ROWS + k, row));
     });
 }
 

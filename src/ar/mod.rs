@@ -13,8 +13,9 @@ pub use sensor::PAPER;
 use crate::asset::{Asset, Camera, Mesh};
 use crate::capture::calibration::Calibration;
 use crate::error::Result;
-use crate::image::Mask;
+use crate::image::{Grid, Mask};
 use crate::lighting::{Environment, follow::Follower};
+use crate::marker::detect::Detection;
 use crate::marker::place::{Placement, Stands};
 use crate::marker::track::Tracker;
 use crate::marker::{Estimate, Rig};
@@ -22,8 +23,9 @@ use crate::relight::{
     EnvironmentOptions, Evaluator, Frame, GroundShadow, Look, Motion, Object, Occlusion, Renderer, Scene, Surround,
     SurroundOptions, add_detail,
 };
-use canvas::{Canvas, Layer};
+use canvas::Canvas;
 use plate::Curve;
+use std::borrow::Cow;
 use std::time::Instant;
 
 /// Lobes of a light that is followed.
@@ -109,11 +111,13 @@ pub struct Shot {
 /// Time of a frame's steps, seconds.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Times {
+    /// The whole frame: pose and light are found at the same time.
+    pub whole: f64,
     /// Finding the markers and their pose.
     pub pose: f64,
     /// Taking up the light.
     pub light: f64,
-    /// Drawing the object.
+    /// Light on the object's vertices, and drawing it.
     pub render: f64,
     /// Shadow, blending, noise.
     pub composite: f64,
@@ -151,32 +155,28 @@ pub fn run(
     let shadow = GroundShadow::new(subject.mesh, &subject.placement.ground())?;
     let tracker = Tracker::new(rig, calibration.camera, calibration.lens)?;
     let canvas = Canvas::new(calibration);
-    let mut stage = Stage {
-        subject,
-        options,
+    let mut eye = Eye {
         tracker,
-        canvas,
-        shadow,
         curve: Curve::new(),
-        gain: None,
         frame: 0,
-        paper_irradiance: [0.0; 3],
         size: [calibration.camera.width as usize, calibration.camera.height as usize],
     };
+    let mut stage = Stage { subject, options, canvas, shadow, gain: None, paper_irradiance: [0.0; 3] };
     let environment_options =
         |evaluator| EnvironmentOptions { evaluator, shadows: true, samples: options.samples, taps: options.taps };
     match light {
         Light::Still(environment) => {
             let surround = Surround::new(environment, &SurroundOptions::default());
-            stage.take_light(&surround);
+            stage.paper_irradiance = paper_irradiance(subject, options, &surround);
             let finer = SurroundOptions { distant_lights: 32, ..SurroundOptions::default() };
             stage.shadow.light(&Surround::new(environment, &finer));
             stage.shadow.keep();
             let scene = Scene::new(&object, &surround, None, environment_options(Evaluator::Better))?;
             let mut painter = Painter::new(&scene, options.quality);
             while let Some(shot) = next()? {
-                let (plate, report) = stage.work(&mut painter, shot, 0.0)?;
-                done(plate, &report)?;
+                let began = Began { clock: Instant::now(), light: 0.0, vertices: 0.0 };
+                let seen = eye.look(&shot.plate)?;
+                stage.work(&mut painter, &eye.curve, shot, seen, began, done)?;
             }
         }
         Light::Moving(source) => {
@@ -185,31 +185,77 @@ pub fn run(
             let mut surround = Surround::of_levels(&[]);
             let mut shot = next()?;
             while let Some(first) = shot {
-                let clock = Instant::now();
                 let environment = if ended { None } else { source()? };
                 ended |= environment.is_none();
-                if let Some(environment) = environment {
-                    surround = Surround::of_levels(&follower.update(&environment).levels);
-                    stage.take_light(&surround);
-                    stage.shadow.light_blurred(&surround);
-                    stage.shadow.keep();
-                }
+                let clock = Instant::now();
+                let take_light = || {
+                    if let Some(environment) = environment {
+                        surround = Surround::of_levels(&follower.update(&environment).levels);
+                        stage.paper_irradiance = paper_irradiance(subject, options, &surround);
+                        stage.shadow.light_blurred(&surround);
+                        stage.shadow.keep();
+                    }
+                    clock.elapsed()
+                };
+                let (seen, taken) = crate::parallel::join(|| eye.look(&first.plate), take_light);
+                let preparing = Instant::now();
                 let light = follower.light();
                 let scene = Scene::new(&object, &surround, Some(light), environment_options(Evaluator::Published))?;
                 let mut painter = Painter::new(&scene, options.quality);
-                let (plate, report) = stage.work(&mut painter, first, clock.elapsed().as_secs_f64())?;
-                done(plate, &report)?;
+                let vertices = preparing.elapsed().as_secs_f64();
+                let began = Began { clock, light: taken.as_secs_f64(), vertices };
+                stage.work(&mut painter, &eye.curve, first, seen?, began, done)?;
                 shot = next()?;
                 // Under the last light nothing is prepared again.
                 while ended && let Some(another) = shot.take() {
-                    let (plate, report) = stage.work(&mut painter, another, 0.0)?;
-                    done(plate, &report)?;
+                    let began = Began { clock: Instant::now(), light: 0.0, vertices: 0.0 };
+                    let seen = eye.look(&another.plate)?;
+                    stage.work(&mut painter, &eye.curve, another, seen, began, done)?;
                     shot = next()?;
                 }
             }
         }
     }
     Ok(())
+}
+
+/// Irradiance of the markers, whose print faces the world's +Y, or stands.
+fn paper_irradiance(subject: &Subject, options: &Options, surround: &Surround) -> [f32; 3] {
+    let out_of_paper = options.stands.rig_of_world().inverse().apply([0.0, 0.0, 1.0]);
+    surround.irradiance(subject.placement.to_local(out_of_paper).map(|x| x as f32))
+}
+
+/// Finds the markers.
+struct Eye {
+    tracker: Tracker,
+    curve: Curve,
+    /// Of the next frame.
+    frame: usize,
+    size: [usize; 2],
+}
+
+/// A frame's markers.
+struct Seen {
+    frame: usize,
+    grey: Grid<u8>,
+    found: Option<(Estimate, Vec<Detection>)>,
+    seconds: f64,
+}
+
+impl Eye {
+    fn look(&mut self, plate: &Plate) -> Result<Seen> {
+        let clock = Instant::now();
+        let frame = self.frame;
+        self.frame += 1;
+        if plate.size() != self.size {
+            let ([w, h], [width, height]) = (plate.size(), self.size);
+            let message = format!("frame {frame} has {w} x {h} pixels, the calibration is of {width} x {height}");
+            return Err(crate::Error::parameter(message));
+        }
+        let grey = self.curve.grey(plate);
+        let found = self.tracker.next(&grey)?;
+        Ok(Seen { frame, grey, found, seconds: clock.elapsed().as_secs_f64() })
+    }
 }
 
 /// Draws the object.
@@ -230,96 +276,89 @@ impl<'s> Painter<'s, '_> {
     }
 
     /// What `camera`, a part of the canvas, sees.
-    fn draw(&mut self, subject: &Subject, camera: &Camera) -> Result<Layer> {
+    fn draw(&mut self, subject: &Subject, camera: &Camera) -> Result<Cow<'_, Frame>> {
         match self {
             Painter::Still(scene) => {
                 let mut relit = scene.render(camera, subject.look)?;
                 if let Some((renderer, asset)) = subject.detail {
                     add_detail(&mut relit, renderer, asset, camera)?;
                 }
-                Ok(Layer { image: relit.image, coverage: relit.coverage })
+                Ok(Cow::Owned(Frame { image: relit.image, coverage: relit.coverage }))
             }
-            Painter::Motion(motion) => {
-                let Frame { image, coverage } = motion.draw(camera, subject.look)?.clone();
-                Ok(Layer { image, coverage })
-            }
+            Painter::Motion(motion) => Ok(Cow::Borrowed(motion.draw(camera, subject.look)?)),
         }
     }
+}
+
+/// When work on a frame began, and the seconds that its light and the light of the object's vertices took.
+struct Began {
+    clock: Instant,
+    light: f64,
+    vertices: f64,
 }
 
 /// What stays from frame to frame.
 struct Stage<'s, 'a> {
     subject: &'s Subject<'a>,
     options: &'s Options,
-    tracker: Tracker,
     canvas: Canvas,
     shadow: GroundShadow<'s>,
-    curve: Curve,
     gain: Option<[f32; 3]>,
-    frame: usize,
     paper_irradiance: [f32; 3],
-    size: [usize; 2],
 }
 
 impl Stage<'_, '_> {
-    /// The markers' irradiance; the print faces the world's +Y, or stands.
-    fn take_light(&mut self, surround: &Surround) {
-        let out_of_paper = self.options.stands.rig_of_world().inverse().apply([0.0, 0.0, 1.0]);
-        let local = self.subject.placement.to_local(out_of_paper);
-        self.paper_irradiance = surround.irradiance(local.map(|x| x as f32));
-    }
-
-    fn work(&mut self, painter: &mut Painter, shot: Shot, light: f64) -> Result<(Plate, Done)> {
-        let Shot { mut plate, nearer } = shot;
-        let frame = self.frame;
-        self.frame += 1;
-        if plate.size() != self.size {
-            let ([w, h], [width, height]) = (plate.size(), self.size);
-            let message = format!("frame {frame} has {w} x {h} pixels, the calibration is of {width} x {height}");
-            return Err(crate::Error::parameter(message));
-        }
-        let clock = Instant::now();
-        let grey = self.curve.grey(&plate);
-        let found = self.tracker.next(&grey)?;
-        let mut times = Times { pose: clock.elapsed().as_secs_f64(), light, ..Times::default() };
+    /// Puts the object into a frame and passes it on.
+    fn work(
+        &mut self,
+        painter: &mut Painter,
+        curve: &Curve,
+        Shot { mut plate, nearer }: Shot,
+        Seen { frame, grey, found, seconds: pose }: Seen,
+        began: Began,
+        done: &mut dyn FnMut(Plate, &Done) -> Result<()>,
+    ) -> Result<()> {
+        let mut times = Times { pose, light: began.light, ..Times::default() };
         let Some((estimate, detections)) = found else {
+            times.whole = began.clock.elapsed().as_secs_f64();
             let gain = self.gain.unwrap_or([1.0; 3]);
-            return Ok((plate, Done { frame, estimate: None, gain, noise: 0.0, times }));
+            return done(plate, &Done { frame, estimate: None, gain, noise: 0.0, times });
         };
         let rig_of_world = self.options.stands.rig_of_world();
         let camera = self.subject.placement.camera(&self.canvas.camera, &estimate.pose, &rig_of_world);
 
         let clock = Instant::now();
         let part = canvas::part_around(self.subject.mesh, &camera);
-        let layer = match part {
+        let object = match part {
             Some(part) => Some((part, painter.draw(self.subject, &canvas::cropped(&camera, part))?)),
             None => None,
         };
-        times.render = clock.elapsed().as_secs_f64();
+        times.render = began.vertices + clock.elapsed().as_secs_f64();
 
         let clock = Instant::now();
         let before = nearer.is_some().then(|| plate.clone());
-        let gain = self.white(&plate, &detections).map(|c| c * self.options.gain);
+        let gain = self.white(curve, &plate, &detections).map(|c| c * self.options.gain);
         if self.options.shadow {
-            self.canvas.darken(&self.shadow, &camera, &self.curve, &mut plate);
+            self.canvas.darken(&self.shadow, &camera, curve, &mut plate);
         }
         let noise = self.options.noise.unwrap_or_else(|| sensor::noise(&grey));
-        if let Some((part, layer)) = &layer {
-            self.canvas.put(layer, *part, gain, (noise, frame as u32), &self.curve, &mut plate);
+        if let Some((part, object)) = &object {
+            self.canvas.put(object, *part, gain, (noise, frame as u32), curve, &mut plate);
         }
         if let (Some(nearer), Some(before)) = (&nearer, &before) {
             plate.put_back(before, nearer)?;
         }
         times.composite = clock.elapsed().as_secs_f64();
-        Ok((plate, Done { frame, estimate: Some(estimate), gain, noise, times }))
+        times.whole = began.clock.elapsed().as_secs_f64();
+        done(plate, &Done { frame, estimate: Some(estimate), gain, noise, times })
     }
 
     /// What the surroundings' radiance is multiplied by, so that the markers' paper is as bright as the frame shows it.
-    fn white(&mut self, plate: &Plate, detections: &[crate::marker::detect::Detection]) -> [f32; 3] {
+    fn white(&mut self, curve: &Curve, plate: &Plate, detections: &[Detection]) -> [f32; 3] {
         if !self.options.match_white {
             return [1.0; 3];
         }
-        let papers: Vec<[f32; 3]> = detections.iter().filter_map(|d| sensor::paper(&self.curve, plate, d)).collect();
+        let papers: Vec<[f32; 3]> = detections.iter().filter_map(|d| sensor::paper(curve, plate, d)).collect();
         let expected = self.paper_irradiance.map(|e| e * (PAPER / std::f64::consts::PI) as f32);
         if !papers.is_empty() && expected.iter().all(|&e| e > 1e-9) {
             let found: [f32; 3] =

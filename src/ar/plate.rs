@@ -131,9 +131,11 @@ impl Curve {
 
     /// [`Self::display`] rounded.
     #[inline]
-    pub(super) fn code(&self, linear: f32) -> u8 {
-        // A NaN becomes 0.
-        self.codes[((linear.sqrt() * STEPS as f32 + 0.5) as usize).min(STEPS)]
+    pub(super) fn codes(&self, linear: [f32; 3]) -> [u8; 3] {
+        // Rounded by adding what has no room for parts. A NaN becomes 0.
+        const WHOLE: f32 = (1 << 23) as f32;
+        let places = linear.map(|x| (x.sqrt() * STEPS as f32).max(0.0).min(STEPS as f32) + WHOLE);
+        places.map(|place| self.codes[(place.to_bits() & (2 * STEPS as u32 - 1)) as usize])
     }
 
     /// Linear value of a display value, 0 to 255, between the whole ones.
@@ -171,10 +173,10 @@ mod tests {
         for code in 0..=255u8 {
             let [linear, ..] = curve.linear([code; 3]);
             assert!((curve.display(linear) - code as f32).abs() < 0.02, "{code}: {}", curve.display(linear));
-            assert_eq!(curve.code(linear), code);
+            assert_eq!(curve.codes([linear; 3]), [code; 3]);
             assert!((curve.undisplay(code as f32) - linear).abs() < 1e-6);
         }
         assert_eq!((curve.display(f32::NAN), curve.display(-1.0), curve.display(9.0)), (0.0, 0.0, 255.0));
-        assert_eq!((curve.code(f32::NAN), curve.code(-1.0), curve.code(9.0)), (0, 0, 255));
+        assert_eq!(curve.codes([f32::NAN, -1.0, 9.0]), [0, 0, 255]);
     }
 }

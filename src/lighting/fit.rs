@@ -28,7 +28,7 @@ impl Default for FitOptions {
 pub const MOST_LOBES: usize = 64;
 /// Sharpness of the test lobes and their number.
 const TEST_SHARPNESS: f64 = 8.0;
-const TESTS: usize = 300;
+const TESTS: usize = 160;
 /// Columns that the environment is reduced to.
 const COLUMNS: usize = 64;
 /// Range of the lobes' sharpness.

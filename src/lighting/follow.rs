@@ -13,6 +13,7 @@ use super::octahedral::directions;
 use super::prefiltered::{Level, Light, SHARPNESS};
 use crate::image::RgbImage;
 use crate::vector::dot;
+use glam::Vec3A;
 
 /// Columns of the picture at most.
 const COLUMNS: usize = 512;
@@ -98,10 +99,11 @@ impl Sums {
 
     fn level(&self, picture: &Planes, number: usize) -> Option<Level> {
         let size = self.size;
+        let picture = picture.pixels();
         let mut cells = vec![[0.0; 3]; size * size];
         crate::parallel::parts(&mut cells, size, |row, cells| {
             for (cell, ends) in cells.iter_mut().zip(self.starts[row * size..].windows(2)) {
-                *cell = picture.sum(&self.pixels[ends[0] as usize..ends[1] as usize]);
+                *cell = sum(&picture, &self.pixels[ends[0] as usize..ends[1] as usize]);
             }
         });
         Level::new(SHARPNESS[number], size, cells)
@@ -201,11 +203,10 @@ impl Planes {
         Planes { width: image.width, height: image.height, lists }
     }
 
-    /// Sum of weighted pixels.
-    fn sum(&self, pixels: &[(u32, f32)]) -> [f32; 3] {
-        pixels.iter().fold([0.0; 3], |sums, &(at, weight)| {
-            std::array::from_fn(|c| sums[c] + weight * self.lists[c][at as usize])
-        })
+    /// Colours side by side.
+    fn pixels(&self) -> Vec<Vec3A> {
+        let [r, g, b] = &self.lists;
+        r.iter().zip(g).zip(b).map(|((&r, &g), &b)| Vec3A::new(r, g, b)).collect()
     }
 
     /// Means of four pixels, rows by the sines of their angles.
@@ -301,9 +302,10 @@ impl Plan {
             }
             sums[width] = sums[0];
         });
+        let pixels = picture.pixels();
         let cells = crate::parallel::map(size, |row| {
             let cells = (row * size..(row + 1) * size).map(|k| match self.places[k] {
-                Place::Polar(first, end) => picture.sum(&self.polar[first as usize..end as usize]),
+                Place::Polar(first, end) => sum(&pixels, &self.polar[first as usize..end as usize]),
                 Place::Between(at, s, t) => {
                     let at = at as usize;
                     let (upper, lower) = (&rows[at..at + 2], &rows[at + width + 1..at + width + 3]);
@@ -318,6 +320,16 @@ impl Plan {
         });
         Level::new(SHARPNESS[number], size, cells.concat())
     }
+}
+
+/// Sum of weighted pixels.
+fn sum(picture: &[Vec3A], pixels: &[(u32, f32)]) -> [f32; 3] {
+    // Two at a time, which do not wait for each other.
+    let (pairs, rest) = pixels.as_chunks::<2>();
+    let weighted = |&(at, weight): &(u32, f32)| picture[at as usize] * weight;
+    let [even, odd] =
+        pairs.iter().fold([Vec3A::ZERO; 2], |[even, odd], [a, b]| [even + weighted(a), odd + weighted(b)]);
+    rest.iter().fold(even + odd, |sum, pixel| sum + weighted(pixel)).to_array()
 }
 
 /// Pixels around a direction (angle from +Y, angle around it) and their weights in a lobe of this variance.

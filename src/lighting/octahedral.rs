@@ -82,12 +82,23 @@ pub fn solid_angles(size: usize) -> Vec<f64> {
         1.0 / (squared * squared.sqrt())
     };
     let fine = 2.0 / (size * PARTS) as f64;
-    let cell = |k: usize| {
-        let (column, row) = (k % size * PARTS, k / size * PARTS);
+    let cell = |column: usize, row: usize| {
         let at = |i: usize| (i as f64 + 0.5) * fine - 1.0;
-        (0..PARTS * PARTS).map(|p| density(at(column + p % PARTS), at(row + p / PARTS))).sum::<f64>()
+        (0..PARTS * PARTS).map(|p| density(at(column * PARTS + p % PARTS), at(row * PARTS + p / PARTS))).sum::<f64>()
     };
-    let mut angles: Vec<f64> = (0..size * size).map(cell).collect();
+    // An eighth of the square has all that there are.
+    let mut angles = vec![0.0; size * size];
+    for row in 0..size.div_ceil(2) {
+        for column in 0..=row {
+            let angle = cell(column, row);
+            for (c, r) in [(column, row), (row, column)] {
+                let (right, below) = (size - 1 - c, size - 1 - r);
+                for (c, r) in [(c, r), (right, r), (c, below), (right, below)] {
+                    angles[r * size + c] = angle;
+                }
+            }
+        }
+    }
     let scale = 4.0 * std::f64::consts::PI / angles.iter().sum::<f64>();
     angles.iter_mut().for_each(|angle| *angle *= scale);
     angles

@@ -1,5 +1,7 @@
 //! The shadow that an object casts on the ground it is put on, and the picture of both (Sonoda 2011, equations 16 and 17).
 
+mod seen;
+
 use super::cameras::bounds;
 use super::octahedral::texel_direction;
 use super::scene::Relit;
@@ -9,7 +11,10 @@ use crate::asset::{Camera, Mesh};
 use crate::error::{Error, Result};
 use crate::image::{Grid, RgbImage};
 use crate::surface::visibility::Occluders;
-use glam::{DVec3, Vec2, Vec3, Vec3A};
+use glam::{Vec2, Vec3, Vec3A};
+use seen::{SeenShadow, VISIBLE, View, between, grid_place};
+
+pub(crate) use seen::RUN;
 
 /// Side of the grid of directions that light is summed over.
 const DIRECTIONS: usize = BLURRED_SIDE;
@@ -17,8 +22,6 @@ const DIRECTIONS: usize = BLURRED_SIDE;
 const POINTS: usize = 72;
 /// The same where ratios are kept that have sharp shadows in them.
 const KEPT_POINTS: usize = 320;
-/// Ratios above this change no pixel of 8 bits by more than a third of a step.
-const VISIBLE: f32 = 0.997;
 /// Half the side of that part of the ground, in radii of the object.
 const EXTENT: f32 = 4.0;
 
@@ -45,7 +48,7 @@ pub fn ground_shadow(mesh: &Mesh, surround: &Surround, ground: &Ground, camera: 
     let mut shadow = GroundShadow::new(mesh, ground)?;
     shadow.light(surround);
     let (width, height) = (camera.width as usize, camera.height as usize);
-    let view = shadow.view(camera);
+    let view = View::new(camera, shadow.origin, &shadow.axes);
     let data = crate::parallel::map(width * height, |k| {
         let place = view.place([(k % width) as f32 + 0.5, (k / width) as f32 + 0.5]);
         place.map_or([1.0; 3], |at| shadow.ratio(at).to_array())
@@ -200,26 +203,26 @@ impl<'a> GroundShadow<'a> {
 
     /// The kept ratios as a camera sees them.
     pub fn seen_by(&self, camera: &Camera) -> SeenShadow<'_> {
-        SeenShadow { view: self.view(camera), texture: &self.texture, reach: self.reach, dark: self.dark }
-    }
-
-    fn view(&self, camera: &Camera) -> View {
-        let centre = single(camera.centre()) - self.origin;
-        // Over the picture the rays change evenly; the small differences are taken in double precision.
-        let [first, right, below] =
-            [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]].map(|pixel| DVec3::from_array(camera.ray(pixel)));
-        let axes = self.axes.map(|axis| {
-            let along = [right - first, below - first, first].map(|d| d.dot(axis.as_dvec3()));
-            (DVec3::from_array(along).as_vec3(), centre.dot(axis))
-        });
-        View { axes }
+        SeenShadow {
+            view: View::new(camera, self.origin, &self.axes),
+            texture: &self.texture,
+            reach: self.reach,
+            dark: self.dark,
+        }
     }
 
     fn ratio(&self, at: Vec2) -> Vec3 {
         let GroundLight { all, taken, maps } = &self.light;
         let [_, x, y] = self.axes;
         let point = self.origin + x * at.x + y * at.y;
-        let mut light = *all - Vec3::from(between(taken, at, self.reach));
+        let mut light = *all;
+        let last = taken.width.saturating_sub(1) as f32;
+        let place = grid_place(at, self.reach, last);
+        if (place.cmpge(Vec2::ZERO) & place.cmplt(Vec2::splat(last))).all() {
+            let (column, row) = (place.x as usize, place.y as usize);
+            let within = place - Vec2::new(column as f32, row as f32);
+            light -= Vec3::from(between(taken, row * taken.width + column, within.x, within.y));
+        }
         for (part, disc, map) in maps {
             if let Some(map) = map {
                 light -= *part * (1.0 - map.soft_reach(point.as_dvec3().to_array(), self.ground.up, *disc) as f32);
@@ -227,62 +230,6 @@ impl<'a> GroundShadow<'a> {
         }
         (light.max(Vec3::ZERO) / all.max(Vec3::splat(1e-20))).min(Vec3::ONE)
     }
-}
-
-/// Where the rays of a picture's pixels meet the plane.
-struct View {
-    /// Of the plane's normal and its other axes: what a ray has along it, for column, row and 1, and what the camera's centre has.
-    axes: [(Vec3, f32); 3],
-}
-
-impl View {
-    /// The place on the plane that a place of the picture, in pixels, shows.
-    #[inline]
-    fn place(&self, [x, y]: [f32; 2]) -> Option<Vec2> {
-        let pixel = Vec3::new(x, y, 1.0);
-        let [(up, above), (first, beside), (second, beyond)] = self.axes;
-        let t = -above / up.dot(pixel);
-        (t > 0.0 && t < f32::INFINITY).then(|| Vec2::new(beside + t * first.dot(pixel), beyond + t * second.dot(pixel)))
-    }
-}
-
-/// A kept shadow in a camera's picture.
-pub struct SeenShadow<'a> {
-    view: View,
-    texture: &'a Grid<Vec3A>,
-    reach: f32,
-    dark: [Vec2; 2],
-}
-
-impl SeenShadow<'_> {
-    /// The ratio at a place of the picture, in pixels; `None` where nothing is darkened.
-    #[inline]
-    pub fn ratio(&self, pixel: [f32; 2]) -> Option<[f32; 3]> {
-        let at = self.view.place(pixel)?;
-        let [low, high] = self.dark;
-        if !(at.cmpgt(low) & at.cmplt(high)).all() {
-            return None;
-        }
-        let less = between(self.texture, at, self.reach);
-        (less.min_element() < VISIBLE - 1.0).then(|| (less + 1.0).to_array())
-    }
-}
-
-/// Bilinear between the grid's points, nothing beyond them.
-#[inline]
-fn between(grid: &Grid<Vec3A>, at: Vec2, reach: f32) -> Vec3A {
-    let last = grid.width.saturating_sub(1) as f32;
-    let t = at / reach;
-    let root = Vec2::new(t.x.abs().sqrt().copysign(t.x), t.y.abs().sqrt().copysign(t.y));
-    let place = (root + 1.0) * (0.5 * last);
-    if !(place.cmpge(Vec2::ZERO) & place.cmplt(Vec2::splat(last))).all() {
-        return Vec3A::ZERO;
-    }
-    let (column, row) = (place.x as usize, place.y as usize);
-    let (s, t) = (place.x - column as f32, place.y - row as f32);
-    let first = row * grid.width + column;
-    let (upper, lower) = (&grid.data[first..first + 2], &grid.data[first + grid.width..first + grid.width + 2]);
-    upper[0].lerp(upper[1], s).lerp(lower[0].lerp(lower[1], s), t)
 }
 
 /// The object over a photograph, its shadow on the ground (16). All linear and of one size.
@@ -341,8 +288,11 @@ mod tests {
         shadow.light(&surround);
         shadow.keep();
         let seen = shadow.seen_by(&camera);
-        let kept =
-            (0..160 * 120).map(|k| seen.ratio([(k % 160) as f32 + 0.5, (k / 160) as f32 + 0.5]).unwrap_or([1.0; 3]));
+        let kept = (0..160 * 120 / RUN).flat_map(|run| {
+            let pixels: [usize; RUN] = std::array::from_fn(|k| run * RUN + k);
+            let places = [pixels.map(|k| (k % 160) as f32 + 0.5), pixels.map(|k| (k / 160) as f32 + 0.5)];
+            seen.ratios(&places).unwrap_or([Vec3A::ONE; RUN])
+        });
         let squares = exact.data.iter().zip(kept).map(|(a, b)| (a[1] - b[1]).powi(2) as f64).sum::<f64>();
         let psnr = -10.0 * (squares / exact.data.len() as f64).log10();
         let dark = exact.data.iter().filter(|p| p[1] < 0.5).count();

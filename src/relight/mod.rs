@@ -32,6 +32,8 @@ pub use appearance::{Appearance, Look, Prepared, Uniform};
 pub use cameras::{bounds, look_at, orbit};
 pub use detail::add_detail;
 #[cfg(feature = "encode")]
+pub(crate) use ground::RUN;
+#[cfg(feature = "encode")]
 pub use ground::{Ground, GroundShadow, composite, ground_shadow};
 pub use material::{HalfLobe, Material, Specular, WarpedLobe, fit_lobes};
 pub use models::TorranceSparrow;

@@ -72,22 +72,34 @@ impl Occlusion {
         self.bytes[place * pitch * pitch + (y + 1) * pitch + x + 1] as f32 * (LARGEST / 127.0)
     }
 
+    /// Distance of a place in a direction, radians.
+    #[inline]
+    pub(super) fn of_place(&self, place: usize, square: Vec2) -> f32 {
+        self.between_cells(square)(place) * (LARGEST / 127.0)
+    }
+
     /// Distance in a direction between three places, radians.
     #[inline]
     pub(super) fn distance(&self, places: [u32; 3], shares: Vec3, square: Vec2) -> f32 {
+        let read = self.between_cells(square);
+        let [a, b, c] = places.map(|place| read(place as usize));
+        (shares.x * a + shares.y * b + shares.z * c) * (LARGEST / 127.0)
+    }
+
+    /// Bytes of places, bilinear between the cells around a place of the square.
+    #[inline]
+    fn between_cells(&self, square: Vec2) -> impl Fn(usize) -> f32 {
         let pitch = self.side + 2;
         let p = square * self.side as f32 + 0.5;
         let (x, y) = ((p.x as usize).min(self.side), (p.y as usize).min(self.side));
         let (s, t) = (p.x - x as f32, p.y - y as f32);
         let first = y * pitch + x;
-        let read = |place: u32| {
-            let from = place as usize * pitch * pitch + first;
+        move |place| {
+            let from = place * pitch * pitch + first;
             let (upper, lower) = (&self.bytes[from..from + 2], &self.bytes[from + pitch..from + pitch + 2]);
             let [a, b, c, d] = [upper[0], upper[1], lower[0], lower[1]].map(f32::from);
             (a + (b - a) * s) * (1.0 - t) + (c + (d - c) * s) * t
-        };
-        let sum = shares.x * read(places[0]) + shares.y * read(places[1]) + shares.z * read(places[2]);
-        sum * (LARGEST / 127.0)
+        }
     }
 
     /// As [`Self::distance`], by the direction.

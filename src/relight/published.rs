@@ -1,6 +1,7 @@
 //! The published evaluator (Sonoda 2011, equations 13 and 15): spherical Gaussians throughout.
 
 use super::appearance::{Appearance, Prepared};
+use super::octahedral::to_square;
 use super::scene::{Point, Scene};
 use super::surround::log2;
 use crate::lighting::SphericalGaussian;
@@ -19,33 +20,54 @@ pub(super) fn radiance(scene: &Scene, point: &Point, appearance: &Appearance) ->
 /// Irradiance of every place.
 pub(super) fn irradiance(scene: &Scene) -> Vec<Vec3> {
     let normals = &scene.object.normals;
-    crate::parallel::map(normals.len(), |k| irradiance_at(scene, normals[k], [k as u32; 3], Vec3::X))
+    let lobes: Vec<Lobe> = lobes(scene).collect();
+    let occlusion = scene.object.occlusion.filter(|_| scene.options.shadows);
+    crate::parallel::map(normals.len(), |place| {
+        let distance = |axis: Vec3| occlusion.map(|occlusion| occlusion.of_place(place, to_square(axis)));
+        lobes.iter().map(|lobe| lobe.irradiance(normals[place], distance)).sum()
+    })
 }
 
-/// The lobes of the light, each times the clamped cosine and cut by the visibility (13): [`SphericalGaussian::product`] and
-/// [`SphericalGaussian::visible_published`] in single precision.
+/// Irradiance between places.
 fn irradiance_at(scene: &Scene, normal: Vec3, places: [u32; 3], shares: Vec3) -> Vec3 {
-    let Some(light) = scene.light else { return Vec3::ZERO };
     let occlusion = scene.object.occlusion.filter(|_| scene.options.shadows);
-    let (cosine_sharpness, cosine_amplitude) = (COSINE_PUBLISHED.0 as f32, COSINE_PUBLISHED.1 as f32);
-    let mut irradiance = Vec3::ZERO;
-    for lobe in &light.diffuse {
-        let (axis, sharpness) = (single(lobe.axis), lobe.sharpness as f32);
-        let sum = cosine_sharpness * normal + sharpness * axis;
+    let distance = |axis: Vec3| occlusion.map(|occlusion| occlusion.towards(places, shares, axis));
+    lobes(scene).map(|lobe| lobe.irradiance(normal, distance)).sum()
+}
+
+/// The light's lobes.
+fn lobes(scene: &Scene) -> impl Iterator<Item = Lobe> {
+    scene.light.into_iter().flat_map(|light| &light.diffuse).map(|lobe| Lobe {
+        axis: single(lobe.axis),
+        sharpness: lobe.sharpness as f32,
+        amplitude: single(lobe.amplitude),
+    })
+}
+
+/// A spherical Gaussian in single precision.
+struct Lobe {
+    axis: Vec3,
+    sharpness: f32,
+    amplitude: Vec3,
+}
+
+impl Lobe {
+    /// Times the clamped cosine and cut by the visibility, whose signed distance is given for a direction (13):
+    /// [`SphericalGaussian::product`] and [`SphericalGaussian::visible_published`].
+    #[inline]
+    fn irradiance(&self, normal: Vec3, distance: impl Fn(Vec3) -> Option<f32>) -> Vec3 {
+        let (cosine_sharpness, cosine_amplitude) = (COSINE_PUBLISHED.0 as f32, COSINE_PUBLISHED.1 as f32);
+        let sum = cosine_sharpness * normal + self.sharpness * self.axis;
         let product = sum.length().max(1e-3);
         // Of the lengths' difference, without cancellation.
-        let both = cosine_sharpness + sharpness;
-        let exponent = 2.0 * cosine_sharpness * sharpness * (normal.dot(axis) - 1.0) / (product + both);
-        let share = match occlusion {
-            Some(occlusion) => {
-                let distance = occlusion.towards(places, shares, sum / product);
-                half_space_share_published(log2(product) * LN_2, distance) * whole(product)
-            }
+        let both = cosine_sharpness + self.sharpness;
+        let exponent = 2.0 * cosine_sharpness * self.sharpness * (normal.dot(self.axis) - 1.0) / (product + both);
+        let share = match distance(sum / product) {
+            Some(distance) => half_space_share_published(log2(product) * LN_2, distance) * whole(product),
             None => whole(2.0 * product),
         };
-        irradiance += single(lobe.amplitude) * (cosine_amplitude * exponent.exp() * share * 2.0 * PI / product);
+        self.amplitude * (cosine_amplitude * exponent.exp() * share * 2.0 * PI / product)
     }
-    irradiance
 }
 
 /// Specular reflection: the material's lobes, warped, times the clamped cosine, cut by the visibility, through the levels (15).

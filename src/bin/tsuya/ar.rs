@@ -441,20 +441,20 @@ impl Work {
                 "size": [calibration.camera.width, calibration.camera.height],
                 "seconds": seconds,
                 "frame_seconds": {
-                    "read": reading, "pose": parts[0], "light": parts[1], "render": parts[2], "composite": parts[3], "write": writing,
+                    "whole": mean(|t| t.whole), "read": reading, "pose": parts[0], "light": parts[1], "render": parts[2], "composite": parts[3], "write": writing,
                 },
                 "poses": poses,
             }));
         }
         let [pose, light, render, composite] = parts.map(|s| 1e3 * s);
-        let working = parts.iter().sum::<f64>();
+        let whole = mean(|t| t.whole);
         output::say(&format!(
             "{} of {} frames with the object, corners {rms:.2} pixels off\n\
              a frame: pose {pose:.1} ms, light {light:.1} ms, render {render:.1} ms, composite {composite:.1} ms; {:.1} frames a second\n\
              and {:.1} ms reading, {:.1} ms writing\n",
             seen.len(),
             self.frames.len(),
-            1.0 / working.max(1e-9),
+            1.0 / whole.max(1e-9),
             1e3 * reading,
             1e3 * writing
         ))

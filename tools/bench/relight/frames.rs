@@ -99,19 +99,18 @@ fn placing(mesh: &Mesh, name: &str, environment: &Environment) -> Outcome {
             let light = if moves { Light::Moving(&mut turn) } else { Light::Still(environment) };
             let mut waiting = shots.iter();
             let mut next = || Ok(waiting.next().map(|plate| Shot { plate: plate.clone(), nearer: None }));
-            let mut sums = [0.0; 4];
+            let mut sums = [0.0; 5];
             let mut count = 0;
             // The first frames fill the caches.
             run(&subject, &calibration, Rig::parse("tag36h11:0:0.1")?, light, &options, &mut next, &mut |_, done| {
                 if done.frame >= 5 && done.estimate.is_some() {
                     let t = done.times;
-                    sums = std::array::from_fn(|k| sums[k] + [t.pose, t.light, t.render, t.composite][k]);
+                    sums = std::array::from_fn(|k| sums[k] + [t.whole, t.pose, t.light, t.render, t.composite][k]);
                     count += 1;
                 }
                 Ok(())
             })?;
-            let [pose, light, render, composite] = sums.map(|s| 1e3 * s / count as f64);
-            let whole = pose + light + render + composite;
+            let [whole, pose, light, render, composite] = sums.map(|s| 1e3 * s / count as f64);
             println!(
                 "| {material} | {} | {samples} | {pose:.1} ms | {light:.1} ms | {render:.1} ms | {composite:.1} ms | {:.1} |",
                 if moves { "turns" } else { "stays" },
