@@ -1,12 +1,12 @@
 // Light of the place: spherical Gaussians from a second camera's fisheye picture, and the sums that shadows and exposure need.
 
 import { Vector3 } from "three";
+import { clustered, integral } from "../three/lobes.js";
 import { linear } from "./tracker.js";
 
 /** Cells along the side of the picture that light is gathered from. */
 const SIDE = 48;
 const LOBES = 8;
-const ROUNDS = 6;
 
 /**
  * Lobes of an upward fisheye picture (`ImageData`): equidistant, its circle as large as the picture's shorter side, its axis up, the picture's
@@ -29,51 +29,11 @@ export function lobesOfFisheye(picture, fieldOfView = Math.PI) {
       cells.push({ direction, flux: [0, 1, 2].map((c) => linear(picture.data[at + c] / 255) * solid) });
     }
   }
-  return clustered(cells);
-}
-
-const energy = ({ flux: [r, g, b] }) => r + g + b;
-const cosine = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-
-/** Clusters of light, one lobe each: k-means on the sphere, sharpness by the mean length of the directions (Banerjee 2005). */
-function clustered(cells) {
-  const centres = [];
-  const far = cells.map(() => 1);
-  while (centres.length < Math.min(LOBES, cells.length)) {
-    let best = 0;
-    cells.forEach((cell, k) => energy(cell) * far[k] > energy(cells[best]) * far[best] && (best = k));
-    centres.push(cells[best].direction);
-    cells.forEach(({ direction }, k) => (far[k] = Math.min(far[k], 1 - cosine(direction, centres.at(-1)))));
-  }
-  let lobes = [];
-  for (let round = 0; round < ROUNDS; round++) {
-    const sums = centres.map(() => ({ moment: [0, 0, 0], flux: [0, 0, 0], energy: 0 }));
-    for (const cell of cells) {
-      let nearest = 0;
-      centres.forEach((centre, k) => cosine(centre, cell.direction) > cosine(centres[nearest], cell.direction) && (nearest = k));
-      const [sum, e] = [sums[nearest], energy(cell)];
-      cell.direction.forEach((x, i) => (sum.moment[i] += e * x));
-      cell.flux.forEach((x, c) => (sum.flux[c] += x));
-      sum.energy += e;
-    }
-    lobes = [];
-    sums.forEach(({ moment, flux, energy }, k) => {
-      if (!(energy > 0)) return;
-      const size = Math.hypot(...moment);
-      centres[k] = moment.map((x) => x / size);
-      const r = Math.min(size / energy, 0.9999);
-      const sharpness = Math.min(Math.max((r * (3 - r * r)) / (1 - r * r), 0.3), 300);
-      lobes.push({ axis: centres[k], sharpness, amplitude: flux.map((x) => x / integral(sharpness)) });
-    });
-  }
+  const lobes = clustered(cells, LOBES);
   // The table below sends back some of it.
   const mean = [0, 1, 2].map((c) => cells.reduce((sum, { flux }) => sum + flux[c], 0) / (2 * Math.PI));
-  lobes.push({ axis: [0, -1, 0], sharpness: 1, amplitude: mean.map((x) => 0.3 * x) });
-  return lobes;
+  return [...lobes, { axis: [0, -1, 0], sharpness: 1, amplitude: mean.map((x) => 0.3 * x) }];
 }
-
-/** Integral of `exp(sharpness (cos - 1))` over the sphere. */
-const integral = (sharpness) => (2 * Math.PI * -Math.expm1(-2 * sharpness)) / sharpness;
 
 const flux = ({ amplitude, sharpness }) => (amplitude[0] + amplitude[1] + amplitude[2]) * integral(sharpness);
 const UP = new Vector3(0, 1, 0);

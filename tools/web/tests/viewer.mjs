@@ -2,7 +2,7 @@
 
 import assert from "node:assert/strict";
 import { createHash } from "node:crypto";
-import { readFileSync } from "node:fs";
+import { readFileSync, writeFileSync } from "node:fs";
 import { join } from "node:path";
 import { after, afterEach, before, test } from "node:test";
 import { serve } from "./support/server.mjs";
@@ -115,6 +115,50 @@ const withSum = (json, binary) => {
   const bytes = binary.subarray(byteOffset, byteOffset + byteLength);
   return { bytes, sign: () => (json.extensions[EXTENSION].appearances[0].sha256 = createHash("sha256").update(bytes).digest("hex")) };
 };
+
+/** A picture of light from all around as Radiance HDR: `value` of a direction. */
+function radianceHdr(width, height, value) {
+  const pixels = Buffer.alloc(4 * width * height);
+  for (let k = 0; k < width * height; k++) {
+    const [theta, phi] = [(Math.PI * (Math.floor(k / width) + 0.5)) / height, (2 * Math.PI * ((k % width) + 0.5)) / width];
+    const colour = value([Math.sin(theta) * Math.sin(phi), Math.cos(theta), -Math.sin(theta) * Math.cos(phi)]);
+    const exponent = Math.ceil(Math.log2(Math.max(...colour, 1e-9)) + 1e-9);
+    pixels.set([...colour.map((c) => Math.min(Math.floor((c / 2 ** exponent) * 256), 255)), exponent + 128], 4 * k);
+  }
+  return Buffer.concat([Buffer.from(`#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y ${height} +X ${width}\n`), pixels]);
+}
+
+test("surroundings of one's own light it, with its own shadows", async () => {
+  const [baked, picture] = [at("baked.tsuya"), at("surroundings.hdr")];
+  tsuya("bake", stream, "-o", baked);
+  const lamps = [[0.6, 0.64, 0.48, 14], [-0.8, 0.36, -0.48, 6]];
+  const light = ([x, y, z]) => lamps.reduce((sum, [a, b, c, bright], k) => {
+    const lamp = bright * Math.exp(30 * (a * x + b * y + c * z - 1));
+    return [sum[0] + lamp, sum[1] + lamp * (k ? 0.6 : 1), sum[2] + lamp * (k ? 0.3 : 0.9)];
+  }, y > 0 ? [0.3, 0.35, 0.5] : [0.1, 0.09, 0.08]);
+  writeFileSync(picture, radianceHdr(128, 64, light));
+  const server = await view(baked);
+  const { page, complaints } = await open(server.address);
+  await drop(page, "broken.hdr", Buffer.from("#?RADIANCE"));
+  await messageOf(page, /broken\.hdr can't be used as surroundings/);
+  await drop(page, "surroundings.hdr", readFileSync(picture));
+  await page.waitForFunction(() => window.tsuyaViewer.state.light === "own");
+  const environment = await page.evaluate(async () => {
+    const { appearance } = window.tsuyaViewer.state.model;
+    await appearance.loadVisibility();
+    return window.tsuyaViewer.state.environments.own;
+  });
+  // Radiance 1 is white in both. Where the normal between the vertices' turns away from the camera the program shows nothing.
+  const wanted = rendered(baked, [1, 1, 1], "--view", "3", "--env", picture, "--samples", "1");
+  const figure = async (shadows) => psnr(await drawn(page, 3, { cutByMasks: false, lighting: { environment, turn: 0 }, shadows }), wanted, Math.min);
+  const [with_, without] = [await figure(true), await figure(false)];
+  report("own surroundings", with_, 28);
+  assert.ok(with_ > without + 0.7, `${without} dB without the object's shadows`);
+  // The browser's complaint of the broken picture is its loader's.
+  assert.deepEqual(complaints.filter((text) => !/HDRLoader/.test(text)), []);
+  await page.close();
+  server.end();
+});
 
 test("what can't be used is said, and the document's own material is shown", async () => {
   const server = await view(stream);

@@ -1,6 +1,7 @@
-// Light from all around as spherical Gaussians, with the shadows that the object's own visibility makes: spec/rendering.md, "Published".
+// Light from all around as spherical Gaussians, with the shadows that the object's own visibility makes: spec/rendering.md, "In the browser".
 
 import { DataArrayTexture, FloatType, LinearFilter, RGBAFormat, Vector3 } from "three";
+import { lobesOfPicture } from "./lobes.js";
 import { normalize } from "./views.js";
 
 /** Lobes that an environment may have. */
@@ -41,46 +42,59 @@ float distanceTowards(vec3 d) {
 /** (1 - exp(-x)) / x */
 float falling(float x) { return x > 1e-3 ? (1.0 - exp(-x)) / x : 1.0 - 0.5 * x; }
 
-/** Integral of a lobe over what is free (Wang's fit). */
-float visiblePart(float sharpness, float free) {
+/** Share of a lobe that a half space at this signed angle leaves (Wang's fit). */
+float shareOf(float sharpness, float free) {
   float l = log(max(sharpness, 1e-3));
   float k = ((0.204 * l - 0.892) * l + 2.995) * l + 0.067;
-  return (1.05 / (1.0 + exp(-k * free)) - 0.025) * 2.0 * PI * falling(sharpness);
+  return 1.05 / (1.0 + exp(-k * free)) - 0.025;
 }
 
-/** Integral over what is free of the product of two lobes. */
-float lobeProduct(vec4 a, vec4 b, bool shadowed) {
+struct Product { vec3 axis; float sharpness; float integral; };
+
+/** The product of two lobes, a lobe again, and its integral. */
+Product productOf(vec4 a, vec4 b) {
   float large = max(a.w, b.w), small = min(a.w, b.w);
-  if (large <= 0.0) return 4.0 * PI;
+  if (large <= 0.0) return Product(a.xyz, 0.0, 4.0 * PI);
   float ratio = small / large, cosine = clamp(dot(a.xyz, b.xyz), -1.0, 1.0);
   vec3 sum = (a.w * a.xyz + b.w * b.xyz) / large;
   float size = length(sum);
   float exponent = 2.0 * small * (cosine - 1.0) / (sqrt(max(2.0 * ratio * cosine + ratio * ratio + 1.0, 0.0)) + ratio + 1.0);
-  if (exponent < -20.0) return 0.0;
   float sharpness = large * size;
-  float whole = 4.0 * PI * falling(2.0 * sharpness);
-#if VISIBILITY > 0
-  if (shadowed && selfShadows) {
-    float free = distanceTowards(size > 1e-6 ? sum / size : a.xyz);
-    whole *= clamp(visiblePart(sharpness, free) / visiblePart(sharpness, 0.5 * PI), 0.0, 1.0);
-  }
-#endif
-  return exp(exponent) * whole;
+  float integral = exponent < -20.0 ? 0.0 : exp(exponent) * 4.0 * PI * falling(2.0 * sharpness);
+  return Product(size > 1e-6 ? sum / size : a.xyz, sharpness, integral);
+}
+
+/** Irradiance by a lobe of amplitude 1 on a surface that nothing shades (S. Hill's fit; Pettineo 2016). */
+float irradianceOf(vec4 lobe, vec3 normal) {
+  float sharpness = max(lobe.w, 0.05), cosine = dot(lobe.xyz, normal);
+  float once = exp(-sharpness), twice = once * once, inverse = 1.0 / sharpness;
+  float scale = 1.0 + 2.0 * twice - inverse, bias = (once - twice) * inverse - twice;
+  float x = sqrt(max(1.0 - scale, 1e-6)), near = 0.36 * cosine, width = x / 1.44;
+  float y = abs(near) <= width ? (near + width) * (near + width) / x : clamp(cosine, 0.0, 1.0);
+  return max(scale * y + bias, 0.0) * 4.0 * PI * falling(2.0 * sharpness);
 }
 
 Parts environmentOf(vec3 point, vec3 normal, Maps maps) {
   vec3 outgoing = normalize(eye - point);
   float facing = dot(normal, outgoing);
   vec3 irradiance = vec3(0.0), shine = vec3(0.0);
-  // The clamped cosine as a lobe.
-  vec4 cosine = vec4(normal, 2.133);
-  // exp(-alpha^2 / (2 sigma^2)) as a lobe of half vectors, turned into one of directions.
+  // exp(-alpha^2 / (2 sigma^2)) as a lobe of half vectors, turned into one of directions; a wide one is too bright by nearly the factor.
   bool shiny = hasSpecular && facing > 0.0 && maps.sigma > 0.0;
-  float sharpness = 1.0 / (maps.sigma * maps.sigma) / (4.0 * max(facing, 0.05));
-  vec4 reflected = vec4(reflect(-outgoing, normal), sharpness);
+  float squared = maps.sigma * maps.sigma;
+  vec4 reflected = vec4(reflect(-outgoing, normal), 1.0 / squared / (4.0 * max(facing, 0.05)));
+  float wide = 1.0 / (1.0 + 1.7 * squared);
   for (int k = 0; k < lobeCount; k++) {
-    irradiance += lobeAmplitude[k] * (1.17 * lobeProduct(cosine, lobeAxis[k], true));
-    if (shiny) shine += lobeAmplitude[k] * lobeProduct(reflected, lobeAxis[k], true);
+    // What the object blocks of the light above the horizon, about where light times cosine is most.
+    Product lit = productOf(vec4(normal, 2.133), lobeAxis[k]);
+    float above = asin(clamp(dot(lit.axis, normal), -1.0, 1.0));
+    float open = max(shareOf(lit.sharpness, above), 0.02);
+    float share = clamp(shareOf(lit.sharpness, min(distanceTowards(lit.axis), above)) / open, 0.0, 1.0);
+    irradiance += lobeAmplitude[k] * (share * irradianceOf(lobeAxis[k], normal));
+    if (shiny) {
+      Product mirrored = productOf(reflected, lobeAxis[k]);
+      float free = min(distanceTowards(mirrored.axis), asin(clamp(dot(mirrored.axis, normal), -1.0, 1.0)));
+      shine += lobeAmplitude[k] * (clamp(shareOf(mirrored.sharpness, free), 0.0, 1.0) * mirrored.integral * wide);
+    }
   }
   return Parts(maps.diffuse * irradiance, shiny ? maps.specular * shine / max(facing, 0.05) : vec3(0.0));
 }
@@ -134,6 +148,9 @@ export function environmentOfLobes(lobes, title = "From the file") {
   const power = (l) => (l.amplitude[0] + l.amplitude[1] + l.amplitude[2]) / (1 + l.sharpness);
   return { title, lobes: found.sort((a, b) => power(b) - power(a)).slice(0, LOBES) };
 }
+
+/** An environment of a latitude-longitude picture (`lobesOfPicture`). */
+export const environmentOfPicture = (picture, title) => ({ title, lobes: lobesOfPicture(picture, LOBES) });
 
 /** Sets the lobes, turned by `turn` (a vector's function) and brighter by `scale`. */
 export function setEnvironment(uniforms, { lobes }, turn, scale) {

@@ -77,6 +77,12 @@ export const ENVIRONMENTS: Record<"studio" | "overcast" | "evening" | "windows",
 export function environmentOfLobes(lobes: Float32Array, title?: string): Environment;
 
 /**
+ * An environment of a latitude-longitude picture, +Y up: `data` has four linear numbers a pixel, the highest row first; the middle is +Z, a quarter
+ * from the left edge +X.
+ */
+export function environmentOfPicture(picture: { data: ArrayLike<number>; width: number; height: number }, title: string): Environment;
+
+/**
  * The look of one stream. Decodes the captured views near the camera by itself; `change` says that a picture would look different now, `error`
  * (with `error` and `view`) that a view can't be decoded, and is left out. Lighting and layers may be changed any time; draw again after it.
  */

@@ -1,5 +1,5 @@
 // tsuya's measured appearances in three.js (WebGLRenderer).
 
 export { ALL_LAYERS, Appearance } from "./appearance.js";
-export { ENVIRONMENTS, environmentOfLobes } from "./environment.js";
+export { ENVIRONMENTS, environmentOfLobes, environmentOfPicture } from "./environment.js";
 export { AppearanceError, EXTENSION, TsuyaAppearance } from "./loader.js";

@@ -6,6 +6,7 @@ import { factsOf, showFacts } from "./facts.js";
 import { REASONS, openFile } from "./open.js";
 import { element, hush, keep, passOn, say, wantedFile } from "./page.js";
 import { Stage } from "./stage.js";
+import { isPicture, readSurroundings } from "./surroundings.js";
 import { centre } from "./three/views.js";
 
 const canvas = element("picture");
@@ -19,7 +20,7 @@ const LAYERS = {
 const CAPTURE = "capture-";
 const LAMP = "lamp";
 
-const state = { model: null, layer: "photograph", light: `${CAPTURE}0`, stops: 0, pointer: [0.35, 0.45], captured: -1, environments: { ...ENVIRONMENTS } };
+const state = { model: null, layer: "photograph", light: `${CAPTURE}0`, stops: 0, pointer: [0.35, 0.45], captured: -1, environments: { ...ENVIRONMENTS }, own: null };
 let opening = null;
 let stage = null;
 
@@ -38,6 +39,22 @@ function showStatus() {
 function showProgress(share) {
   element("progress").hidden = share === null || share >= 1;
   element("progress").value = share ?? 0;
+}
+
+/** Takes a file of the visitor's: an object, or surroundings for the one that is shown. */
+async function take(file) {
+  if (!isPicture(file.name)) return open(file, file.name);
+  try {
+    state.own = await readSurroundings(file);
+  } catch (error) {
+    return say(`${file.name} can't be used as surroundings`, error.message);
+  }
+  state.environments.own = state.own;
+  const { model } = state;
+  offerLights(model?.appearance ?? null);
+  if (!model) say("Surroundings taken", "They are offered as light for the object that is opened next.", true);
+  else if (model.appearance && !model.appearance.relightable) say(`${file.name} isn't shown`, "The capture's lights are unknown, so the object can't be relit.");
+  else setLight("own");
 }
 
 /** Opens an address or a file, instead of what is shown. */
@@ -81,7 +98,7 @@ function replace(model) {
   const before = state.model;
   state.model = model;
   state.captured = -1;
-  state.environments = { ...ENVIRONMENTS };
+  state.environments = { ...ENVIRONMENTS, ...(state.own && { own: state.own }) };
   stage.show(model.root, model);
   before?.dispose();
   if (model.appearance) {
@@ -312,7 +329,7 @@ function listen() {
   element("chooser").addEventListener("change", ({ target }) => {
     const [file] = target.files;
     target.value = "";
-    if (file) open(file, file.name);
+    if (file) take(file);
   });
   const stop = (event) => event.preventDefault();
   document.addEventListener("dragover", (event) => {
@@ -324,8 +341,8 @@ function listen() {
     stop(event);
     document.body.classList.remove("dropping");
     const [file] = event.dataTransfer.files;
-    if (file && /\.(tsuya|glb|gltf)$/i.test(file.name)) open(file, file.name);
-    else if (file) say(`${file.name} can't be shown`, "Files named .tsuya, .glb or .gltf can be.");
+    if (file && (/\.(tsuya|glb|gltf)$/i.test(file.name) || isPicture(file.name))) take(file);
+    else if (file) say(`${file.name} can't be shown`, "Files named .tsuya, .glb or .gltf can be, and .hdr or .exr as surroundings.");
   });
 }
 

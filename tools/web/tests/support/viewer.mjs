@@ -124,13 +124,13 @@ export function rendered(file, white, ...args) {
   return { width, height, pixels };
 }
 
-/** Image PSNR in dB of the square-root signal, over all pixels where one of the pictures shows something. */
-export function psnr(a, b) {
+/** Image PSNR in dB of the square-root signal, over all pixels where one of the pictures shows something, or where both do. */
+export function psnr(a, b, where = Math.max) {
   let sum = 0;
   let count = 0;
   for (let k = 0; k < a.pixels.length; k += 4) {
     const [p, q] = [a.pixels.slice(k, k + 3), b.pixels.slice(k, k + 3)];
-    if (Math.max(...p) <= 0 && Math.max(...q) <= 0) continue;
+    if (where(Math.max(...p), Math.max(...q)) <= 0) continue;
     p.forEach((x, c) => (sum += (Math.sqrt(Math.max(x, 0)) - Math.sqrt(Math.max(q[c], 0))) ** 2));
     count += 3;
   }
