@@ -228,6 +228,8 @@ fn what_cannot_be_done_is_said_and_leaves_nothing() {
     assert!(said.contains("ffmpeg, which is not installed"), "{said}");
     let said = complaint("frames", tag, "camera.json", &[], 1, "a.png");
     assert!(said.contains("several frames go into a folder or a video"), "{said}");
+    let said = complaint("frames/0.png", tag, "camera.json", &["--asset", "another.tsuya"], 1, "a.png");
+    assert!(said.contains("'--asset <FILE>' cannot be used multiple times"), "{said}");
     let left: Vec<_> = std::fs::read_dir(folder.path()).unwrap().map(|e| e.unwrap().file_name()).collect();
     assert!(left.iter().all(|name| !name.to_string_lossy().starts_with(".tsuya")), "{left:?}");
     // In a sequence such a frame stays as it is, and is counted.

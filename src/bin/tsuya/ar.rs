@@ -39,7 +39,7 @@ const MOVING_COLUMNS: usize = 256;
 pub struct Ar {
     /// A photograph, a folder of frames, or a video (read by ffmpeg).
     frames: PathBuf,
-    /// The object, best with its visibility (tsuya bake).
+    /// The object, best with its visibility (tsuya bake). One; for another run it again on the pictures that were made.
     #[arg(long, value_name = "FILE")]
     asset: PathBuf,
     /// The marker, FAMILY:ID:SIZE as in tag36h11:76:0.065 (* for any number), or a JSON file with several that belong together.

@@ -173,35 +173,49 @@ async function setLight(light) {
   }
 }
 
-async function open(address, name) {
-  element("title").textContent = name;
+/** Opens an address or a file, instead of what is shown. */
+async function open(source, name) {
+  state.opening?.abort();
+  const { signal } = (state.opening = new AbortController());
+  hush();
   status("Opening");
   try {
     const onProgress = (share) => {
       // Photographs come as they are needed.
-      element("progress").hidden = share === null || share >= 1 || state.model !== null;
+      element("progress").hidden = share === null || share >= 1 || state.model?.name === name;
       element("progress").value = share ?? 0;
     };
-    const model = await openFile(address, name, { onProgress, onStatus: (model, { error }) => error && say("The measured appearance isn't shown", error.message) });
+    const onStatus = (model, { error }) => error && say("The measured appearance isn't shown", error.message);
+    const model = await openFile(source, name, { signal, onProgress, onStatus });
+    if (signal.aborted) return model.dispose();
+    const before = state.model;
     state.model = model;
+    state.environments = { ...ENVIRONMENTS };
+    offerLights();
+    element("title").textContent = name;
     place.show(model, size());
+    before?.dispose();
     await model.ready;
+    if (signal.aborted) return;
     status("");
     element("progress").hidden = true;
     adopt(model);
   } catch (error) {
+    if (signal.aborted) return;
     status("");
+    element("progress").hidden = true;
     say(`${name} can't be shown`, error.message);
   }
 }
 
-function adopt({ appearance }) {
+function adopt(model) {
+  const { appearance } = model;
   if (!appearance) return;
   if (!appearance.relightable) say("This object keeps the light it was photographed in", "The capture's lights are unknown, so it can't be relit.", true);
   appearance.cubic = false;
   appearance.loadVisibility().catch((error) => say("The object throws no shadows on itself", error.message, true));
   appearance.file.light().then((light) => {
-    if (!light?.lobes.length) return;
+    if (!light?.lobes.length || state.model !== model) return;
     state.environments.file = environmentOfLobes(light.lobes);
     offerLights();
   }, () => {});
@@ -211,7 +225,7 @@ function adopt({ appearance }) {
 async function first() {
   const wanted = await wantedFile(new URL("..", document.baseURI));
   if (wanted) return open(wanted.address, wanted.name);
-  say("There is no object", "Start this page from the viewer, or name a file: ?file=ADDRESS");
+  say("There is no object", "Drop a .tsuya or .glb file here, or start this page from the viewer.");
 }
 
 function listen() {
@@ -223,6 +237,14 @@ function listen() {
   element("orientation").addEventListener("change", ({ target }) => (place.orientation = target.value));
   element("family").addEventListener("change", ({ target }) => (state.tracker = new Tracker(target.value)));
   element("save").addEventListener("click", async () => keep(await place.screenshot(), state.model?.name));
+  document.addEventListener("dragover", (event) => event.preventDefault());
+  document.addEventListener("drop", async (event) => {
+    event.preventDefault();
+    const [file, ...others] = [...event.dataTransfer.files].filter(({ name }) => /\.(tsuya|glb|gltf)$/i.test(name));
+    if (!file) return say("That can't be shown", "Files named .tsuya, .glb or .gltf can be.");
+    await open(file, file.name);
+    if (others.length && state.model?.name === file.name) say(`${file.name} is shown`, "There is one object at a time.", true);
+  });
   passOn(element("back"));
 }
 

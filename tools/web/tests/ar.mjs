@@ -1,10 +1,10 @@
 // The page that puts the object on a marker, in a real browser with a camera that plays a rendered video.
 
 import assert from "node:assert/strict";
-import { writeFileSync } from "node:fs";
+import { readFileSync, writeFileSync } from "node:fs";
 import { join } from "node:path";
 import { after, afterEach, before, test } from "node:test";
-import { at, closeAll, closeBrowser, openPage, root, tsuya, view } from "./support/viewer.mjs";
+import { at, closeAll, closeBrowser, drop, messageOf, openPage, root, tsuya, view } from "./support/viewer.mjs";
 import { BLOCK, DIGITS, FOCAL, HEIGHT, WIDTH, poseAt, writeVideo } from "./support/video.mjs";
 
 const stream = at("room.tsuya");
@@ -123,4 +123,20 @@ test("another number, another family and no camera are said", async () => {
     await closeBrowser();
     server.end();
   }
+});
+
+test("of two objects one is shown, and a broken one leaves it", async () => {
+  const { page, complaints, server } = await room({}, CAMERA);
+  const shown = () => page.evaluate(() => [window.tsuyaRoom.state.model.name, window.tsuyaRoom.place.stand.children.length, document.getElementById("title").innerText]);
+  assert.deepEqual(await shown(), ["room.tsuya", 1, "room.tsuya"]);
+  const bytes = readFileSync(stream);
+  await drop(page, ["first.tsuya", bytes], ["second.tsuya", bytes]);
+  await messageOf(page, /first\.tsuya is shown[^]*one object at a time/);
+  assert.deepEqual(await shown(), ["first.tsuya", 1, "first.tsuya"]);
+  await drop(page, ["broken.tsuya", bytes.subarray(0, 3000)]);
+  await messageOf(page, /broken\.tsuya can't be shown/);
+  assert.deepEqual(await shown(), ["first.tsuya", 1, "first.tsuya"]);
+  assert.deepEqual(complaints, []);
+  await closeBrowser();
+  server.end();
 });

@@ -6,7 +6,7 @@ import { readFileSync, writeFileSync } from "node:fs";
 import { join } from "node:path";
 import { after, afterEach, before, test } from "node:test";
 import { serve } from "./support/server.mjs";
-import { at, closeAll, closeBrowser, drawn, editGlb, open, psnr, rendered, root, tsuya, view } from "./support/viewer.mjs";
+import { at, closeAll, closeBrowser, drawn, drop, editGlb, messageOf, open, psnr, rendered, root, tsuya, view } from "./support/viewer.mjs";
 
 const EXTENSION = "TSUYA_materials_appearance";
 const [stream, glb] = [at("spot.tsuya"), at("spot.glb")];
@@ -87,28 +87,6 @@ test("so does a GLB, and one with its stream beside it", async () => {
   }
 });
 
-/** Opens a file in a page, as if dropped there. */
-async function drop(page, name, bytes) {
-  await page.evaluate(
-    async ({ name, base64 }) => {
-      const bytes = Uint8Array.from(atob(base64), (c) => c.charCodeAt(0));
-      const dataTransfer = new DataTransfer();
-      dataTransfer.items.add(new File([bytes], name));
-      document.dispatchEvent(new DragEvent("drop", { dataTransfer, bubbles: true, cancelable: true }));
-    },
-    { name, base64: bytes.toString("base64") },
-  );
-}
-
-const messageOf = (page, pattern) =>
-  page.waitForFunction(
-    (pattern) => {
-      const { hidden, innerText } = document.getElementById("message");
-      return !hidden && new RegExp(pattern).test(innerText) && innerText;
-    },
-    pattern.source,
-  );
-
 const withSum = (json, binary) => {
   const { bufferView } = json.extensions[EXTENSION].appearances[0];
   const { byteOffset = 0, byteLength } = json.bufferViews[bufferView];
@@ -139,9 +117,9 @@ test("surroundings of one's own light it, with its own shadows", async () => {
   writeFileSync(picture, radianceHdr(128, 64, light));
   const server = await view(baked);
   const { page, complaints } = await open(server.address);
-  await drop(page, "broken.hdr", Buffer.from("#?RADIANCE"));
+  await drop(page, ["broken.hdr", Buffer.from("#?RADIANCE")]);
   await messageOf(page, /broken\.hdr can't be used as surroundings/);
-  await drop(page, "surroundings.hdr", readFileSync(picture));
+  await drop(page, ["surroundings.hdr", readFileSync(picture)]);
   await page.waitForFunction(() => window.tsuyaViewer.state.light === "own");
   const environment = await page.evaluate(async () => {
     const { appearance } = window.tsuyaViewer.state.model;
@@ -218,7 +196,7 @@ test("what can't be used is said, and the document's own material is shown", asy
     "dropped by another program": [/isn't shown: it is missing[^]*inject/, (json) => delete json.extensions],
   };
   for (const [name, [pattern, edit]] of Object.entries(cases)) {
-    await drop(page, `${name.replace(/\W+/g, "-")}.glb`, editGlb(bytes, edit));
+    await drop(page, [`${name.replace(/\W+/g, "-")}.glb`, editGlb(bytes, edit)]);
     const said = await (await messageOf(page, pattern)).jsonValue();
     const shown = await page.evaluate(() => {
       const { model } = window.tsuyaViewer.state;
@@ -259,7 +237,7 @@ test("what can't be used is said, and the document's own material is shown", asy
     ["empty.glb", Buffer.alloc(0), /empty\.glb can't be shown/],
     ["picture.png", Buffer.from("png"), /picture\.png can't be shown/],
   ]) {
-    await drop(page, name, content);
+    await drop(page, [name, content]);
     await messageOf(page, pattern);
   }
   assert.deepEqual(complaints, []);
@@ -278,7 +256,7 @@ test("a view that can't be decoded leaves the others", async () => {
   });
   const bytes = readFileSync(stream);
   bytes[offset.at] ^= 255;
-  await drop(page, "one-view.tsuya", bytes);
+  await drop(page, ["one-view.tsuya", bytes]);
   await page.waitForFunction(() => window.tsuyaViewer.state.model?.name === "one-view.tsuya");
   const found = await drawn(page, offset.view, { cutByMasks: false });
   assert.ok(found.pixels.some((x) => x > 0.1), "nothing is shown");

@@ -90,6 +90,27 @@ export async function closeAll() {
   rmSync(folder, { recursive: true, force: true });
 }
 
+/** Drops files onto a page: `[name, bytes]` of each. */
+export async function drop(page, ...files) {
+  await page.evaluate(
+    (files) => {
+      const dataTransfer = new DataTransfer();
+      for (const [name, base64] of files) dataTransfer.items.add(new File([Uint8Array.from(atob(base64), (c) => c.charCodeAt(0))], name));
+      document.dispatchEvent(new DragEvent("drop", { dataTransfer, bubbles: true, cancelable: true }));
+    },
+    files.map(([name, bytes]) => [name, bytes.toString("base64")]),
+  );
+}
+
+export const messageOf = (page, pattern) =>
+  page.waitForFunction(
+    (pattern) => {
+      const { hidden, innerText } = document.getElementById("message");
+      return !hidden && new RegExp(pattern).test(innerText) && innerText;
+    },
+    pattern.source,
+  );
+
 /** Radiance in units of the white board as the page draws it from a captured view (or any camera). */
 export async function drawn(page, view, { lighting = { capture: 0 }, layers = {}, ...options } = {}) {
   const values = await page.evaluate(
