@@ -249,9 +249,13 @@ impl Reference {
     pub fn new(mut pixels: Vec<Pixel>, mask: &Mask) -> Self {
         let (width, height) = (mask.width, mask.height);
         let mut known = mask.data.clone();
-        let mut front: Vec<usize> = (0..width * height).filter(|&i| known[i]).collect();
-        for _ in 0..REFERENCE_RINGS {
-            let mut wanted = Vec::new();
+        let mut wanted = border(mask);
+        for ring in 1..=REFERENCE_RINGS {
+            let front = fill_ring(&mut pixels, &mut known, &wanted, width, height);
+            if ring == REFERENCE_RINGS {
+                break;
+            }
+            wanted.clear();
             for &at in &front {
                 for_neighbours(at, width, height, |other| {
                     if !known[other] {
@@ -261,7 +265,6 @@ impl Reference {
             }
             wanted.sort_unstable();
             wanted.dedup();
-            front = fill_ring(&mut pixels, &mut known, &wanted, width, height);
         }
         Reference { width, height, pixels }
     }
@@ -310,6 +313,26 @@ impl Reference {
 fn floor(value: f32) -> i32 {
     let towards_zero = value as i32;
     towards_zero - (towards_zero as f32 > value) as i32
+}
+
+/// Pixels beside a mask, ascending.
+fn border(mask: &Mask) -> Vec<usize> {
+    let width = mask.width;
+    // Where a row or one of those beside it is set.
+    let tall = |y: usize| -> Vec<bool> {
+        let [above, here, below] = [y.saturating_sub(1), y, (y + 1).min(mask.height - 1)].map(|y| mask.row(y));
+        above.iter().zip(here).zip(below).map(|((a, b), c)| a | b | c).collect()
+    };
+    let mut border = Vec::new();
+    for y in 0..mask.height {
+        let (tall, here) = (tall(y), mask.row(y));
+        if !tall.contains(&true) {
+            continue;
+        }
+        let beside = |x: usize| tall[x] || (x > 0 && tall[x - 1]) || (x + 1 < width && tall[x + 1]);
+        border.extend((0..width).filter(|&x| !here[x] && beside(x)).map(|x| y * width + x));
+    }
+    border
 }
 
 /// Sets each wanted pixel to the mean of its known neighbours; returns those that had one.

@@ -155,9 +155,7 @@ impl Plan {
                 line.clear();
                 line.extend_from_slice(&low[at..at + run.length as usize]);
                 analyse(&mut line, run.start);
-                scatter(&line, run, |half_index, slot, value| {
-                    sides[half_index][run.line as usize * half + slot] = value;
-                });
+                scatter(&line, run, &mut sides, run.line as usize * half, 1);
             }
             let half_height = level.height.div_ceil(2);
             let mut quarters = Vec::with_capacity(4);
@@ -169,9 +167,7 @@ impl Plan {
                         (run.start..run.start + run.length).map(|y| side[y as usize * half + run.line as usize]),
                     );
                     analyse(&mut line, run.start);
-                    scatter(&line, run, |half_index, slot, value| {
-                        out[half_index][slot * half + run.line as usize] = value;
-                    });
+                    scatter(&line, run, &mut out, run.line as usize, half);
                 }
                 quarters.extend(out);
             }
@@ -200,7 +196,7 @@ impl Plan {
             let quarters = [[&low, vertical], [horizontal, diagonal]];
             for ((side, columns), quarter) in sides.iter_mut().zip(&level.columns).zip(quarters) {
                 for run in columns {
-                    gather(&mut line, run, |half_index, slot| quarter[half_index][slot * half + run.line as usize]);
+                    gather(&mut line, run, quarter, run.line as usize, half);
                     synthesise(&mut line, run.start);
                     for (y, value) in (run.start..).zip(&line) {
                         side[y as usize * half + run.line as usize] = *value;
@@ -209,7 +205,7 @@ impl Plan {
             }
             let mut pixels = vec![[0.0; 4]; level.width * level.height];
             for run in &level.rows {
-                gather(&mut line, run, |half_index, slot| sides[half_index][run.line as usize * half + slot]);
+                gather(&mut line, run, sides.each_ref(), run.line as usize * half, 1);
                 synthesise(&mut line, run.start);
                 let at = run.line as usize * level.width + run.start as usize;
                 pixels[at..at + line.len()].copy_from_slice(&line);
@@ -221,75 +217,94 @@ impl Plan {
     }
 }
 
-/// Hands each coefficient of a transformed run to its half and slot.
+/// Puts each coefficient of a transformed run into its half, low or high; the line's place for slot `k` is `first + k * stride`.
 #[inline(always)]
-fn scatter(line: &[Pixel], run: &Run, mut put: impl FnMut(usize, usize, Pixel)) {
+fn scatter(line: &[Pixel], run: &Run, halves: &mut [Vec<Pixel>; 2], first: usize, stride: usize) {
+    let start = run.start as usize;
     if let [single] = line {
-        put(0, run.start as usize / 2, *single);
+        halves[0][first + start / 2 * stride] = *single;
         return;
     }
-    for (at, value) in (run.start as usize..).zip(line) {
-        put(at % 2, at / 2, *value);
+    for (at, value) in (start..).zip(line) {
+        halves[at % 2][first + at / 2 * stride] = *value;
     }
 }
 
+/// The inverse of [`scatter`].
 #[inline(always)]
-fn gather(line: &mut Vec<Pixel>, run: &Run, get: impl Fn(usize, usize) -> Pixel) {
+fn gather(line: &mut Vec<Pixel>, run: &Run, [low, high]: [&Vec<Pixel>; 2], first: usize, stride: usize) {
     line.clear();
+    let (start, end) = (run.start as usize, (run.start + run.length) as usize);
     if run.length == 1 {
-        line.push(get(0, run.start as usize / 2));
+        line.push(low[first + start / 2 * stride]);
         return;
     }
-    line.extend((run.start as usize..(run.start + run.length) as usize).map(|at| get(at % 2, at / 2)));
+    let place = |slot: usize| first + slot * stride;
+    if start % 2 == 1 {
+        line.push(high[place(start / 2)]);
+    }
+    line.extend((start.div_ceil(2)..end / 2).flat_map(|slot| [low[place(slot)], high[place(slot)]]));
+    if end % 2 == 1 {
+        line.push(low[place(end / 2)]);
+    }
 }
 
-/// One lifting step on the pixels of one parity: adds `factor` times the sum of both neighbours; at an end of the run
+/// One lifting step on the pixels of one parity of two or more: adds `factor` times the sum of both neighbours; at an end of the run
 /// the only neighbour counts twice.
 #[inline(always)]
 fn lift(line: &mut [Pixel], first: usize, factor: f32) {
     let count = line.len();
-    let mut at = first;
-    while at < count {
-        let before = if at > 0 { line[at - 1] } else { line[at + 1] };
-        let after = if at + 1 < count { line[at + 1] } else { line[at - 1] };
+    let add = |pixel: &mut Pixel, before: Pixel, after: Pixel| {
         for k in 0..4 {
-            line[at][k] += factor * (before[k] + after[k]);
+            pixel[k] += factor * (before[k] + after[k]);
         }
+    };
+    if first == 0 {
+        let after = line[1];
+        add(&mut line[0], after, after);
+    }
+    let mut at = if first == 0 { 2 } else { 1 };
+    while let Some([before, pixel, after]) = line.get_mut(at - 1..at + 2) {
+        add(pixel, *before, *after);
         at += 2;
+    }
+    if at + 1 == count {
+        let before = line[at - 1];
+        add(&mut line[at], before, before);
     }
 }
 
+/// Scales the pixels of the parity of the first one, and the others.
 #[inline(always)]
-fn scale(line: &mut [Pixel], first: usize, factor: f32) {
-    for pixel in line.iter_mut().skip(first).step_by(2) {
-        for value in pixel {
-            *value *= factor;
-        }
+fn scale(line: &mut [Pixel], [first, second]: [f32; 2]) {
+    let (pairs, rest) = line.as_chunks_mut::<2>();
+    for [a, b] in pairs {
+        *a = a.map(|value| value * first);
+        *b = b.map(|value| value * second);
     }
+    rest.iter_mut().for_each(|last| *last = last.map(|value| value * first));
 }
 
 /// Transforms a run that starts at a position of parity `start % 2`; even positions become low.
 fn analyse(line: &mut [Pixel], start: u32) {
     if line.len() == 1 {
-        return scale(line, 0, SINGLE);
+        return scale(line, [SINGLE; 2]);
     }
     let (even, odd) = ((start % 2) as usize, 1 - (start % 2) as usize);
     lift(line, odd, LIFT[0]);
     lift(line, even, LIFT[1]);
     lift(line, odd, LIFT[2]);
     lift(line, even, LIFT[3]);
-    scale(line, even, LOW);
-    scale(line, odd, HIGH);
+    scale(line, if even == 0 { [LOW, HIGH] } else { [HIGH, LOW] });
 }
 
 /// Inverse of [`analyse`]: the same steps backwards, subtracted.
 fn synthesise(line: &mut [Pixel], start: u32) {
     if line.len() == 1 {
-        return scale(line, 0, 1.0 / SINGLE);
+        return scale(line, [1.0 / SINGLE; 2]);
     }
     let (even, odd) = ((start % 2) as usize, 1 - (start % 2) as usize);
-    scale(line, even, 1.0 / LOW);
-    scale(line, odd, 1.0 / HIGH);
+    scale(line, if even == 0 { [1.0 / LOW, 1.0 / HIGH] } else { [1.0 / HIGH, 1.0 / LOW] });
     lift(line, even, -LIFT[3]);
     lift(line, odd, -LIFT[2]);
     lift(line, even, -LIFT[1]);
