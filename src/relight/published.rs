@@ -3,7 +3,7 @@
 use super::appearance::{Appearance, Prepared};
 use super::octahedral::to_square;
 use super::scene::{Point, Scene};
-use super::surround::log2;
+use super::surround::{exp, log2};
 use crate::lighting::SphericalGaussian;
 use crate::lighting::spherical_gaussian::{COSINE_PUBLISHED, half_space_share_published};
 use glam::Vec3;
@@ -66,7 +66,7 @@ impl Lobe {
             Some(distance) => half_space_share_published(log2(product) * LN_2, distance) * whole(product),
             None => whole(2.0 * product),
         };
-        self.amplitude * (cosine_amplitude * exponent.exp() * share * 2.0 * PI / product)
+        self.amplitude * (cosine_amplitude * exp(exponent) * share * 2.0 * PI / product)
     }
 }
 
@@ -105,8 +105,7 @@ pub(super) fn reflected(scene: &Scene, point: &Point, prepared: &Prepared) -> Ve
 /// `1 - exp(-x)`.
 #[inline]
 pub(super) fn whole(x: f32) -> f32 {
-    // Underflow is slow.
-    1.0 - (-x.min(80.0)).exp()
+    1.0 - exp(-x)
 }
 
 fn single(v: [f64; 3]) -> Vec3 {

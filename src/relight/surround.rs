@@ -157,6 +157,19 @@ pub(super) fn log2(x: f32) -> f32 {
     exponent as f32 + s * (2.885_39 + squared * (0.961_796_7 + squared * 0.577_078))
 }
 
+/// Exponential function, within 3e-6 of itself, and not below 2^-126.
+#[inline]
+pub(super) fn exp(x: f32) -> f32 {
+    use std::f32::consts::{LN_2, LOG2_E};
+    // Rounded by adding what has no room for parts; then a power of 2 times Taylor's series of what is left.
+    const WHOLE: f32 = (3 << 22) as f32;
+    let power = (x * LOG2_E).clamp(-126.0, 126.0);
+    let whole = (power + WHOLE) - WHOLE;
+    let rest = (power - whole) * LN_2;
+    let series = 1.0 + rest * (1.0 + rest * (0.5 + rest * (1.0 / 6.0 + rest * (1.0 / 24.0 + rest * (1.0 / 120.0)))));
+    f32::from_bits(((whole as i32 + 127) as u32) << 23) * series
+}
+
 /// The environment without its compact bright parts, and those as distant lights: median cut of what lies above the threshold.
 #[cfg(feature = "encode")]
 fn take_out_bright(environment: &Environment, options: &SurroundOptions) -> (Environment, Vec<DistantLight>) {
@@ -279,6 +292,18 @@ mod tests {
         let total: Vec3 = light.cells(32).into_iter().sum();
         assert!((total.x as f64 / lobe.integral()[0] - 1.0).abs() < 0.01);
         assert!((level_of(82.0) - 4.0).abs() < 0.01 && (level_of(1312.0) - 2.0).abs() < 0.01);
+    }
+
+    #[test]
+    fn quick_functions_are_near_the_exact_ones() {
+        for k in -850..=850 {
+            let x = 0.1 * k as f32;
+            let (found, exact) = (exp(x) as f64, (x as f64).exp());
+            assert!((found / exact - 1.0).abs() < 3e-6 + 1e-7 * x.abs() as f64, "exp {x}: {found} for {exact}");
+            let power = (x as f64).exp() as f32;
+            assert!((log2(power) - power.log2()).abs() < 2e-5, "log2 {power}");
+        }
+        assert!(exp(-1e9) > 0.0 && exp(-1e9) < 1e-37 && exp(1e9).is_finite());
     }
 
     #[test]
