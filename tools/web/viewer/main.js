@@ -33,6 +33,8 @@ function showStatus() {
   else if (appearance && !appearance.complete) text = `Decoding views: ${appearance.decoded} of ${appearance.file.views.length}`;
   else if (appearance && state.captured >= 0) text = `View ${state.captured}: ${appearance.file.views[state.captured].name}`;
   if (element("status").textContent !== text) element("status").textContent = text;
+  // The rest of a file comes when it is looked at.
+  if (appearance?.complete) showProgress(null);
 }
 
 /** Shows how much of a file is there; 1 or nothing hides it. */
