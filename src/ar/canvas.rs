@@ -92,22 +92,12 @@ impl Canvas {
             seen.ratios(&places)
         };
         match plate {
-            Plate::Display(picture) => rows(picture, |y, row| {
-                for (run, pixels) in row.chunks_mut(RUN).enumerate() {
-                    let Some(ratios) = ratios(run * RUN, y) else { continue };
-                    for (pixel, ratio) in pixels.iter_mut().zip(ratios) {
-                        *pixel = curve.codes((Vec3A::from(curve.linear(*pixel)) * ratio).to_array());
-                    }
-                }
+            Plate::Display(picture) => runs(picture, ratios, |pixel, ratio| {
+                *pixel = curve.codes((Vec3A::from(curve.linear(*pixel)) * ratio).to_array());
             }),
-            Plate::Linear(image) => rows(image, |y, row| {
-                for (run, pixels) in row.chunks_mut(RUN).enumerate() {
-                    let Some(ratios) = ratios(run * RUN, y) else { continue };
-                    for (pixel, ratio) in pixels.iter_mut().zip(ratios) {
-                        *pixel = (Vec3A::from(*pixel) * ratio).to_array();
-                    }
-                }
-            }),
+            Plate::Linear(image) => {
+                runs(image, ratios, |pixel, ratio| *pixel = (Vec3A::from(*pixel) * ratio).to_array());
+            }
         }
     }
 
@@ -202,6 +192,20 @@ fn each<P: Send>(
     rows(picture, |y, row| {
         if (top..top + height).contains(&y) {
             (left..(left + width).min(row.len())).for_each(|x| f([x, y], &mut row[x]));
+        }
+    });
+}
+
+/// `f` of the pixels and what `values` gives for their run, by its first column and its row; runs without are left out.
+fn runs<P: Send>(
+    picture: &mut Grid<P>,
+    values: impl Fn(usize, usize) -> Option<[Vec3A; RUN]> + Sync + Send,
+    f: impl Fn(&mut P, Vec3A) + Sync + Send,
+) {
+    rows(picture, |y, row| {
+        for (run, pixels) in row.chunks_mut(RUN).enumerate() {
+            let Some(values) = values(run * RUN, y) else { continue };
+            pixels.iter_mut().zip(values).for_each(|(pixel, value)| f(pixel, value));
         }
     });
 }

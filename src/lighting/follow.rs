@@ -14,6 +14,7 @@ use super::prefiltered::{Level, Light, SHARPNESS};
 use crate::image::RgbImage;
 use crate::vector::dot;
 use glam::Vec3A;
+use std::sync::OnceLock;
 
 /// Columns of the picture at most.
 const COLUMNS: usize = 512;
@@ -103,7 +104,7 @@ impl Sums {
         let mut cells = vec![[0.0; 3]; size * size];
         crate::parallel::parts(&mut cells, size, |row, cells| {
             for (cell, ends) in cells.iter_mut().zip(self.starts[row * size..].windows(2)) {
-                *cell = sum(&picture, &self.pixels[ends[0] as usize..ends[1] as usize]);
+                *cell = sum(picture, &self.pixels[ends[0] as usize..ends[1] as usize]);
             }
         });
         Level::new(SHARPNESS[number], size, cells)
@@ -195,18 +196,20 @@ struct Planes {
     width: usize,
     height: usize,
     lists: [Vec<f32>; 3],
+    /// [`Self::pixels`], once they were asked for: several levels take one picture.
+    pixels: OnceLock<Vec<Vec3A>>,
 }
 
 impl Planes {
     fn of(image: &RgbImage) -> Self {
         let lists = std::array::from_fn(|c| image.data.iter().map(|p| p[c]).collect());
-        Planes { width: image.width, height: image.height, lists }
+        Planes { width: image.width, height: image.height, lists, pixels: OnceLock::new() }
     }
 
     /// Colours side by side.
-    fn pixels(&self) -> Vec<Vec3A> {
+    fn pixels(&self) -> &[Vec3A] {
         let [r, g, b] = &self.lists;
-        r.iter().zip(g).zip(b).map(|((&r, &g), &b)| Vec3A::new(r, g, b)).collect()
+        self.pixels.get_or_init(|| r.iter().zip(g).zip(b).map(|((&r, &g), &b)| Vec3A::new(r, g, b)).collect())
     }
 
     /// Means of four pixels, rows by the sines of their angles.
@@ -224,7 +227,7 @@ impl Planes {
             }
             out
         });
-        Planes { width, height, lists }
+        Planes { width, height, lists, pixels: OnceLock::new() }
     }
 
     fn environment(&self) -> Option<Environment> {
@@ -305,7 +308,7 @@ impl Plan {
         let pixels = picture.pixels();
         let cells = crate::parallel::map(size, |row| {
             let cells = (row * size..(row + 1) * size).map(|k| match self.places[k] {
-                Place::Polar(first, end) => sum(&pixels, &self.polar[first as usize..end as usize]),
+                Place::Polar(first, end) => sum(pixels, &self.polar[first as usize..end as usize]),
                 Place::Between(at, s, t) => {
                     let at = at as usize;
                     let (upper, lower) = (&rows[at..at + 2], &rows[at + width + 1..at + width + 3]);

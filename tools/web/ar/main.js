@@ -2,7 +2,7 @@
 
 import { ENVIRONMENTS, environmentOfLobes } from "tsuya/three";
 import { openFile } from "../open.js";
-import { element, hush, keep, passOn, say, wantedFile } from "../page.js";
+import { element, hush, isObject, keep, passOn, say, wantedFile } from "../page.js";
 import { CameraPictures, cameras } from "./camera.js";
 import { irradiance, lobesOfFisheye } from "./light.js";
 import { Place } from "./place.js";
@@ -240,7 +240,7 @@ function listen() {
   document.addEventListener("dragover", (event) => event.preventDefault());
   document.addEventListener("drop", async (event) => {
     event.preventDefault();
-    const [file, ...others] = [...event.dataTransfer.files].filter(({ name }) => /\.(tsuya|glb|gltf)$/i.test(name));
+    const [file, ...others] = [...event.dataTransfer.files].filter(({ name }) => isObject(name));
     if (!file) return say("That can't be shown", "Files named .tsuya, .glb or .gltf can be.");
     await open(file, file.name);
     if (others.length && state.model?.name === file.name) say(`${file.name} is shown`, "There is one object at a time.", true);

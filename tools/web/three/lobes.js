@@ -114,11 +114,11 @@ function fitted(lobes, cells) {
     }
     return sum.map((x, c) => x - rows[k].reduce((known, weight, j) => known + weight * lobes[j].amplitude[c], 0));
   });
+  const squares = lobes.map((_, j) => rows.reduce((sum, row) => sum + row[j] ** 2, 0));
   for (let round = 0; round < 4 * ROUNDS; round++) {
     lobes.forEach(({ amplitude }, j) => {
-      const square = rows.reduce((sum, row) => sum + row[j] ** 2, 0);
       for (let c = 0; c < 3; c++) {
-        const step = rows.reduce((sum, row, k) => sum + row[j] * rest[k][c], 0) / Math.max(square, 1e-30);
+        const step = rows.reduce((sum, row, k) => sum + row[j] * rest[k][c], 0) / Math.max(squares[j], 1e-30);
         const next = Math.max(amplitude[c] + step, 0);
         rows.forEach((row, k) => (rest[k][c] -= row[j] * (next - amplitude[c])));
         amplitude[c] = next;

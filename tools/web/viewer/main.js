@@ -4,7 +4,7 @@ import { Matrix4, Vector3 } from "three";
 import { ALL_LAYERS, ENVIRONMENTS, environmentOfLobes } from "tsuya/three";
 import { factsOf, showFacts } from "./facts.js";
 import { REASONS, openFile } from "./open.js";
-import { element, hush, keep, passOn, say, wantedFile } from "./page.js";
+import { element, hush, isObject, keep, passOn, say, wantedFile } from "./page.js";
 import { Stage } from "./stage.js";
 import { isPicture, readSurroundings } from "./surroundings.js";
 import { centre } from "./three/views.js";
@@ -343,7 +343,7 @@ function listen() {
     stop(event);
     document.body.classList.remove("dropping");
     const [file] = event.dataTransfer.files;
-    if (file && (/\.(tsuya|glb|gltf)$/i.test(file.name) || isPicture(file.name))) take(file);
+    if (file && (isObject(file.name) || isPicture(file.name))) take(file);
     else if (file) say(`${file.name} can't be shown`, "Files named .tsuya, .glb or .gltf can be, and .hdr or .exr as surroundings.");
   });
 }

@@ -22,6 +22,9 @@ export function keep(picture, name = "picture") {
   setTimeout(() => URL.revokeObjectURL(link.href), 10000);
 }
 
+/** Whether a file of this name may hold an object. */
+export const isObject = (name) => /\.(tsuya|glb|gltf)$/i.test(name);
+
 function fileInAddress() {
   const file = new URLSearchParams(location.search).get("file");
   return file ? new URL(file, document.baseURI) : null;
