@@ -62,7 +62,7 @@ pub fn encode(mut capture: Capture, options: &EncodeOptions) -> Result<Encoded> 
             let encoder =
                 tuned::encode::Encoder::new(&mesh, views, section.white, components, &photographs, &covered, signed);
             let outcome = rate::tuned(options.target.unwrap_or(Target::Quality(75.0)), |step| {
-                let quality = tuned::encode::Quality { step, ..Default::default() };
+                let quality = tuned::encode::Quality { step, decoding: options.decoding, ..Default::default() };
                 let planes = encoder.encode(&quality)?;
                 let reflectance = maps.code(step)?;
                 let bytes =

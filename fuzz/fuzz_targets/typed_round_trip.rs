@@ -5,6 +5,7 @@ use libfuzzer_sys::arbitrary::{self, Arbitrary, Unstructured};
 use libfuzzer_sys::fuzz_target;
 use tsuya::asset::{Component, Photograph};
 use tsuya::image::{Mask, RgbImage};
+use tsuya::options::Decoding;
 use tsuya::tuned::encode::{Encoder, Quality};
 use tsuya::tuned::header::{Header, PREFIX_BYTES};
 use tsuya::{Budget, Limits, tuned};
@@ -16,6 +17,7 @@ struct Input {
     height: u8,
     polarised: bool,
     signed: bool,
+    decoding: u8,
     step: u8,
     lambda: u8,
     shift: i8,
@@ -46,6 +48,7 @@ fuzz_target!(|bytes: &[u8]| {
     let quality = Quality {
         step: 0.002 + input.step as f32 * 0.002,
         lambda: input.lambda as f32 * 0.002,
+        decoding: [Decoding::Small, Decoding::Fast, Decoding::Fastest][input.decoding as usize % 3],
         ..Quality::default()
     };
     let covered = tsuya::surface::raster::coverage(&mesh, &views);

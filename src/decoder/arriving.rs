@@ -7,12 +7,14 @@ use crate::container::metadata::Metadata;
 use crate::container::views::ViewsSection;
 use crate::container::{Arrival, Arriving, Section, Tag, metadata, views};
 use crate::error::{Error, Result};
+use crate::image::Mask;
 use crate::lighting::{self, Light};
 use crate::limits::{Budget, Limits};
 use crate::mesh;
 use crate::paper;
 use crate::reflectance::code as reflectance_code;
 use crate::surface::charts;
+use crate::tuned::decode::DecodedPicture;
 use crate::tuned::decoder::ViewDecoder;
 use crate::tuned::header::{Header, PREFIX_BYTES};
 use crate::visibility::{self, Visibility};
@@ -70,13 +72,52 @@ enum Pictures {
 
 /// What came of asking for a view.
 #[derive(Debug)]
-pub enum ViewProgress {
+pub enum ViewProgress<T = Photograph> {
     /// The view.
-    Done(Photograph),
+    Done(T),
     /// A view that it is predicted from has been decoded; ask again.
     Again,
     /// The file holds no photographs.
     NoPictures,
+}
+
+/// A view as it is decoded.
+#[derive(Debug)]
+pub enum ViewPicture<'a> {
+    /// Of profile `tuned`.
+    Decoded(DecodedPicture<'a>),
+    /// Of profile `paper`.
+    Photograph(Photograph),
+}
+
+impl ViewPicture<'_> {
+    /// Pixels that show the object.
+    pub fn mask(&self) -> &Mask {
+        match self {
+            ViewPicture::Decoded(picture) => picture.mask(),
+            ViewPicture::Photograph(photograph) => &photograph.mask,
+        }
+    }
+
+    /// Calls `visit` for each pixel of the mask with its index in the picture and a component's radiance.
+    pub fn for_each(&self, component: usize, mut visit: impl FnMut(usize, [f32; 3])) {
+        match self {
+            ViewPicture::Decoded(picture) => picture.for_each(component, visit),
+            ViewPicture::Photograph(Photograph { mask, images }) => {
+                let pixels = images.get(component).into_iter().flat_map(|image| &image.data).zip(&mask.data);
+                let inside = pixels.enumerate().filter(|(_, (_, inside))| **inside);
+                inside.for_each(|(at, (colour, _))| visit(at, *colour));
+            }
+        }
+    }
+
+    /// All components.
+    pub fn photograph(self) -> Photograph {
+        match self {
+            ViewPicture::Decoded(picture) => picture.photograph(),
+            ViewPicture::Photograph(photograph) => photograph,
+        }
+    }
 }
 
 impl ArrivingFile {
@@ -254,6 +295,15 @@ impl ArrivingFile {
 
     /// Decodes a view, or one that it is predicted from: no call takes longer than one view.
     pub fn view(&mut self, index: usize) -> Result<Arrival<ViewProgress>> {
+        self.view_as(index, |picture| picture.photograph())
+    }
+
+    /// [`ArrivingFile::view`], with what `take` makes of the view.
+    pub fn view_as<T>(
+        &mut self,
+        index: usize,
+        take: impl FnOnce(ViewPicture) -> T,
+    ) -> Result<Arrival<ViewProgress<T>>> {
         here!(self.pictures()?);
         let opened = here!(self.open()?);
         let Some(view) = opened.capture.views.get(index) else {
@@ -264,16 +314,16 @@ impl ArrivingFile {
             None | Some(Pictures::None) => ViewProgress::NoPictures,
             Some(Pictures::Paper(decoded, mesh)) => {
                 let budget = self.file.budget();
-                ViewProgress::Done(handed_out(&budget, |budget| {
+                ViewProgress::Done(take(ViewPicture::Photograph(handed_out(&budget, |budget| {
                     super::charge_photographs(mesh, &opened.capture, |k| k == index, budget)?;
                     Ok(super::paper_photograph(decoded, mesh, view, index))
-                })?)
+                })?)))
             }
             Some(Pictures::Tuned(decoder, streams)) => {
                 let steps = decoder.missing(index)?;
                 let Some(&first) = steps.first() else {
                     return match decoder.kept(index) {
-                        Some(photograph) => Ok(Arrival::Here(ViewProgress::Done(photograph))),
+                        Some(picture) => Ok(Arrival::Here(ViewProgress::Done(take(ViewPicture::Decoded(picture))))),
                         None => Err(Error::parameter("the view is neither missing nor kept")),
                     };
                 };
@@ -283,8 +333,12 @@ impl ArrivingFile {
                     here!(self.file.all(&ranges)?);
                     return Err(Error::parameter("bytes are there and are not"));
                 };
-                let photograph = decoder.decode(first, bytes)?;
-                if steps.len() == 1 { ViewProgress::Done(photograph) } else { ViewProgress::Again }
+                if steps.len() == 1 {
+                    ViewProgress::Done(decoder.decode(first, bytes, |picture| take(ViewPicture::Decoded(picture)))?)
+                } else {
+                    decoder.decode(first, bytes, |_| ())?;
+                    ViewProgress::Again
+                }
             }
         };
         Ok(Arrival::Here(progress))

@@ -3,7 +3,7 @@
 //! All tables follow from the 49 numbers of [`LOGISTIC`] by integer arithmetic and the mixing uses `f32` with `+ - *` in
 //! the order written, so every platform reaches the same probabilities (normative, `spec/entropy.md`).
 
-use super::BitCoder;
+use super::{BitCoder, Predictor};
 use glam::Vec4;
 use std::sync::LazyLock;
 
@@ -51,7 +51,11 @@ static TABLES: LazyLock<Tables> = LazyLock::new(|| {
 struct Slot(u32);
 
 impl Slot {
-    const NEW: Slot = Slot(1 << 31);
+    // Not inlined: there are many calls, and one is not often.
+    #[inline(never)]
+    fn fresh(count: usize) -> Vec<Slot> {
+        vec![Slot(1 << 31); count]
+    }
     #[inline(always)]
     fn probability_12(self) -> usize {
         (self.0 >> 20) as usize
@@ -72,6 +76,15 @@ pub const SELECTORS: usize = 2;
 /// The n-th update of a slot moves it by `1 / (n + 1.5)`, no slower than this n.
 const SLOWEST: u32 = 250;
 
+/// Contexts of one decision.
+#[derive(Debug, Clone, Copy)]
+pub struct Context {
+    /// One below each of the mixer's slot counts.
+    pub slots: [u32; INPUTS],
+    /// One below each of its selector counts.
+    pub selectors: [u32; SELECTORS],
+}
+
 /// Predicts bits of one kind from [`INPUTS`] contexts and [`SELECTORS`] weight choices.
 #[derive(Debug, Clone)]
 pub struct Mixer {
@@ -89,17 +102,10 @@ impl Mixer {
     /// A mixer for contexts below `contexts[k]` and weight choices below `selectors[k]`.
     pub fn new(contexts: [usize; INPUTS], selectors: [usize; SELECTORS]) -> Self {
         Mixer {
-            slots: contexts.map(|n| vec![Slot::NEW; n]),
+            slots: contexts.map(Slot::fresh),
             weights: selectors.map(|n| vec![[0.3; INPUTS]; n]),
             rates: selectors.map(|n| vec![FAST; n]),
         }
-    }
-
-    /// Probability of a 1 in 1/65536, without learning.
-    #[inline(always)]
-    pub fn probability(&self, contexts: &[u32; INPUTS], selectors: &[u32; SELECTORS]) -> u32 {
-        let tables = &*TABLES;
-        self.mix(tables, self.inputs(tables, contexts), selectors).0
     }
 
     /// Log-odds that each context predicts.
@@ -122,16 +128,20 @@ impl Mixer {
         }
         (squash(tables, sum * (1.0 / SELECTORS as f32)), each)
     }
+}
 
-    /// Codes one bit and learns from it.
+impl Predictor for Mixer {
+    type Context = Context;
+
     #[inline(always)]
-    pub fn code<C: BitCoder>(
-        &mut self,
-        coder: &mut C,
-        contexts: &[u32; INPUTS],
-        selectors: &[u32; SELECTORS],
-        bit: bool,
-    ) -> bool {
+    fn probability(&self, Context { slots, selectors }: &Context) -> u32 {
+        let tables = &*TABLES;
+        self.mix(tables, self.inputs(tables, slots), selectors).0
+    }
+
+    #[inline(always)]
+    fn code<C: BitCoder>(&mut self, coder: &mut C, context: &Context, bit: bool) -> bool {
+        let Context { slots: contexts, selectors } = context;
         let tables = &*TABLES;
         let inputs = self.inputs(tables, contexts);
         let (probability, each) = self.mix(tables, inputs, selectors);
@@ -190,11 +200,11 @@ mod tests {
             })
             .collect();
         let mixer = || Mixer::new([8, 8, 1, 1, 1, 1, 1, 1], [1, 1]);
-        let contexts = |a, b| [a, b, 0, 0, 0, 0, 0, 0];
+        let contexts = |a, b| Context { slots: [a, b, 0, 0, 0, 0, 0, 0], selectors: [0, 0] };
         let mut encoder = RangeEncoder::new();
         let mut model = mixer();
         for &(a, b, bit) in &bits {
-            model.code(&mut encoder, &contexts(a, b), &[0, 0], bit);
+            model.code(&mut encoder, &contexts(a, b), bit);
         }
         let bytes = encoder.finish();
         let entropy = |p: f64| -p * p.log2() - (1.0 - p) * (1.0 - p).log2();
@@ -205,7 +215,7 @@ mod tests {
         let mut decoder = RangeDecoder::new(&bytes);
         let mut model = mixer();
         for &(a, b, bit) in &bits {
-            assert_eq!(model.code(&mut decoder, &contexts(a, b), &[0, 0], false), bit);
+            assert_eq!(model.code(&mut decoder, &contexts(a, b), false), bit);
         }
     }
 }

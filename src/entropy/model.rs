@@ -3,39 +3,38 @@
 use super::BitCoder;
 
 /// Probability of a 1 in 16 bits, with a rate that starts fast and settles.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct BitModel {
-    probability: u16,
-    count: u8,
-}
-
-impl Default for BitModel {
-    fn default() -> Self {
-        BitModel { probability: 1 << 15, count: 0 }
-    }
+    /// The probability less a half, so that fresh models are zeros.
+    offset: i16,
+    count: u16,
 }
 
 /// Fastest and slowest adaptation: the n-th bit moves the probability by `1 / (n + 1.5)`, no slower than `1 / 2^RATE`.
 /// Part of the format.
-const SLOWEST: u8 = 40;
+const SLOWEST: u16 = 40;
 
 impl BitModel {
     /// The probability of a 1, out of 65536, in `32..=65504`.
     #[inline(always)]
     pub fn probability(&self) -> u32 {
-        (self.probability as u32).clamp(32, 65504)
+        (self.exact() as u32).clamp(32, 65504)
+    }
+    #[inline(always)]
+    fn exact(&self) -> i32 {
+        self.offset as i32 + (1 << 15)
     }
     /// Learns from one bit.
     #[inline(always)]
     pub fn update(&mut self, bit: bool) {
         let target = if bit { 65535 } else { 0 };
-        let twice = (target - self.probability as i32) * 2;
+        let twice = (target - self.exact()) * 2;
         // Nearly every model has settled: a division by a constant is a product.
         let step = match self.count {
             SLOWEST => twice / (2 * SLOWEST as i32 + 3),
             count => twice / (2 * count as i32 + 3),
         };
-        self.probability = (self.probability as i32 + step) as u16;
+        self.offset = (self.offset as i32 + step) as i16;
         self.count = (self.count + 1).min(SLOWEST);
     }
     /// Codes one bit and learns from it.

@@ -2,10 +2,13 @@
 //!
 //! One function serves both directions, so that they can't disagree. Normative text: `spec/planes.md`.
 
-use super::contexts::{Around, CLASSES, KINDS, MagnitudeContext, Magnitudes, Place, any_context, sign_context};
+use super::contexts::{BLOCK, Contexts, Place, sign_context};
+use super::direct::Direct;
 use super::gains::{self, BAND_CLASSES, GainModels, GainSums, Gains};
-use crate::entropy::mixer::{Mixer, cost};
-use crate::entropy::{BitCoder, BitModel, Number};
+use super::mixed::Mixed;
+use crate::entropy::mixer::cost;
+use crate::entropy::{BitCoder, BitModel, Number, Predictor};
+use crate::image::Mask;
 use crate::transform::shape_adaptive::{Band, Orientation, Pixel, Plan};
 
 /// Magnitudes from here on are coded by [`Number`].
@@ -50,42 +53,59 @@ pub struct Choice {
     pub lambda: f32,
 }
 
+/// How a picture's decisions are predicted.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Modelling {
+    /// Eight contexts of each decision, mixed: the smallest files.
+    #[default]
+    Mixed = 0,
+    /// Two contexts of each decision, averaged: decoded several times faster.
+    Direct = 1,
+}
+
 /// Adaptive state of one component; handed from a picture to those coded after it.
 #[derive(Debug, Clone)]
-pub struct Models {
+pub struct Models(Kind);
+
+#[derive(Debug, Clone)]
+enum Kind {
+    Mixed(State<Mixed>),
+    Direct(State<Direct>),
+}
+
+impl Models {
+    /// Fresh models.
+    pub fn new(modelling: Modelling) -> Self {
+        Models(match modelling {
+            Modelling::Mixed => Kind::Mixed(State::new()),
+            Modelling::Direct => Kind::Direct(State::new()),
+        })
+    }
+}
+
+impl Default for Models {
+    fn default() -> Self {
+        Models::new(Modelling::default())
+    }
+}
+
+#[derive(Debug, Clone)]
+struct State<K: Contexts> {
     /// Whether any of the three colours is not zero.
-    any: Mixer,
-    magnitude: Mixer,
+    any: K::Predictor,
+    magnitude: K::Predictor,
+    /// Whether a block has anything but zeros.
+    block: Option<K::Predictor>,
     sign: Vec<BitModel>,
     escape: Number,
     gains: GainModels,
 }
 
-impl Default for Models {
-    fn default() -> Self {
-        let base = CLASSES * KINDS;
-        Models {
-            any: Mixer::new(
-                [8 * 12 * 9, 8 * 12 * 12, 6 * 24, 8 * 8 * 8, 8 * 9 * 8, 256 * 4, 32 * 4, 9 * 9 * 8],
-                [16, 16],
-            ),
-            magnitude: Mixer::new(
-                [
-                    base * 12 * 9,
-                    base * 12 * 8,
-                    KINDS * 3 * 6 * 24,
-                    base * 8 * 8,
-                    base * 9 * 8,
-                    KINDS * 3 * 256 * 4,
-                    KINDS * 3 * 32 * 4,
-                    KINDS * 3 * 8 * 8 * 4,
-                ],
-                [2 * base, KINDS * 16],
-            ),
-            sign: vec![BitModel::default(); 8 * 7 * 9],
-            escape: Number::default(),
-            gains: GainModels::default(),
-        }
+impl<K: Contexts> State<K> {
+    fn new() -> Self {
+        let [any, magnitude] = K::predictors();
+        let sign = vec![BitModel::default(); 8 * 7 * 9];
+        State { any, magnitude, block: K::blocks(), sign, escape: Number::default(), gains: GainModels::default() }
     }
 }
 
@@ -101,6 +121,20 @@ pub fn code<C: BitCoder>(
     predicted: Option<&[Vec<Pixel>]>,
     target: Option<(&[Vec<Pixel>], Choice)>,
 ) -> Vec<Vec<Pixel>> {
+    match &mut models.0 {
+        Kind::Mixed(state) => code_with(coder, state, plan, quantiser, predicted, target),
+        Kind::Direct(state) => code_with(coder, state, plan, quantiser, predicted, target),
+    }
+}
+
+fn code_with<C: BitCoder, K: Contexts>(
+    coder: &mut C,
+    models: &mut State<K>,
+    plan: &Plan,
+    quantiser: &Quantiser,
+    predicted: Option<&[Vec<Pixel>]>,
+    target: Option<(&[Vec<Pixel>], Choice)>,
+) -> Vec<Vec<Pixel>> {
     let bands = plan.bands();
     let mut gains = *models.gains.last();
     if let Some(predicted) = predicted {
@@ -108,36 +142,26 @@ pub fn code<C: BitCoder>(
             choose_gains(&mut gains, bands, quantiser, predicted, target, choice);
         }
         let mut used = [false; BAND_CLASSES];
-        for band in bands {
+        for band in &bands[..predicted.len()] {
             used[gains::band_class(band)] = true;
         }
         models.gains.code(coder, &mut gains, &used);
     }
     let mut decoded: Vec<Vec<Pixel>> = Vec::with_capacity(bands.len());
-    let mut magnitudes: Vec<Magnitudes> = Vec::with_capacity(bands.len());
+    let mut known: Vec<K::Known> = Vec::with_capacity(bands.len());
     for (index, band) in bands.iter().enumerate() {
         let step = quantiser.band_step(band);
-        let mut here = Magnitudes::new(band);
+        let predicted = predicted.and_then(|predicted| predicted.get(index));
+        let mut here = K::known(band, predicted.map(|predicted| (&predicted[..], 4.0 / step)));
         let mut out = vec![[0.0f32; 4]; band.mask.data.len()];
-        // Magnitudes of the prediction in quarter steps, in the same layout.
-        let mut hints = Magnitudes::new(band);
-        if let Some(predicted) = predicted {
-            let inverse = 4.0 / step;
-            for y in 0..band.mask.height {
-                for x in 0..band.mask.width {
-                    let at = hints.index(x, y);
-                    let p = &predicted[index][y * band.mask.width + x];
-                    hints.values[at] = std::array::from_fn(|k| (p[k].abs() * inverse).min(8191.0) as i16);
-                }
-            }
-        }
-        let parent = (band.orientation != Orientation::Low && index > 3).then(|| index - 3);
+        let parent = (band.orientation != Orientation::Low && index > 3).then(|| &known[index - 3]);
         // Already coded bands of the same level.
         let siblings = match band.orientation {
             Orientation::Vertical => 1,
             Orientation::Diagonal => 2,
             _ => 0,
         };
+        let siblings = &known[index - siblings..];
         let class = gains::band_class(band);
         let level_class = match band.orientation {
             Orientation::Low => 3,
@@ -150,51 +174,113 @@ pub fn code<C: BitCoder>(
         };
         let low = band.orientation == Orientation::Low;
         let inverse = 1.0 / step;
+        let width = band.mask.width;
+        let of_prediction = |flat: usize, out: &[Pixel]| -> [f32; 3] {
+            match predicted {
+                Some(predicted) => std::array::from_fn(|colour| {
+                    let p = predicted[flat][colour];
+                    let gain = gains[class][colour][gains::bucket(p.abs() * inverse)];
+                    p * (gain as f32 * (1.0 / gains::UNITY as f32))
+                }),
+                None if low => std::array::from_fn(|k| neighbour_mean(out, band, flat % width, flat / width, k)),
+                None => [0.0; 3],
+            }
+        };
+        let wanted = |flat: usize, prediction: &[f32; 3]| -> Option<[f32; 3]> {
+            let (target, _) = target.filter(|_| !C::DECODES)?;
+            Some(std::array::from_fn(|k| (target[index][flat][k] - prediction[k]) * inverse))
+        };
+        // Blocks of the finest bands that hold only zeros.
+        let mut blocks = if !low && band.level == 1 { models.block.take() } else { None };
+        let mut occupied = vec![false; if blocks.is_some() { width.div_ceil(BLOCK) } else { 0 }];
         for y in 0..band.mask.height {
-            for x in 0..band.mask.width {
-                let flat = y * band.mask.width + x;
+            if let Some(blocks) = blocks.as_mut().filter(|_| y % BLOCK == 0) {
+                let context = |block: usize, beside| K::block(parent, siblings, beside, block, y / BLOCK);
+                let is_wanted = |places: &[usize]| {
+                    let wanted = places.iter().filter_map(|&flat| wanted(flat, &of_prediction(flat, &out)));
+                    target.is_some_and(|(_, choice)| is_worth(wanted, choice))
+                };
+                code_blocks(coder, blocks, &band.mask, y, &mut occupied, context, is_wanted);
+            }
+            let mut x = 0;
+            while x < width {
+                let flat = y * width + x;
                 if !band.mask.data[flat] {
+                    x += 1;
                     continue;
                 }
-                let at = here.index(x, y);
-                let prediction: [f32; 3] = match predicted {
-                    Some(predicted) => std::array::from_fn(|colour| {
-                        let p = predicted[index][flat][colour];
-                        let gain = gains[class][colour][gains::bucket(p.abs() * inverse)];
-                        p * (gain as f32 * (1.0 / gains::UNITY as f32))
-                    }),
-                    None if low => std::array::from_fn(|colour| neighbour_mean(&out, band, x, y, colour)),
-                    None => [0.0; 3],
-                };
-                let parent = parent.map_or([0; 4], |p| {
-                    let m: &Magnitudes = &magnitudes[p];
-                    m.values[m.index(x / 2, y / 2)]
-                });
-                let mut sibling = [0i16; 4];
-                for s in 1..=siblings {
-                    let other = &magnitudes[index - s].values[at];
-                    (0..4).for_each(|k| sibling[k] += other[k]);
+                let prediction = of_prediction(flat, &out);
+                let is_empty = occupied.get(x / BLOCK) == Some(&false);
+                if is_empty && predicted.is_none() {
+                    x = (x / BLOCK + 1) * BLOCK;
+                    continue;
                 }
-                let around = Around::new(&here, &hints, at, parent, sibling);
-                let wanted = match target {
-                    Some((target, choice)) if !C::DECODES => {
-                        let wanted = std::array::from_fn(|k| (target[index][flat][k] - prediction[k]) * inverse);
-                        choose(wanted, quantiser, choice, models, &place, &around)
-                    }
-                    _ => [0; 3],
-                };
-                let values = code_values(coder, models, &place, &around, &prediction, inverse, wanted);
+                let mut values = [0; 3];
+                if !is_empty {
+                    let around = K::around(&here, parent, siblings, x, y);
+                    let wanted = match (wanted(flat, &prediction), target) {
+                        (Some(wanted), Some((_, choice))) => choose(wanted, quantiser, choice, models, &place, &around),
+                        _ => [0; 3],
+                    };
+                    values = code_values(coder, models, &place, &around, &prediction, inverse, wanted);
+                    K::remember(&mut here, x, y, &values);
+                }
                 for colour in 0..3 {
-                    here.values[at][colour] = values[colour].unsigned_abs().min(255) as i16;
                     out[flat][colour] = prediction[colour] + quantiser.dequantise(values[colour], step);
                 }
+                x += 1;
             }
         }
+        if blocks.is_some() {
+            models.block = blocks;
+        }
         decoded.push(out);
-        magnitudes.push(here);
+        known.push(here);
     }
     decoded
 }
+
+/// Codes which blocks of the block row that begins at row `y` hold anything but zeros; `occupied` says it of the block row above, and
+/// then of this one.
+fn code_blocks<C: BitCoder, P: Predictor>(
+    coder: &mut C,
+    predictor: &mut P,
+    mask: &Mask,
+    y: usize,
+    occupied: &mut [bool],
+    context: impl Fn(usize, [bool; 2]) -> P::Context,
+    is_wanted: impl Fn(&[usize]) -> bool,
+) {
+    let mut before = false;
+    let mut places = Vec::with_capacity(BLOCK * BLOCK);
+    for (block, occupied) in occupied.iter_mut().enumerate() {
+        places.clear();
+        for y in y..(y + BLOCK).min(mask.height) {
+            let row = y * mask.width;
+            let columns = block * BLOCK..((block + 1) * BLOCK).min(mask.width);
+            places.extend(columns.map(|x| row + x).filter(|&flat| mask.data[flat]));
+        }
+        *occupied = !places.is_empty() && {
+            let wanted = !C::DECODES && is_wanted(&places);
+            predictor.code(coder, &context(block, [before, *occupied]), wanted)
+        };
+        before = *occupied;
+    }
+}
+
+/// Whether what coding a block takes off its squared error is worth the bits, as far as can be told before it is coded.
+fn is_worth(wanted: impl Iterator<Item = [f32; 3]>, choice: Choice) -> bool {
+    let (mut gain, mut bits) = (0.0, 2.0);
+    for wanted in wanted.flatten().map(f32::abs).filter(|wanted| *wanted >= 0.5) {
+        let left = wanted - (wanted + 0.5).floor();
+        gain += wanted * wanted - left * left;
+        bits += BITS_OF_A_COEFFICIENT;
+    }
+    gain > choice.lambda * bits
+}
+
+/// What a coefficient that is not zero costs about, in [`is_worth`]. The encoder's choice.
+const BITS_OF_A_COEFFICIENT: f32 = 6.0;
 
 /// Mean of the decoded neighbours left and above, for the low band of a picture coded alone.
 fn neighbour_mean(out: &[Pixel], band: &Band, x: usize, y: usize, colour: usize) -> f32 {
@@ -212,19 +298,18 @@ fn neighbour_mean(out: &[Pixel], band: &Band, x: usize, y: usize, colour: usize)
 /// The quantised values with the least squared error plus rate: each colour's among the nearest and those nearer to zero,
 /// then these together or none.
 #[inline(always)]
-fn choose(
+fn choose<K: Contexts>(
     wanted: [f32; 3],
     quantiser: &Quantiser,
     choice: Choice,
-    models: &Models,
+    models: &State<K>,
     place: &Place,
-    around: &Around,
+    around: &K::Around,
 ) -> [i32; 3] {
     if wanted.iter().all(|w| w.abs() < 0.5) {
         return [0; 3];
     }
-    let any = any_context(place, around);
-    let probability = models.any.probability(&any.slots, &any.selectors);
+    let probability = models.any.probability(&K::any(place, around));
     let mut values = [0i32; 3];
     let mut together = choice.lambda * cost(probability, true);
     let mut none = choice.lambda * cost(probability, false);
@@ -233,13 +318,12 @@ fn choose(
         none += magnitude * magnitude;
         let nearest = (magnitude + 0.5) as u32;
         let lowest = nearest.saturating_sub(if nearest <= 2 { 2 } else { 1 });
-        let context = MagnitudeContext::new(place, around, colour, &values);
+        let context = K::magnitude(place, around, colour, &values);
         let implied = colour == 2 && values[0] == 0 && values[1] == 0;
         let mut bits = 0.0;
         let mut best = (f32::INFINITY, 0);
         for index in 0..=nearest.min(ESCAPE) {
-            let decision = context.decision(index);
-            let probability = models.magnitude.probability(&decision.slots, &decision.selectors);
+            let probability = models.magnitude.probability(&K::decision(&context, index));
             let (stop, go) =
                 if implied && index == 0 { (0.0, 0.0) } else { (cost(probability, false), cost(probability, true)) };
             if index >= lowest || index == ESCAPE {
@@ -261,28 +345,26 @@ fn choose(
 
 /// Codes the three colours of a position.
 #[inline(always)]
-fn code_values<C: BitCoder>(
+fn code_values<C: BitCoder, K: Contexts>(
     coder: &mut C,
-    models: &mut Models,
+    models: &mut State<K>,
     place: &Place,
-    around: &Around,
+    around: &K::Around,
     prediction: &[f32; 3],
     inverse: f32,
     wanted: [i32; 3],
 ) -> [i32; 3] {
-    let any = any_context(place, around);
-    if !models.any.code(coder, &any.slots, &any.selectors, wanted != [0; 3]) {
+    if !models.any.code(coder, &K::any(place, around), wanted != [0; 3]) {
         return [0; 3];
     }
     let mut values = [0i32; 3];
     for colour in 0..3 {
-        let context = MagnitudeContext::new(place, around, colour, &values);
+        let context = K::magnitude(place, around, colour, &values);
         // Some colour is not zero: if the first two are, the last one is not.
         let mut magnitude = (colour == 2 && values[0] == 0 && values[1] == 0) as u32;
         let goal = wanted[colour].unsigned_abs();
         while magnitude < ESCAPE {
-            let decision = context.decision(magnitude);
-            if !models.magnitude.code(coder, &decision.slots, &decision.selectors, magnitude < goal) {
+            if !models.magnitude.code(coder, &K::decision(&context, magnitude), magnitude < goal) {
                 break;
             }
             magnitude += 1;
@@ -308,7 +390,7 @@ fn choose_gains(
     choice: Choice,
 ) {
     let mut sums = [[[GainSums::default(); gains::BUCKETS]; 3]; BAND_CLASSES];
-    for (index, band) in bands.iter().enumerate() {
+    for (index, band) in bands.iter().enumerate().take(predicted.len()) {
         let class = gains::band_class(band);
         let step = quantiser.band_step(band);
         for ((p, t), _) in predicted[index].iter().zip(&target[index]).zip(&band.mask.data).filter(|(_, m)| **m) {

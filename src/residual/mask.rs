@@ -3,14 +3,16 @@
 //! A photograph's mask follows the silhouette of the mesh to a pixel or two, so the mesh's coverage, known on both sides,
 //! is the context: far from its border a mask costs next to nothing. Normative text: `spec/planes.md`.
 
-use crate::entropy::mixer::{INPUTS, Mixer};
-use crate::entropy::{BitCoder, BitModel};
+use crate::entropy::mixer::{Context, INPUTS, Mixer};
+use crate::entropy::{BitCoder, BitModel, Predictor};
 use crate::image::Mask;
 
 /// Adaptive state, handed from a mask to those coded after it.
 #[derive(Debug, Clone)]
 pub struct MaskModels {
     border: Mixer,
+    /// Whether some pixel of a row differs from its surroundings where these are all alike.
+    differs: BitModel,
     /// Where nothing around tells of a border: covered and not.
     plain: [BitModel; 2],
 }
@@ -19,6 +21,7 @@ impl Default for MaskModels {
     fn default() -> Self {
         MaskModels {
             border: Mixer::new([1 << 9, 1 << 10, 1 << 10, 1 << 10, 1 << 9, 1 << 6, 1 << 8, 1 << 6], [1 << 4, 1 << 5]),
+            differs: BitModel::default(),
             plain: Default::default(),
         }
     }
@@ -57,36 +60,30 @@ const CAUSAL: [(isize, isize); 10] =
 const COVERAGE: [(isize, isize); 10] =
     [(0, 0), (1, 0), (0, 1), (-1, 0), (0, -1), (1, 1), (-1, 1), (2, 0), (0, 2), (3, 0)];
 
-/// The value that all neighbours of [`CAUSAL`] and [`COVERAGE`] have, where they have the same.
-#[inline(always)]
-fn plain(coded: &Padded, covered: &Padded, at: usize) -> Option<usize> {
-    // Columns from -3 to 4 of a row, a byte each.
-    let row = |grid: &Padded, row: isize| {
-        let start = (at as isize - MARGIN as isize + row * grid.stride as isize) as usize;
-        grid.bits.get(start..).and_then(|rest| rest.first_chunk()).map_or(0, |bytes| u64::from_le_bytes(*bytes))
-    };
-    const fn columns(first: isize, last: isize) -> u64 {
-        let (first, last) = (first + MARGIN as isize, last + MARGIN as isize);
-        (u64::MAX >> (8 * (7 - last))) & (u64::MAX << (8 * first)) & 0x0101_0101_0101_0101
+/// Where nothing around a row's pixels tells of a border: each a byte of 0 or 1, for the sides outside and inside. Of the coded
+/// neighbours only those of the rows above are looked at.
+struct Plain([Vec<u8>; 2]);
+
+impl Plain {
+    fn new(width: usize) -> Self {
+        Plain([vec![0; width], vec![0; width]])
     }
-    let parts = [
-        (row(coded, -2), columns(-1, 1)),
-        (row(coded, -1), columns(-2, 2)),
-        (row(coded, 0), columns(-2, -1)),
-        (row(covered, -1), columns(0, 0)),
-        (row(covered, 0), columns(-1, 3)),
-        (row(covered, 1), columns(-1, 1)),
-        (row(covered, 2), columns(0, 0)),
-    ];
-    let (mut any, mut missing) = (0, 0);
-    for (bits, wanted) in parts {
-        any |= bits & wanted;
-        missing |= !bits & wanted;
-    }
-    match (any, missing) {
-        (0, _) => Some(0),
-        (_, 0) => Some(1),
-        _ => None,
+
+    /// Looks at a row.
+    fn look(&mut self, coded: &Padded, covered: &Padded, y: usize, width: usize) {
+        let Plain([outside, inside]) = self;
+        outside.fill(0);
+        inside.fill(1);
+        let parts = CAUSAL.iter().filter(|(_, dy)| *dy < 0).map(|offset| (coded, offset));
+        for (grid, (dx, dy)) in parts.chain(COVERAGE.iter().map(|offset| (covered, offset))) {
+            let at = grid.index(0, y) as isize + dy * grid.stride as isize + dx;
+            let row = &grid.bits[at as usize..at as usize + width];
+            for ((outside, inside), bit) in outside.iter_mut().zip(inside.iter_mut()).zip(row) {
+                *outside |= bit;
+                *inside &= bit;
+            }
+        }
+        outside.iter_mut().for_each(|any| *any ^= 1);
     }
 }
 
@@ -102,31 +99,54 @@ pub fn code<C: BitCoder>(coder: &mut C, models: &mut MaskModels, coverage: &Mask
     }
     let mut coded = Padded::new(width, height);
     let mut out = Mask::filled(width, height, false);
+    let mut plain = Plain::new(width);
     for y in 0..height {
-        for x in 0..width {
-            let at = covered.index(x, y);
-            let wanted = mask.is_some_and(|m| *m.at(x, y));
-            let bit = if let Some(side) = plain(&coded, &covered, at) {
-                models.plain[side].code(coder, wanted)
-            } else {
-                let causal = coded.read(at, &CAUSAL);
-                let around = covered.read(at, &COVERAGE);
-                let past = covered.read(at, &CAUSAL[..6]);
-                let contexts: [u32; INPUTS] = [
-                    (causal >> 6) << 5 | around >> 5,
-                    causal,
-                    around,
-                    (causal >> 4) << 4 | past >> 2,
-                    (causal >> 6) << 5 | ((causal >> 6 ^ past >> 2) & 15) << 1 | around >> 9,
-                    (causal >> 4) & 63,
-                    (causal >> 6) << 4 | past >> 2,
-                    ((causal ^ past << 4) >> 4) & 63,
-                ];
-                let selectors = [causal >> 6, around >> 5];
-                models.border.code(coder, &contexts, &selectors, wanted)
+        plain.look(&coded, &covered, y, width);
+        let start = covered.index(0, y);
+        let wanted = |x: usize| mask.is_some_and(|m| *m.at(x, y));
+        // The side of a pixel without a border around it; `before` are the two coded before it, the nearer one first.
+        let side = |x: usize, before: [u8; 2]| (0..2).find(|&side| plain.0[side][x] == 1 && before == [side as u8; 2]);
+        let differs = mask.is_some_and(|mask| {
+            let row = mask.row(y);
+            let before = |x: usize| [1, 2].map(|back| x.checked_sub(back).is_some_and(|x| row[x]) as u8);
+            (0..width).any(|x| side(x, before(x)).is_some_and(|side| row[x] != (side == 1)))
+        });
+        let differs = models.differs.code(coder, differs);
+        let mut x = 0;
+        while x < width {
+            let at = start + x;
+            let bit = match side(x, [coded.bits[at - 1], coded.bits[at - 2]]) {
+                Some(side) if !differs => {
+                    // All as far as nothing else comes.
+                    let run = plain.0[side][x..].iter().position(|&plain| plain == 0).unwrap_or(width - x);
+                    coded.bits[at..at + run].fill(side as u8);
+                    x += run;
+                    continue;
+                }
+                Some(side) => models.plain[side].code(coder, wanted(x)),
+                None => {
+                    let causal = coded.read(at, &CAUSAL);
+                    let around = covered.read(at, &COVERAGE);
+                    let past = covered.read(at, &CAUSAL[..6]);
+                    let slots: [u32; INPUTS] = [
+                        (causal >> 6) << 5 | around >> 5,
+                        causal,
+                        around,
+                        (causal >> 4) << 4 | past >> 2,
+                        (causal >> 6) << 5 | ((causal >> 6 ^ past >> 2) & 15) << 1 | around >> 9,
+                        (causal >> 4) & 63,
+                        (causal >> 6) << 4 | past >> 2,
+                        ((causal ^ past << 4) >> 4) & 63,
+                    ];
+                    let selectors = [causal >> 6, around >> 5];
+                    models.border.code(coder, &Context { slots, selectors }, wanted(x))
+                }
             };
             coded.bits[at] = bit as u8;
-            *out.at_mut(x, y) = bit;
+            x += 1;
+        }
+        for (out, bit) in out.data[y * width..][..width].iter_mut().zip(&coded.bits[start..]) {
+            *out = *bit == 1;
         }
     }
     out

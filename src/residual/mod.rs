@@ -2,6 +2,8 @@
 
 pub mod coefficients;
 mod contexts;
+mod direct;
 pub mod gains;
 pub mod mask;
+mod mixed;
 pub mod volume;

@@ -48,25 +48,74 @@ pub fn coverage(mesh: &Mesh, views: &[View]) -> Vec<Mask> {
 /// Nearest depth drawn, as a share of the mesh's farthest vertex; triangles that reach nearer are dropped.
 const NEAR: f64 = 1e-6;
 
+/// Image positions, depths and one over these of the mesh's vertices.
+fn project(mesh: &Mesh, camera: &Camera) -> Vec<[f64; 4]> {
+    let project = |p: &[f32; 3]| {
+        let q = camera.to_camera(p.map(f64::from));
+        let inverse = 1.0 / q[2];
+        [
+            camera.focal[0] * q[0] * inverse + camera.principal[0],
+            camera.focal[1] * q[1] * inverse + camera.principal[1],
+            q[2],
+            inverse,
+        ]
+    };
+    mesh.positions.iter().map(project).collect()
+}
+
+/// The first pixel whose centre lies at or behind an image position, at least 0.
+#[inline(always)]
+fn pixel_from(position: f64) -> usize {
+    let position = position - 0.5;
+    let before = if position > 0.0 { (position as usize).min(1 << 30) } else { 0 };
+    before + ((before as f64) < position) as usize
+}
+
+// Comparisons, not `f64::min` and `max`: those are calls where the processor's instructions treat NaN otherwise.
+#[inline(always)]
+fn least(a: f64, b: f64) -> f64 {
+    if b < a { b } else { a }
+}
+#[inline(always)]
+fn most(a: f64, b: f64) -> f64 {
+    if b > a { b } else { a }
+}
+
+/// The edge between two corners, evaluated from its lower vertex index, so that both triangles at an edge round alike and leave no crack.
+struct Edge {
+    from: [f64; 2],
+    along: [f64; 2],
+    sign: f64,
+}
+
+impl Edge {
+    #[inline(always)]
+    fn new(vertices: &[u32; 3], corners: &[[f64; 4]; 3], i: usize, j: usize) -> Self {
+        let (a, b, sign) = match vertices[i] <= vertices[j] {
+            true => (&corners[i], &corners[j], 1.0),
+            false => (&corners[j], &corners[i], -1.0),
+        };
+        Edge { from: [a[0], a[1]], along: [b[0] - a[0], b[1] - a[1]], sign }
+    }
+    /// The product that is the same for a row.
+    #[inline(always)]
+    fn row(&self, y: f64) -> f64 {
+        self.along[0] * (y - self.from[1])
+    }
+    /// On which side a pixel's centre lies, and how far: `sign * (along[0] * (y - from[1]) - along[1] * (x - from[0]))`.
+    #[inline(always)]
+    fn at(&self, row: f64, x: f64) -> f64 {
+        self.sign * (row - self.along[1] * (x - self.from[0]))
+    }
+}
+
 /// Draws the mesh as `camera` sees it. Triangles are two-sided; of equally near ones the first in the mesh wins.
 pub fn rasterise(mesh: &Mesh, camera: &Camera) -> Raster {
     let (width, height) = (camera.width as usize, camera.height as usize);
     let mut inverse_depth = vec![0.0f64; width * height];
     let mut triangle = vec![NO_TRIANGLE; width * height];
     let mut barycentric = vec![[0.0f32; 2]; width * height];
-    let projected: Vec<[f64; 3]> = mesh
-        .positions
-        .iter()
-        .map(|p| {
-            let q = camera.to_camera(p.map(f64::from));
-            let inverse = 1.0 / q[2];
-            [
-                camera.focal[0] * q[0] * inverse + camera.principal[0],
-                camera.focal[1] * q[1] * inverse + camera.principal[1],
-                q[2],
-            ]
-        })
-        .collect();
+    let projected = project(mesh, camera);
     let farthest = projected.iter().fold(0.0f64, |far, p| if p[2] > far { p[2] } else { far });
     let near = NEAR * farthest;
     for (index, corners) in mesh.triangles.iter().enumerate() {
@@ -74,36 +123,35 @@ pub fn rasterise(mesh: &Mesh, camera: &Camera) -> Raster {
         if !(c[0][2] > near && c[1][2] > near && c[2][2] > near) {
             continue;
         }
-        // Edge k runs between corners k+1 and k+2; evaluated from its lower vertex index, so that both triangles at an
-        // edge round alike and leave no crack.
-        let edges: [([f64; 2], [f64; 2], f64); 3] = std::array::from_fn(|k| {
-            let (i, j) = ((k + 1) % 3, (k + 2) % 3);
-            let (a, b, sign) = if corners[i] <= corners[j] { (c[i], c[j], 1.0) } else { (c[j], c[i], -1.0) };
-            ([a[0], a[1]], [b[0] - a[0], b[1] - a[1]], sign)
-        });
-        // `sign * (d[0] * (y - a[1]) - d[1] * (x - a[0]))`, in parts: the first product is the same for a row.
-        let row = |k: usize, y: f64| edges[k].1[0] * (y - edges[k].0[1]);
-        let edge = |k: usize, row: f64, x: f64| {
-            let (a, d, sign) = &edges[k];
-            sign * (row - d[1] * (x - a[0]))
+        // Pixels whose centres lie within the bounds.
+        let bounds = |axis: usize, size: usize| {
+            let [a, b, c] = [c[0][axis], c[1][axis], c[2][axis]];
+            let end = most(most(a, b), c) + 0.5;
+            let end = if end > 0.0 { (end as usize).min(size) } else { 0 };
+            pixel_from(least(least(a, b), c))..end
         };
-        let low = |axis: usize| c[0][axis].min(c[1][axis]).min(c[2][axis]);
-        let high = |axis: usize| c[0][axis].max(c[1][axis]).max(c[2][axis]);
-        let first = |axis: usize| (low(axis) - 0.5).max(0.0) as usize;
-        let last = |axis: usize, size: usize| ((high(axis) + 0.5).max(0.0) as usize).min(size);
-        let inverse = [1.0 / c[0][2], 1.0 / c[1][2], 1.0 / c[2][2]];
-        let columns = first(0)..last(0, width);
-        for y in first(1)..last(1, height) {
+        let (columns, rows) = (bounds(0, width), bounds(1, height));
+        if columns.is_empty() || rows.is_empty() {
+            continue;
+        }
+        let edges = [Edge::new(corners, &c, 1, 2), Edge::new(corners, &c, 2, 0), Edge::new(corners, &c, 0, 1)];
+        let inverse = [c[0][3], c[1][3], c[2][3]];
+        for y in rows {
             let py = y as f64 + 0.5;
-            let rows = [row(0, py), row(1, py), row(2, py)];
-            for x in columns.clone() {
+            let parts = [edges[0].row(py), edges[1].row(py), edges[2].row(py)];
+            let row = y * width + columns.start..y * width + columns.end;
+            let drawn = (inverse_depth[row.clone()].iter_mut())
+                .zip(&mut triangle[row.clone()])
+                .zip(&mut barycentric[row])
+                .zip(columns.clone());
+            for (((inverse_depth, triangle), barycentric), x) in drawn {
                 let px = x as f64 + 0.5;
-                let (e0, e1) = (edge(0, rows[0], px), edge(1, rows[1], px));
+                let (e0, e1) = (edges[0].at(parts[0], px), edges[1].at(parts[1], px));
                 // On different sides of two edges is outside.
                 if (e0 > 0.0 && e1 < 0.0) || (e0 < 0.0 && e1 > 0.0) {
                     continue;
                 }
-                let e = [e0, e1, edge(2, rows[2], px)];
+                let e = [e0, e1, edges[2].at(parts[2], px)];
                 let inside = (e[0] >= 0.0 && e[1] >= 0.0 && e[2] >= 0.0) || (e[0] <= 0.0 && e[1] <= 0.0 && e[2] <= 0.0);
                 let area = e[0] + e[1] + e[2];
                 if !inside || area == 0.0 {
@@ -112,11 +160,10 @@ pub fn rasterise(mesh: &Mesh, camera: &Camera) -> Raster {
                 let weights = [e[0] * inverse[0], e[1] * inverse[1], e[2] * inverse[2]];
                 let sum = weights[0] + weights[1] + weights[2];
                 let here = sum / area;
-                let at = y * width + x;
-                if here > inverse_depth[at] {
-                    inverse_depth[at] = here;
-                    triangle[at] = index as u32;
-                    barycentric[at] = [(weights[1] / sum) as f32, (weights[2] / sum) as f32];
+                if here > *inverse_depth {
+                    *inverse_depth = here;
+                    *triangle = index as u32;
+                    *barycentric = [(weights[1] / sum) as f32, (weights[2] / sum) as f32];
                 }
             }
         }
@@ -132,16 +179,16 @@ const MOST_LAYERS: f64 = 4096.0;
 pub fn check_work(mesh: &Mesh, camera: &Camera) -> Result<()> {
     let size = [camera.width as f64, camera.height as f64];
     let pixels = size[0] * size[1];
+    let projected = project(mesh, camera);
     let mut work = 0.0;
     for corners in &mesh.triangles {
         let mut bounds = [[f64::INFINITY, f64::NEG_INFINITY]; 2];
-        for &vertex in corners {
-            let Some((position, _)) = camera.project(mesh.positions[vertex as usize].map(f64::from)) else { continue };
+        for position in corners.map(|vertex| projected[vertex as usize]).iter().filter(|position| position[2] > 0.0) {
             for k in 0..2 {
-                bounds[k] = [bounds[k][0].min(position[k]), bounds[k][1].max(position[k])];
+                bounds[k] = [least(bounds[k][0], position[k]), most(bounds[k][1], position[k])];
             }
         }
-        let side = |k: usize| (bounds[k][1].min(size[k]) - bounds[k][0].max(0.0)).max(0.0);
+        let side = |k: usize| most(least(bounds[k][1], size[k]) - most(bounds[k][0], 0.0), 0.0);
         work += side(0) * side(1);
     }
     let asked = (work / pixels.max(1.0)) as u64;

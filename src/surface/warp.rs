@@ -4,9 +4,9 @@
 //! (normative, `spec/planes.md`).
 
 use super::raster::{self, Raster};
-use crate::asset::{Mesh, View};
+use crate::asset::{Camera, Mesh, View};
 use crate::image::Mask;
-use crate::transform::shape_adaptive::Pixel;
+use crate::transform::shape_adaptive::{Frame, Pixel, Run};
 use crate::vector::dot;
 use glam::Vec4;
 use std::borrow::Cow;
@@ -67,16 +67,42 @@ impl Geometry {
         Geometry { view: view.clone(), raster, normals }
     }
 
-    /// Frees what only a view that is being decoded needs: a reference is asked for its depths alone.
-    pub fn keep_as_reference(&mut self) {
-        (self.normals, self.raster.triangle, self.raster.barycentric) = Default::default();
+    /// What later views ask of this one.
+    pub fn into_seen(self) -> Seen {
+        let Raster { width, height, depth, .. } = self.raster;
+        // The farthest of the nine pixels around: along rows, then along columns.
+        let farther = |a: f64, b: f64| if b > a { b } else { a };
+        let mut along = depth.clone();
+        for (along, row) in along.chunks_exact_mut(width.max(1)).zip(depth.chunks_exact(width.max(1))) {
+            for (far, [a, b]) in along[1..].iter_mut().zip(row.array_windows()) {
+                *far = farther(*b, *a);
+            }
+            for (far, next) in along.iter_mut().zip(&row[1..]) {
+                *far = farther(*far, *next);
+            }
+        }
+        let mut farthest = along.clone();
+        for y in 0..height {
+            let here = &mut farthest[y * width..][..width];
+            for other in [y.checked_sub(1), (y + 1 < height).then_some(y + 1)].into_iter().flatten() {
+                for (far, other) in here.iter_mut().zip(&along[other * width..][..width]) {
+                    *far = farther(*far, *other);
+                }
+            }
+            here.iter_mut().for_each(|far| *far *= 1.0 + DEPTH_MARGIN);
+        }
+        Seen { view: self.view, width, height, farthest }
     }
 
-    /// Gives the mask's pixels that miss the mesh the mean depth and normal of their neighbours, ring by ring.
-    pub fn extend(&mut self, mask: &Mask) {
+    /// Gives the mask's pixels (`rows` of a frame) that miss the mesh the mean depth and normal of their neighbours, ring by
+    /// ring.
+    pub fn extend(&mut self, frame: &Frame, rows: &[Run]) {
         let (width, height) = (self.raster.width, self.raster.height);
-        let mut missing: Vec<usize> =
-            (0..width * height).filter(|&i| mask.data[i] && self.raster.depth[i] == 0.0).collect();
+        let mut missing = Vec::new();
+        for run in rows {
+            let at = (frame.top + run.line as usize) * width + frame.left + run.start as usize;
+            missing.extend((at..at + run.length as usize).filter(|&at| self.raster.depth[at] == 0.0));
+        }
         for _ in 0..DEPTH_RINGS {
             let mut ring = Vec::new();
             missing.retain(|&at| {
@@ -130,126 +156,176 @@ pub struct Source {
     shading: f32,
 }
 
-/// Finds every mask pixel of `target` (its geometry extended to the mask) in each reference; each parallel to `pixels`.
-pub fn find(target: &Geometry, references: &[&Geometry], pixels: &[u32]) -> Vec<Vec<Source>> {
+/// What a decoded view is asked for by those predicted from it.
+#[derive(Debug, Clone)]
+pub struct Seen {
+    view: View,
+    width: usize,
+    height: usize,
+    /// The farthest depth of the nine pixels around each, and a margin.
+    farthest: Vec<f64>,
+}
+
+impl Seen {
+    /// Whether a point that projects to `position` at `distance` is the surface that the view shows there: not behind the
+    /// farthest of the nine pixels around, by more than a margin.
+    #[inline(always)]
+    fn shows(&self, position: [f64; 2], distance: f64) -> bool {
+        if !(distance > 0.0 && position[0] >= 0.0 && position[1] >= 0.0) {
+            return false;
+        }
+        let (x, y) = (position[0] as usize, position[1] as usize);
+        x < self.width && y < self.height && self.farthest.get(y * self.width + x).is_some_and(|&far| distance <= far)
+    }
+}
+
+/// Pixels that are worked on side by side.
+const LANES: usize = 8;
+type Lanes = [f64; LANES];
+
+#[inline(always)]
+fn lanes(of: impl FnMut(usize) -> f64) -> Lanes {
+    std::array::from_fn(of)
+}
+
+#[inline(always)]
+fn dot_lanes(a: &[Lanes; 3], b: &[Lanes; 3]) -> Lanes {
+    lanes(|i| a[0][i] * b[0][i] + a[1][i] * b[1][i] + a[2][i] * b[2][i])
+}
+
+/// From the points to a place.
+#[inline(always)]
+fn towards(points: &[Lanes; 3], place: [f64; 3]) -> [Lanes; 3] {
+    [0, 1, 2].map(|k| lanes(|i| place[k] - points[k][i]))
+}
+
+/// Irradiance of points by a light of unit intensity.
+#[inline(always)]
+fn irradiance(points: &[Lanes; 3], normals: &[Lanes; 3], light: [f64; 3]) -> Lanes {
+    let l = towards(points, light);
+    let (square, along) = (dot_lanes(&l, &l), dot_lanes(normals, &l));
+    lanes(|i| {
+        let cosine = along[i] / square[i].sqrt();
+        (if cosine > LEAST_COSINE { cosine } else { LEAST_COSINE }) / square[i]
+    })
+}
+
+/// A reference and what is the same for all pixels: the light's place in it, and how much brighter the target's is.
+struct Target<'a> {
+    seen: &'a Seen,
+    eye: [f64; 3],
+    light: Option<([f64; 3], f64)>,
+}
+
+/// Finds every mask pixel of `target` (`rows` of a frame, to which its geometry is extended) in each reference; pixels in
+/// the rows' order.
+pub fn find(target: &Geometry, references: &[&Seen], frame: &Frame, rows: &[Run]) -> Vec<Vec<Source>> {
     let from = &target.view.camera;
-    let centre = from.centre();
-    let to: Vec<(&Geometry, [f64; 3], Option<Lights>)> = references
+    let (centre, r) = (from.centre(), &from.rotation);
+    let to: Vec<Target> = references
         .iter()
-        .map(|&reference| {
-            let lights = target.view.light.zip(reference.view.light).map(|(here, there)| Lights {
-                there: there.position,
-                brightness: mean(here.intensity) / mean(there.intensity),
-            });
-            (reference, reference.view.camera.centre(), lights)
+        .map(|&seen| {
+            let light = target
+                .view
+                .light
+                .zip(seen.view.light)
+                .map(|(here, there)| (there.position, mean(here.intensity) / mean(there.intensity)));
+            Target { seen, eye: seen.view.camera.centre(), light }
         })
         .collect();
-    let mut found: Vec<Vec<Source>> = references.iter().map(|_| Vec::with_capacity(pixels.len())).collect();
-    for &at in pixels {
-        let at = at as usize;
-        let depth = target.raster.depth[at];
-        let (x, y) = (at % target.raster.width, at / target.raster.width);
-        let ray = from.ray([x as f64 + 0.5, y as f64 + 0.5]);
-        let point: [f64; 3] = std::array::from_fn(|k| centre[k] + depth * ray[k]);
-        let normal = target.normals[at].map(f64::from);
-        let here = target.view.light.map(|light| irradiance(point, normal, light.position));
-        for ((reference, eye, lights), found) in to.iter().zip(&mut found) {
-            let source = (depth != 0.0).then(|| find_point(point, normal, here, reference, *eye, lights.as_ref()));
-            found.push(source.flatten().unwrap_or(NOWHERE));
+    let count = rows.iter().map(|run| run.length as usize).sum();
+    let mut found: Vec<Vec<Source>> = references.iter().map(|_| Vec::with_capacity(count)).collect();
+    for run in rows {
+        let y = frame.top + run.line as usize;
+        let q1 = (y as f64 + 0.5 - from.principal[1]) / from.focal[1];
+        let end = frame.left + (run.start + run.length) as usize;
+        for first in (frame.left + run.start as usize..end).step_by(LANES) {
+            let used = LANES.min(end - first);
+            // Lanes beyond the run repeat its last pixel.
+            let column = |i: usize| first + i.min(used - 1);
+            let at = |i: usize| y * target.raster.width + column(i);
+            let depths = lanes(|i| target.raster.depth[at(i)]);
+            let q0 = lanes(|i| (column(i) as f64 + 0.5 - from.principal[0]) / from.focal[0]);
+            let points =
+                [0, 1, 2].map(|k| lanes(|i| centre[k] + depths[i] * (r[0][k] * q0[i] + r[1][k] * q1 + r[2][k])));
+            let normals = [0, 1, 2].map(|k| lanes(|i| target.normals[at(i)][k] as f64));
+            let here = target.view.light.map(|light| irradiance(&points, &normals, light.position));
+            for (to, found) in to.iter().zip(&mut found) {
+                let sources = find_points(&points, &normals, here.as_ref(), to);
+                found.extend((0..used).map(|i| if depths[i] != 0.0 { sources[i] } else { NOWHERE }));
+            }
         }
     }
     found
 }
 
-/// The light of a reference: its place, and how much brighter the target's is.
-struct Lights {
-    there: [f64; 3],
-    brightness: f64,
-}
-
 const NOWHERE: Source = Source { position: [0.0; 2], weight: 0.0, shading: 1.0 };
 
-/// Where a reference shows a point; `here` is the irradiance that the target's light gives it.
+/// Where a reference shows points; `here` is the irradiance that the target's light gives them.
 #[inline(always)]
-fn find_point(
-    point: [f64; 3],
-    normal: [f64; 3],
-    here: Option<f64>,
-    reference: &Geometry,
-    eye: [f64; 3],
-    lights: Option<&Lights>,
-) -> Option<Source> {
-    let (position, distance) = reference.view.camera.project(point)?;
-    if !is_visible(&reference.raster, position, distance) {
-        return None;
-    }
-    let towards: [f64; 3] = std::array::from_fn(|k| eye[k] - point[k]);
-    let cosine = dot(normal, towards) / dot(towards, towards).sqrt();
-    let cosine = if cosine > 0.05 { cosine } else { 0.05 };
-    let shading = match (here, lights) {
-        (Some(here), Some(lights)) => {
-            let ratio = here / irradiance(point, normal, lights.there);
-            (ratio * lights.brightness).sqrt().clamp(0.25, 4.0) as f32
+fn find_points(points: &[Lanes; 3], normals: &[Lanes; 3], here: Option<&Lanes>, to: &Target) -> [Source; LANES] {
+    let Camera { rotation: r, translation: t, focal, principal, .. } = &to.seen.view.camera;
+    let q =
+        [0, 1, 2].map(|k| lanes(|i| r[k][0] * points[0][i] + r[k][1] * points[1][i] + r[k][2] * points[2][i] + t[k]));
+    let x = lanes(|i| focal[0] * q[0][i] / q[2][i] + principal[0]);
+    let y = lanes(|i| focal[1] * q[1][i] / q[2][i] + principal[1]);
+    let v = towards(points, to.eye);
+    let (square, along) = (dot_lanes(&v, &v), dot_lanes(normals, &v));
+    let weights = lanes(|i| {
+        let cosine = along[i] / square[i].sqrt();
+        let cosine = if cosine > 0.05 { cosine } else { 0.05 };
+        cosine * cosine
+    });
+    let shading = match (here, to.light) {
+        (Some(here), Some((light, brightness))) => {
+            let there = irradiance(points, normals, light);
+            lanes(|i| {
+                let root = (here[i] / there[i] * brightness).sqrt();
+                let root = if root > 0.25 { root } else { 0.25 };
+                if root < 4.0 { root } else { 4.0 }
+            })
         }
-        _ => 1.0,
+        _ => [1.0; LANES],
     };
-    Some(Source { position: position.map(|p| p as f32), weight: (cosine * cosine) as f32, shading })
-}
-
-/// Irradiance of a point by a light of unit intensity.
-#[inline(always)]
-fn irradiance(point: [f64; 3], normal: [f64; 3], light: [f64; 3]) -> f64 {
-    let l: [f64; 3] = std::array::from_fn(|k| light[k] - point[k]);
-    let square = dot(l, l);
-    let cosine = dot(normal, l) / square.sqrt();
-    (if cosine > LEAST_COSINE { cosine } else { LEAST_COSINE }) / square
+    std::array::from_fn(|i| {
+        if !to.seen.shows([x[i], y[i]], q[2][i]) {
+            return NOWHERE;
+        }
+        Source { position: [x[i] as f32, y[i] as f32], weight: weights[i] as f32, shading: shading[i] as f32 }
+    })
 }
 
 fn mean(v: [f64; 3]) -> f64 {
     (v[0] + v[1] + v[2]) / 3.0
 }
 
-/// Whether a point that projects to `position` at `distance` is the surface that the view shows there: not behind the
-/// farthest of the nine pixels around, by more than a margin.
-fn is_visible(raster: &Raster, position: [f64; 2], distance: f64) -> bool {
-    if !(position[0] >= 0.0 && position[1] >= 0.0) {
-        return false;
-    }
-    let (x, y) = (position[0] as usize, position[1] as usize);
-    if x >= raster.width || y >= raster.height {
-        return false;
-    }
-    let mut farthest = 0.0;
-    let columns = x.saturating_sub(1)..(x + 2).min(raster.width);
-    for ny in y.saturating_sub(1)..(y + 2).min(raster.height) {
-        for &depth in &raster.depth[ny * raster.width..][columns.clone()] {
-            if depth > farthest {
-                farthest = depth;
-            }
-        }
-    }
-    distance <= farthest * (1.0 + DEPTH_MARGIN)
-}
-
 /// A decoded picture in the sqrt domain, filled beyond its mask so that interpolation may read there.
 #[derive(Debug, Clone)]
 pub struct Reference {
-    width: usize,
-    height: usize,
+    /// Size of the picture, of which the pixels are the part in the frame.
+    size: [usize; 2],
+    frame: Frame,
     pixels: Vec<Pixel>,
 }
 
 /// Rings of pixels that are filled beyond the mask of a reference.
-const REFERENCE_RINGS: usize = 4;
+pub const REFERENCE_RINGS: usize = 4;
 /// Rings of pixels that are filled where no reference shows the target.
 const HOLE_RINGS: usize = 64;
 
 impl Reference {
-    /// Fills a few rings beyond the mask with the mean of the neighbours inside.
-    pub fn new(mut pixels: Vec<Pixel>, mask: &Mask) -> Self {
-        let (width, height) = (mask.width, mask.height);
-        let mut known = mask.data.clone();
-        let mut wanted = border(mask);
+    /// Fills a few rings beyond the mask (`rows` of the frame) with the mean of the neighbours inside. The frame leaves room
+    /// for the rings wherever the picture does.
+    pub fn new(mut pixels: Vec<Pixel>, size: [usize; 2], frame: Frame, rows: &[Run]) -> Self {
+        let Frame { width, height, .. } = frame;
+        let mut known = vec![false; width * height];
+        for run in rows {
+            let at = run.line as usize * width + run.start as usize;
+            known[at..at + run.length as usize].fill(true);
+        }
+        let mask = Mask { width, height, data: known };
+        let mut wanted = border(&mask);
+        let mut known = mask.data;
         for ring in 1..=REFERENCE_RINGS {
             let front = fill_ring(&mut pixels, &mut known, &wanted, width, height);
             if ring == REFERENCE_RINGS {
@@ -266,7 +342,7 @@ impl Reference {
             wanted.sort_unstable();
             wanted.dedup();
         }
-        Reference { width, height, pixels }
+        Reference { size, frame, pixels }
     }
 
     /// The picture; beyond its mask a few rings of filled pixels.
@@ -281,7 +357,8 @@ impl Reference {
         let (left, top) = (floor(x), floor(y));
         let (wx, wy) = (catmull_rom(x - left as f32), catmull_rom(y - top as f32));
         let (left, top) = (left as i64 - 1, top as i64 - 1);
-        let (width, height) = (self.width as i64, self.height as i64);
+        let Frame { left: x0, top: y0, width, height } = self.frame;
+        let (inner_left, inner_top) = (left - x0 as i64, top - y0 as i64);
         let mut sum = Vec4::ZERO;
         let mut add = |j: usize, taps: &[Pixel; 4]| {
             let mut line = Vec4::ZERO;
@@ -290,17 +367,22 @@ impl Reference {
             }
             sum += Vec4::splat(wy[j]) * line;
         };
-        if left >= 0 && top >= 0 && left + 4 <= width && top + 4 <= height {
+        if inner_left >= 0 && inner_top >= 0 && inner_left + 4 <= width as i64 && inner_top + 4 <= height as i64 {
+            let start = inner_top as usize * width + inner_left as usize;
             for j in 0..4 {
-                let start = (top as usize + j) * self.width + left as usize;
-                if let Some(taps) = self.pixels.get(start..).and_then(|row| row.first_chunk()) {
+                if let Some(taps) = self.pixels.get(start + j * width..).and_then(|row| row.first_chunk()) {
                     add(j, taps);
                 }
             }
         } else {
+            let [columns, rows] = self.size.map(|size| size as i64 - 1);
             for j in 0..4 {
-                let row = (top + j as i64).clamp(0, height - 1) * width;
-                let taps = std::array::from_fn(|i| self.pixels[(row + (left + i as i64).clamp(0, width - 1)) as usize]);
+                let y = (top + j as i64).clamp(0, rows) as usize;
+                let taps = std::array::from_fn(|i| {
+                    let x = (left + i as i64).clamp(0, columns) as usize;
+                    let inside = x >= x0 && y >= y0 && x - x0 < width && y - y0 < height;
+                    if inside { self.pixels[(y - y0) * width + x - x0] } else { [0.0; 4] }
+                });
                 add(j, &taps);
             }
         }
@@ -365,16 +447,25 @@ fn catmull_rom(t: f32) -> [f32; 4] {
     [-0.5 * t + t2 - 0.5 * t3, 1.0 - 2.5 * t2 + 1.5 * t3, 0.5 * t + 2.0 * t2 - 1.5 * t3, 0.5 * t3 - 0.5 * t2]
 }
 
-/// Predicts the target's mask pixels from up to two references, each with its sources and its share.
+/// Predicts the target's mask pixels (`rows` of a frame of the given size) from up to two references, each with its sources
+/// and its share.
 ///
 /// Holes are filled from their surroundings. `shaded` scales by the ratio of the irradiances (diffuse light follows the
-/// lamp, highlights do not). The result covers the whole picture, 0 outside the mask.
-pub fn predict(mask: &Mask, pixels: &[u32], references: &[(&Reference, &[Source], f32)], shaded: bool) -> Vec<Pixel> {
-    let (width, height) = (mask.width, mask.height);
+/// lamp, highlights do not). The result covers the frame, 0 outside the mask.
+pub fn predict(
+    [width, height]: [usize; 2],
+    rows: &[Run],
+    references: &[(&Reference, &[Source], f32)],
+    shaded: bool,
+) -> Vec<Pixel> {
     let mut out = vec![[0.0f32; 4]; width * height];
     let mut known = vec![false; width * height];
     let mut holes = Vec::new();
-    for (index, &at) in pixels.iter().enumerate() {
+    let pixels = rows.iter().flat_map(|run| {
+        let at = run.line as usize * width + run.start as usize;
+        at..at + run.length as usize
+    });
+    for (index, at) in pixels.enumerate() {
         let (mut sum, mut total) = (Vec4::ZERO, 0.0f32);
         for (reference, sources, share) in references {
             let source = &sources[index];
@@ -386,10 +477,10 @@ pub fn predict(mask: &Mask, pixels: &[u32], references: &[(&Reference, &[Source]
             }
         }
         if total > 0.0 {
-            out[at as usize] = (sum / Vec4::splat(total)).to_array();
-            known[at as usize] = true;
+            out[at] = (sum / Vec4::splat(total)).to_array();
+            known[at] = true;
         } else {
-            holes.push(at as usize);
+            holes.push(at);
         }
     }
     for _ in 0..HOLE_RINGS {
@@ -429,11 +520,12 @@ mod tests {
         let (here, there) = (Geometry::new(&surface, &view(0.5, 4.0)), Geometry::new(&surface, &view(0.0, 1.0)));
         let mask = here.raster.coverage();
         assert_eq!(mask.count(), 48 * 32);
-        let pixels: Vec<u32> = (0..48 * 32).collect();
+        let frame = Frame { left: 0, top: 0, width: 48, height: 32 };
+        let rows: Vec<Run> = (0..32).map(|line| Run { line, start: 0, length: 48 }).collect();
         let picture: Vec<Pixel> = (0..48 * 32).map(|i| [(i % 48) as f32, (i / 48) as f32, 1.0, 0.0]).collect();
-        let reference = Reference::new(picture, &mask);
-        let sources = &find(&here, &[&there], &pixels)[0];
-        let predicted = predict(&mask, &pixels, &[(&reference, sources, 1.0)], true);
+        let reference = Reference::new(picture, [48, 32], frame, &rows);
+        let sources = &find(&here, &[&there.into_seen()], &frame, &rows)[0];
+        let predicted = predict([48, 32], &rows, &[(&reference, sources, 1.0)], true);
         // Parallax: 40 * 0.5 / 4 = 5 pixels; brightness: sqrt(4).
         let at = 16 * 48 + 20;
         for (value, expected) in predicted[at].iter().zip([2.0 * 25.0, 2.0 * 16.0, 2.0, 0.0]) {

@@ -6,6 +6,7 @@
 //! `spec/planes.md`).
 
 use crate::image::Mask;
+use glam::Vec4;
 
 /// Four channels of one pixel.
 pub type Pixel = [f32; 4];
@@ -23,10 +24,60 @@ pub const MAX_LEVELS: usize = 5;
 
 /// A run of pixels along a row or a column.
 #[derive(Debug, Clone, Copy)]
-struct Run {
-    line: u32,
-    start: u32,
-    length: u32,
+pub struct Run {
+    /// The row or column.
+    pub line: u32,
+    /// First pixel in it.
+    pub start: u32,
+    /// Pixels, at least one.
+    pub length: u32,
+}
+
+/// The part of a picture that holds its mask: what lies around takes neither time nor memory.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Frame {
+    /// First column; a multiple of `2^MAX_LEVELS`, so that parities stay at every level.
+    pub left: usize,
+    /// First row; likewise.
+    pub top: usize,
+    /// Columns.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+}
+
+impl Frame {
+    /// The smallest frame that holds a mask and `margin` pixels around it, as far as the picture goes.
+    pub fn around(mask: &Mask, margin: usize) -> Self {
+        let mut rows = (0..mask.height).filter(|&y| mask.row(y).contains(&true));
+        let Some(first) = rows.next() else { return Frame::default() };
+        let last = rows.next_back().unwrap_or(first);
+        let (mut left, mut right) = (mask.width, 0);
+        for y in first..=last {
+            let row = mask.row(y);
+            // Only what lies beyond the rows before.
+            left = row[..left].iter().position(|&set| set).unwrap_or(left);
+            right = row[right..].iter().rposition(|&set| set).map_or(right, |at| right + at + 1);
+        }
+        let start = |at: usize| at.saturating_sub(margin) >> MAX_LEVELS << MAX_LEVELS;
+        let (left, top) = (start(left), start(first));
+        let (right, bottom) = ((right + margin).min(mask.width), (last + 1 + margin).min(mask.height));
+        Frame { left, top, width: right - left, height: bottom - top }
+    }
+    /// The frame of the low band after some levels.
+    pub fn low(&self, levels: usize) -> Self {
+        let size = |size: usize| size.div_ceil(1 << levels);
+        let (width, height) = (size(self.width), size(self.height));
+        Frame { left: self.left >> levels, top: self.top >> levels, width, height }
+    }
+    /// The part of a picture of `width` columns that lies in the frame.
+    pub fn cut<T: Copy>(&self, picture: &[T], width: usize) -> Vec<T> {
+        let mut part = Vec::with_capacity(self.width * self.height);
+        for y in self.top..self.top + self.height {
+            part.extend_from_slice(&picture[y * width + self.left..][..self.width]);
+        }
+        part
+    }
 }
 
 /// Which coefficients of one subband exist.
@@ -60,13 +111,14 @@ pub struct Plan {
     height: usize,
     levels: Vec<Level>,
     bands: Vec<Band>,
+    /// Runs along rows of the picture and of the low band after each level.
+    rows: Vec<Vec<Run>>,
 }
 
 #[derive(Debug, Clone)]
 struct Level {
     width: usize,
     height: usize,
-    rows: Vec<Run>,
     /// Columns of the low and of the high half.
     columns: [Vec<Run>; 2],
 }
@@ -77,22 +129,36 @@ pub fn level_count(width: usize, height: usize) -> usize {
     (0..=MAX_LEVELS).rev().find(|&levels| side >> levels >= 4).unwrap_or(0)
 }
 
-fn runs(mask: &Mask, along_rows: bool) -> Vec<Run> {
-    let (lines, length) = if along_rows { (mask.height, mask.width) } else { (mask.width, mask.height) };
-    let set = |line: usize, at: usize| if along_rows { *mask.at(at, line) } else { *mask.at(line, at) };
+/// Runs along rows, from top to bottom and from left to right.
+fn row_runs(mask: &Mask) -> Vec<Run> {
     let mut runs = Vec::new();
-    for line in 0..lines {
+    for y in 0..mask.height {
+        let row = mask.row(y);
         let mut at = 0;
-        while at < length {
-            if !set(line, at) {
-                at += 1;
-                continue;
+        while let Some(skipped) = row[at..].iter().position(|&set| set) {
+            let start = at + skipped;
+            let length = row[start..].iter().position(|&set| !set).unwrap_or(row.len() - start);
+            runs.push(Run { line: y as u32, start: start as u32, length: length as u32 });
+            at = start + length;
+        }
+    }
+    runs
+}
+
+/// Runs along columns, in the order of their ends.
+fn column_runs(mask: &Mask) -> Vec<Run> {
+    let mut runs = Vec::new();
+    // How far the run reaches up that each column is in.
+    let mut lengths = vec![0u32; mask.width];
+    for y in 0..=mask.height {
+        let row = if y < mask.height { mask.row(y) } else { &[] };
+        for (x, length) in lengths.iter_mut().enumerate() {
+            if row.get(x) == Some(&true) {
+                *length += 1;
+            } else if *length > 0 {
+                runs.push(Run { line: x as u32, start: y as u32 - *length, length: *length });
+                *length = 0;
             }
-            let start = at;
-            while at < length && set(line, at) {
-                at += 1;
-            }
-            runs.push(Run { line: line as u32, start: start as u32, length: (at - start) as u32 });
         }
     }
     runs
@@ -103,10 +169,18 @@ fn halves(runs: &[Run], width: usize, height: usize, along_rows: bool) -> [Mask;
     let (w, h) = if along_rows { (width.div_ceil(2), height) } else { (width, height.div_ceil(2)) };
     let mut halves = [Mask::filled(w, h, false), Mask::filled(w, h, false)];
     for run in runs {
-        for at in run.start..run.start + run.length {
-            let half = if run.length == 1 { 0 } else { at % 2 };
-            let (x, y) = if along_rows { (at / 2, run.line) } else { (run.line, at / 2) };
-            *halves[half as usize].at_mut(x as usize, y as usize) = true;
+        let (line, start, end) = (run.line as usize, run.start as usize, (run.start + run.length) as usize);
+        let slots = match run.length {
+            1 => [start / 2..start / 2 + 1, 0..0],
+            _ => [start.div_ceil(2)..end.div_ceil(2), start / 2..end / 2],
+        };
+        for (half, slots) in halves.iter_mut().zip(slots) {
+            if along_rows {
+                half.data[line * w..][slots].fill(true);
+            } else {
+                let places = half.data.iter_mut().skip(slots.start * w + line).step_by(w);
+                places.take(slots.len()).for_each(|place| *place = true);
+            }
         }
     }
     halves
@@ -115,25 +189,41 @@ fn halves(runs: &[Run], width: usize, height: usize, along_rows: bool) -> [Mask;
 impl Plan {
     /// Plans the transform of a mask's pixels over [`level_count`] levels.
     pub fn new(mask: &Mask) -> Self {
+        Plan::with_levels(mask.clone(), level_count(mask.width, mask.height))
+    }
+
+    /// Plans the transform of a mask's pixels.
+    pub fn with_levels(mask: Mask, count: usize) -> Self {
         let (width, height) = (mask.width, mask.height);
         let mut levels = Vec::new();
         let mut bands = Vec::new();
-        let mut low = mask.clone();
-        for level in 1..=level_count(width, height) {
-            let rows = runs(&low, true);
-            let [left, right] = halves(&rows, low.width, low.height, true);
-            let columns = [runs(&left, false), runs(&right, false)];
+        let mut low = mask;
+        let mut rows = vec![row_runs(&low)];
+        for level in 1..=count {
+            let [left, right] = halves(&rows[level - 1], low.width, low.height, true);
+            let columns = [column_runs(&left), column_runs(&right)];
             let [next, vertical] = halves(&columns[0], left.width, left.height, false);
             let [horizontal, diagonal] = halves(&columns[1], right.width, right.height, false);
-            levels.push(Level { width: low.width, height: low.height, rows, columns });
+            levels.push(Level { width: low.width, height: low.height, columns });
             bands.push(Band { level, orientation: Orientation::Diagonal, mask: diagonal });
             bands.push(Band { level, orientation: Orientation::Vertical, mask: vertical });
             bands.push(Band { level, orientation: Orientation::Horizontal, mask: horizontal });
             low = next;
+            rows.push(row_runs(&low));
         }
         bands.push(Band { level: levels.len(), orientation: Orientation::Low, mask: low });
         bands.reverse();
-        Plan { width, height, levels, bands }
+        Plan { width, height, levels, bands, rows }
+    }
+
+    /// Levels of the transform.
+    pub fn levels(&self) -> usize {
+        self.levels.len()
+    }
+
+    /// Runs of the low band after `level` levels, 0 the picture itself, row by row and from left to right.
+    pub fn rows(&self, level: usize) -> &[Run] {
+        self.rows.get(level).map_or(&[], |rows| rows)
     }
 
     /// The subbands, coarse to fine: low, then horizontal, vertical and diagonal of each level.
@@ -144,39 +234,40 @@ impl Plan {
     /// Coefficients of all bands, parallel to [`Plan::bands`]; positions outside a band's mask are 0.
     /// `pixels` is row-major, of the mask's size; values outside the mask are ignored.
     pub fn forward(&self, pixels: Vec<Pixel>) -> Vec<Vec<Pixel>> {
+        self.forward_from(0, pixels)
+    }
+
+    /// [`Plan::forward`] of a low band after `level` levels: the coarser bands.
+    pub fn forward_from(&self, level: usize, low: Vec<Pixel>) -> Vec<Vec<Pixel>> {
         let mut coefficients = Vec::with_capacity(self.bands.len());
-        let mut low = pixels;
-        let mut line = Vec::new();
-        for level in &self.levels {
+        let mut low = low;
+        let mut work = self.levels.get(level).map_or(Work::new(0, 0), |level| Work::new(level.width, level.height));
+        for (level, rows) in self.levels.iter().zip(&self.rows).skip(level) {
             let half = level.width.div_ceil(2);
-            let mut sides = [vec![[0.0; 4]; half * level.height], vec![[0.0; 4]; half * level.height]];
-            for run in &level.rows {
+            let Work { line, sides } = &mut work;
+            for run in rows {
                 let at = run.line as usize * level.width + run.start as usize;
-                line.clear();
-                line.extend_from_slice(&low[at..at + run.length as usize]);
-                analyse(&mut line, run.start);
-                scatter(&line, run, &mut sides, run.line as usize * half, 1);
+                let line = &mut line[..run.length as usize];
+                line.copy_from_slice(&low[at..at + run.length as usize]);
+                analyse(line, run.start);
+                scatter(line, run, sides, run.line as usize * half, 1);
             }
             let half_height = level.height.div_ceil(2);
-            let mut quarters = Vec::with_capacity(4);
-            for (side, columns) in sides.iter().zip(&level.columns) {
-                let mut out = [vec![[0.0; 4]; half * half_height], vec![[0.0; 4]; half * half_height]];
+            let mut quarters = [const { Vec::new() }; 4];
+            for ((side, columns), quarter) in sides.iter().zip(&level.columns).zip(quarters.as_chunks_mut::<2>().0) {
+                *quarter = [(); 2].map(|()| vec![[0.0; 4]; half * half_height]);
                 for run in columns {
-                    line.clear();
-                    line.extend(
-                        (run.start..run.start + run.length).map(|y| side[y as usize * half + run.line as usize]),
-                    );
-                    analyse(&mut line, run.start);
-                    scatter(&line, run, &mut out, run.line as usize, half);
+                    let line = &mut line[..run.length as usize];
+                    let first = run.start as usize * half + run.line as usize;
+                    for (value, place) in line.iter_mut().zip(side[first..].iter().step_by(half)) {
+                        *value = *place;
+                    }
+                    analyse(line, run.start);
+                    scatter(line, run, quarter, run.line as usize, half);
                 }
-                quarters.extend(out);
             }
-            // low-low, vertical, horizontal, diagonal
-            let mut quarters = quarters.into_iter();
-            low = quarters.next().unwrap_or_default();
-            let vertical = quarters.next().unwrap_or_default();
-            let horizontal = quarters.next().unwrap_or_default();
-            let diagonal = quarters.next().unwrap_or_default();
+            let [next, vertical, horizontal, diagonal] = quarters;
+            low = next;
             coefficients.extend([diagonal, vertical, horizontal]);
         }
         coefficients.push(low);
@@ -186,34 +277,58 @@ impl Plan {
 
     /// Pixels from coefficients as [`Plan::forward`] gives them; 0 outside the mask.
     pub fn inverse(&self, coefficients: &[Vec<Pixel>]) -> Vec<Pixel> {
+        self.inverse_keeping(coefficients, 0).0
+    }
+
+    /// [`Plan::inverse`], and the low band after `kept` levels, empty for 0.
+    pub fn inverse_keeping(&self, coefficients: &[Vec<Pixel>], kept: usize) -> (Vec<Pixel>, Vec<Pixel>) {
         let mut low = coefficients.first().cloned().unwrap_or_default();
-        let mut line = Vec::new();
+        let mut work = Work::new(self.width, self.height);
+        let mut keep = Vec::new();
         for (index, level) in self.levels.iter().enumerate().rev() {
             let first = 1 + 3 * (self.levels.len() - 1 - index);
             let [horizontal, vertical, diagonal] = [0, 1, 2].map(|k| &coefficients[first + k]);
             let half = level.width.div_ceil(2);
-            let mut sides = [vec![[0.0; 4]; half * level.height], vec![[0.0; 4]; half * level.height]];
+            let Work { line, sides } = &mut work;
             let quarters = [[&low, vertical], [horizontal, diagonal]];
             for ((side, columns), quarter) in sides.iter_mut().zip(&level.columns).zip(quarters) {
                 for run in columns {
-                    gather(&mut line, run, quarter, run.line as usize, half);
-                    synthesise(&mut line, run.start);
-                    for (y, value) in (run.start..).zip(&line) {
-                        side[y as usize * half + run.line as usize] = *value;
+                    let line = &mut line[..run.length as usize];
+                    gather(line, run, quarter, run.line as usize, half);
+                    synthesise(line, run.start);
+                    let first = run.start as usize * half + run.line as usize;
+                    for (place, value) in side[first..].iter_mut().step_by(half).zip(line.iter()) {
+                        *place = *value;
                     }
                 }
             }
             let mut pixels = vec![[0.0; 4]; level.width * level.height];
-            for run in &level.rows {
-                gather(&mut line, run, sides.each_ref(), run.line as usize * half, 1);
-                synthesise(&mut line, run.start);
+            for run in &self.rows[index] {
                 let at = run.line as usize * level.width + run.start as usize;
-                pixels[at..at + line.len()].copy_from_slice(&line);
+                let line = &mut pixels[at..at + run.length as usize];
+                gather(line, run, sides.each_ref(), run.line as usize * half, 1);
+                synthesise(line, run.start);
             }
-            low = pixels;
+            let low = std::mem::replace(&mut low, pixels);
+            if index + 1 == kept {
+                keep = low;
+            }
         }
-        debug_assert_eq!(low.len(), self.width * self.height);
-        low
+        (low, keep)
+    }
+}
+
+/// What a transform works on, for all its levels: a line, and a picture's left and right half. Only what the masks hold is read
+/// again, so that nothing has to be cleared.
+struct Work {
+    line: Vec<Pixel>,
+    sides: [Vec<Pixel>; 2],
+}
+
+impl Work {
+    fn new(width: usize, height: usize) -> Self {
+        let side = vec![[0.0; 4]; width.div_ceil(2) * height];
+        Work { line: vec![[0.0; 4]; width.max(height)], sides: [side.clone(), side] }
     }
 }
 
@@ -225,52 +340,59 @@ fn scatter(line: &[Pixel], run: &Run, halves: &mut [Vec<Pixel>; 2], first: usize
         halves[0][first + start / 2 * stride] = *single;
         return;
     }
-    for (at, value) in (start..).zip(line) {
-        halves[at % 2][first + at / 2 * stride] = *value;
+    for parity in 0..2 {
+        // The first slot of the parity, and where the line holds it.
+        let slot = (start + 1 - parity) / 2;
+        let skipped = 2 * slot + parity - start;
+        let places = halves[parity].iter_mut().skip(first + slot * stride).step_by(stride);
+        for (place, value) in places.zip(line[skipped..].iter().step_by(2)) {
+            *place = *value;
+        }
     }
 }
 
 /// The inverse of [`scatter`].
 #[inline(always)]
-fn gather(line: &mut Vec<Pixel>, run: &Run, [low, high]: [&Vec<Pixel>; 2], first: usize, stride: usize) {
-    line.clear();
-    let (start, end) = (run.start as usize, (run.start + run.length) as usize);
-    if run.length == 1 {
-        line.push(low[first + start / 2 * stride]);
+fn gather(line: &mut [Pixel], run: &Run, halves: [&Vec<Pixel>; 2], first: usize, stride: usize) {
+    let start = run.start as usize;
+    if let [single] = line {
+        *single = halves[0][first + start / 2 * stride];
         return;
     }
-    let place = |slot: usize| first + slot * stride;
-    if start % 2 == 1 {
-        line.push(high[place(start / 2)]);
+    for parity in 0..2 {
+        let slot = (start + 1 - parity) / 2;
+        let skipped = 2 * slot + parity - start;
+        let places = halves[parity].iter().skip(first + slot * stride).step_by(stride);
+        for (value, place) in line[skipped..].iter_mut().step_by(2).zip(places) {
+            *value = *place;
+        }
     }
-    line.extend((start.div_ceil(2)..end / 2).flat_map(|slot| [low[place(slot)], high[place(slot)]]));
-    if end % 2 == 1 {
-        line.push(low[place(end / 2)]);
-    }
+}
+
+/// `value + factor * (before + after)`, channel by channel.
+#[inline(always)]
+fn lifted(value: Pixel, factor: f32, before: Pixel, after: Pixel) -> Pixel {
+    let [value, before, after] = [value, before, after].map(Vec4::from_array);
+    (value + Vec4::splat(factor) * (before + after)).to_array()
 }
 
 /// One lifting step on the pixels of one parity of two or more: adds `factor` times the sum of both neighbours; at an end of the run
 /// the only neighbour counts twice.
 #[inline(always)]
 fn lift(line: &mut [Pixel], first: usize, factor: f32) {
-    let count = line.len();
-    let add = |pixel: &mut Pixel, before: Pixel, after: Pixel| {
-        for k in 0..4 {
-            pixel[k] += factor * (before[k] + after[k]);
-        }
-    };
-    if first == 0 {
-        let after = line[1];
-        add(&mut line[0], after, after);
+    if let ([value, after, ..], 0) = (&mut *line, first) {
+        *value = lifted(*value, factor, *after, *after);
     }
-    let mut at = if first == 0 { 2 } else { 1 };
-    while let Some([before, pixel, after]) = line.get_mut(at - 1..at + 2) {
-        add(pixel, *before, *after);
-        at += 2;
+    // From one neighbour to the next.
+    let Some((before, inner)) = line[1 - first..].split_first_mut() else { return };
+    let mut before = *before;
+    let (pairs, last) = inner.as_chunks_mut::<2>();
+    for [value, after] in pairs {
+        *value = lifted(*value, factor, before, *after);
+        before = *after;
     }
-    if at + 1 == count {
-        let before = line[at - 1];
-        add(&mut line[at], before, before);
+    for value in last {
+        *value = lifted(*value, factor, before, before);
     }
 }
 
@@ -345,6 +467,34 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn a_low_band_is_what_its_coarser_bands_give() {
+        let (mask, pixels) = blob(96, 70, 0.1);
+        let plan = Plan::new(&mask);
+        let coefficients = plan.forward(pixels);
+        for level in 1..=plan.levels() {
+            let low = plan.inverse_keeping(&coefficients, level).1;
+            let again = plan.forward_from(level, low);
+            assert_eq!(again.len(), 1 + 3 * (plan.levels() - level));
+            for (a, b) in again.iter().flatten().zip(coefficients.iter().flatten()) {
+                assert!((0..4).all(|k| (a[k] - b[k]).abs() < 2e-3), "level {level}: {a:?} {b:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_frame_holds_the_mask_and_its_margin_at_the_same_parities() {
+        let mut mask = Mask::filled(200, 150, false);
+        *mask.at_mut(70, 40) = true;
+        *mask.at_mut(121, 90) = true;
+        let frame = Frame::around(&mask, 8);
+        assert_eq!(frame, Frame { left: 32, top: 32, width: 98, height: 67 });
+        assert_eq!(frame.low(2), Frame { left: 8, top: 8, width: 25, height: 17 });
+        let part = frame.cut(&mask.data, 200);
+        assert!(part[8 * 98 + 38] && part[58 * 98 + 89] && part.iter().filter(|&&set| set).count() == 2);
+        assert_eq!(Frame::around(&Mask::filled(9, 9, false), 3), Frame::default());
     }
 
     #[test]

@@ -5,9 +5,10 @@ use super::picture;
 use super::{DecodedView, Scene, order, run_waves};
 use crate::asset::{Mesh, Photograph, View};
 use crate::error::{Error, Result};
-use crate::image::RgbImage;
+use crate::image::{Mask, RgbImage};
 use crate::limits::Budget;
 use crate::surface::raster;
+use glam::Vec4;
 use std::borrow::Cow;
 
 /// Upper bounds of what one view takes: for each pixel, and for each pixel and component, while it is worked on and while
@@ -39,7 +40,13 @@ impl Pictures<'_> {
     }
 
     /// Decodes a step of the order from its streams, one after the other; `decoded` holds what it needs.
-    pub fn decode(&self, index: usize, streams: &[u8], decoded: &[Option<DecodedView>]) -> Result<DecodedView> {
+    pub fn decode(
+        &self,
+        index: usize,
+        streams: &[u8],
+        decoded: &[Option<DecodedView>],
+        is_reference: bool,
+    ) -> Result<DecodedView> {
         let coded = &self.header.steps[index];
         let mut rest = streams;
         let mut parts = Vec::with_capacity(coded.lengths.len());
@@ -51,7 +58,7 @@ impl Pictures<'_> {
             rest = after;
         }
         let step = (&coded.step, coded.scale);
-        Ok(picture::decode(&self.scene, step, &self.header.coding, parts[0], &parts[1..], decoded))
+        Ok(picture::decode(&self.scene, step, &self.header.coding, &parts, decoded, is_reference))
     }
 }
 
@@ -118,10 +125,10 @@ pub fn decode(
         steps.push(index);
     }
     charge(&order, &steps, mesh, views, &wanted, header.coding.components.len() as u64, budget)?;
-    let results = run_waves(&order, &steps, views.len(), |index, decoded| {
+    let results = run_waves(&order, &steps, views.len(), |index, decoded, is_reference| {
         let streams = streams[index].as_deref().unwrap_or_default();
-        let view = pictures.decode(index, streams, decoded)?;
-        let photograph = wanted(order[index].view).then(|| to_photograph(header, white, &view));
+        let view = pictures.decode(index, streams, decoded, is_reference)?;
+        let photograph = wanted(order[index].view).then(|| DecodedPicture::new(header, white, &view).photograph());
         Ok((photograph, view))
     })?;
     let mut photographs: Vec<Option<Photograph>> = vec![None; views.len()];
@@ -131,27 +138,52 @@ pub fn decode(
     Ok(photographs)
 }
 
-/// Linear radiance of a decoded view.
-pub(super) fn to_photograph(header: &Header, white: [f64; 3], view: &DecodedView) -> Photograph {
-    let white = white.map(|w| w as f32);
-    let mask = &view.stage.mask;
-    let images = (header.coding.components.iter().zip(&view.references))
-        .map(|(coding, signal)| {
-            let data = (signal.pixels().iter().zip(&mask.data))
-                .map(|(&pixel, &inside)| {
-                    if !inside {
-                        return [0.0; 3];
-                    }
-                    let s = coding.unrotate(pixel);
-                    std::array::from_fn(|k| {
-                        // Rounding may leave a trace below zero where there is none.
-                        let s = if coding.signed || s[k] > 0.0 { s[k] } else { 0.0 };
-                        s * s.abs() * white[k]
-                    })
-                })
-                .collect();
-            RgbImage { width: mask.width, height: mask.height, data }
-        })
-        .collect();
-    Photograph { mask: mask.clone(), images }
+/// A decoded view as linear radiance.
+#[derive(Debug, Clone, Copy)]
+pub struct DecodedPicture<'a> {
+    header: &'a Header,
+    white: [f32; 3],
+    view: &'a DecodedView,
+}
+
+impl<'a> DecodedPicture<'a> {
+    pub(super) fn new(header: &'a Header, white: [f64; 3], view: &'a DecodedView) -> Self {
+        DecodedPicture { header, white: white.map(|w| w as f32), view }
+    }
+
+    /// Pixels that show the object.
+    pub fn mask(&self) -> &'a Mask {
+        &self.view.mask
+    }
+
+    /// Calls `visit` for each pixel of the mask with its index in the picture and a component's radiance.
+    #[inline(always)]
+    pub fn for_each(&self, component: usize, mut visit: impl FnMut(usize, [f32; 3])) {
+        let (Some(coding), frame) = (self.header.coding.components.get(component), self.view.frame) else { return };
+        let (signal, colours) = (self.view.signal(component), coding.colours());
+        let white = Vec4::new(self.white[0], self.white[1], self.white[2], 0.0);
+        for (y, row) in signal.chunks_exact(frame.width.max(1)).enumerate() {
+            let first = (frame.top + y) * self.mask().width + frame.left;
+            let inside = &self.mask().data[first..first + frame.width];
+            for (x, (pixel, _)) in row.iter().zip(inside).enumerate().filter(|(_, (_, inside))| **inside) {
+                let s = colours.unrotate(Vec4::from_array(*pixel));
+                // Rounding may leave a trace below zero where there is none.
+                let s = if coding.signed { s } else { Vec4::select(s.cmpgt(Vec4::ZERO), s, Vec4::ZERO) };
+                let [r, g, b, _] = (s * s.abs() * white).to_array();
+                visit(first + x, [r, g, b]);
+            }
+        }
+    }
+
+    /// All components.
+    pub fn photograph(&self) -> Photograph {
+        let mask = self.mask();
+        let image = |component: usize| {
+            let mut image = RgbImage { width: mask.width, height: mask.height, data: vec![[0.0; 3]; mask.data.len()] };
+            self.for_each(component, |at, colour| image.data[at] = colour);
+            image
+        };
+        let images = (0..self.header.coding.components.len()).map(image).collect();
+        Photograph { mask: mask.clone(), images }
+    }
 }

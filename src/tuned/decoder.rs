@@ -1,10 +1,10 @@
 //! Views one at a time, in any order: what others are predicted from is kept, so that a view mostly costs no other.
 
-use super::decode::{KEPT, PHOTOGRAPH, Pictures, STATE, WORKING, to_photograph};
+use super::decode::{DecodedPicture, KEPT, PHOTOGRAPH, Pictures, STATE, WORKING};
 use super::header::{CodedStep, Header};
 use super::order::{self, Step};
 use super::{DecodedView, Scene};
-use crate::asset::{Mesh, Photograph, View};
+use crate::asset::{Mesh, View};
 use crate::error::{Error, Result};
 use crate::limits::Budget;
 use crate::surface::raster;
@@ -80,16 +80,17 @@ impl<'a> ViewDecoder<'a> {
     }
 
     /// A view that is kept.
-    pub fn kept(&self, view: usize) -> Option<Photograph> {
+    pub fn kept(&self, view: usize) -> Option<DecodedPicture<'_>> {
         let kept = self.decoded.get(view)?.as_ref()?;
-        Some(to_photograph(&self.pictures.header, self.pictures.white, kept))
+        Some(DecodedPicture::new(&self.pictures.header, self.pictures.white, kept))
     }
 
-    /// Decodes one of the [`ViewDecoder::missing`] steps, all before it decoded, from its streams.
+    /// Decodes one of the [`ViewDecoder::missing`] steps, all before it decoded, from its streams; what `take` makes of the
+    /// view is returned.
     /// # Errors
     /// [`Error::Format`] where the streams are damaged; [`Error::Limits`] where the memory for the view and those it is predicted
     /// from is not there; [`Error::Parameter`] where a view it needs is not decoded.
-    pub fn decode(&mut self, step: usize, streams: &[u8]) -> Result<Photograph> {
+    pub fn decode<T>(&mut self, step: usize, streams: &[u8], take: impl FnOnce(DecodedPicture) -> T) -> Result<T> {
         let Some(Step { view, .. }) = self.order.get(step) else {
             return Err(Error::parameter(format!("step {step} does not exist")));
         };
@@ -102,15 +103,15 @@ impl<'a> ViewDecoder<'a> {
         let working =
             self.bytes(view, WORKING).saturating_add(self.bytes(view, PHOTOGRAPH)).saturating_add(self.state());
         self.make_room("views being decoded", working)?;
-        let result = self.pictures.decode(step, streams, &self.decoded);
+        let result = self.pictures.decode(step, streams, &self.decoded, self.is_reference[view]);
         self.budget.release(working);
         let decoded = result?;
-        let photograph = to_photograph(&self.pictures.header, self.pictures.white, &decoded);
+        let taken = take(DecodedPicture::new(&self.pictures.header, self.pictures.white, &decoded));
         if self.is_reference[view] && self.decoded[view].is_none() {
             self.make_room("decoded views", self.kept_bytes(view))?;
             self.decoded[view] = Some(decoded);
         }
-        Ok(photograph)
+        Ok(taken)
     }
 
     fn bytes(&self, view: usize, each: [u64; 2]) -> u64 {

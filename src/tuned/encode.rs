@@ -1,13 +1,17 @@
 //! Photographs to streams.
 
 use super::colour::ColourSums;
-use super::decode::to_photograph;
+use super::decode::DecodedPicture;
 use super::header::{CodedStep, Header};
 use super::picture::{self, Signal};
 use super::{ComponentCoding, MaskCoding, PlaneCoding, Scene, order, run_waves};
 use crate::asset::{Component, Mesh, Photograph, View};
 use crate::error::Result;
 use crate::image::Mask;
+use crate::options::Decoding;
+use crate::residual::coefficients::Modelling;
+use crate::transform::shape_adaptive::Frame;
+use glam::Vec4;
 use std::borrow::Cow;
 
 /// What does not depend on the quality: made once, used by every trial of the rate control.
@@ -33,7 +37,7 @@ pub struct EncodedPlanes {
     pub photographs: Vec<Photograph>,
 }
 
-/// Quality of an encoding.
+/// Quality of an encoding, and its price.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Quality {
     /// Quantiser step of the diffuse (or only) component, in the sqrt domain.
@@ -43,11 +47,13 @@ pub struct Quality {
     pub specular_ratio: f32,
     /// Value of a bit in squared steps, for the rate-distortion choice of each coefficient.
     pub lambda: f32,
+    /// What is spent, bytes or the decoder's time.
+    pub decoding: Decoding,
 }
 
 impl Default for Quality {
     fn default() -> Self {
-        Quality { step: 0.05, specular_ratio: 1.5, lambda: 0.1 }
+        Quality { step: 0.05, specular_ratio: 1.5, lambda: 0.1, decoding: Decoding::default() }
     }
 }
 
@@ -109,24 +115,50 @@ impl<'a> Encoder<'a> {
 
     /// Codes all views.
     pub fn encode(&self, quality: &Quality) -> Result<EncodedPlanes> {
-        let coding = PlaneCoding { components: self.component_codings(quality), masks: self.masks };
+        let (prediction_level, modelling) = match quality.decoding {
+            Decoding::Small => (0, Modelling::Mixed),
+            Decoding::Fast => (1, Modelling::Direct),
+            Decoding::Fastest => (2, Modelling::Direct),
+        };
+        // What the mesh covers is drawn at the size of the prediction.
+        let masks = if prediction_level == 0 { self.masks } else { MaskCoding::Coded };
+        let components = self.component_codings(quality);
+        let coding = PlaneCoding { components, masks, prediction_level, modelling };
         let scene = Scene::new(Cow::Borrowed(self.mesh), Cow::Borrowed(self.views));
         let white = self.white.map(|w| w as f32);
         let all: Vec<usize> = (0..self.order.len()).collect();
         let mut header = Header { coding, steps: Vec::new() };
         let scale = 64;
-        let results = run_waves(&self.order, &all, self.views.len(), |index, decoded| {
+        let results = run_waves(&self.order, &all, self.views.len(), |index, decoded, is_reference| {
             let step = &self.order[index];
             let target = &self.photographs[step.view];
-            let signal = |component: usize| -> Signal {
+            let signal = |frame: &Frame, component: usize| -> Signal {
                 let coding = &header.coding.components[component];
-                (target.images[component].data.iter().zip(&target.mask.data))
-                    .map(|(c, m)| if *m { coding.rotate(to_signal(*c, white, coding.signed)) } else { [0.0; 4] })
+                let rotation = coding.colours();
+                let Photograph { mask, images } = target;
+                let colours = frame.cut(&images[component].data, mask.width);
+                (colours.into_iter().zip(frame.cut(&mask.data, mask.width)))
+                    .map(|(c, m)| match m {
+                        true => {
+                            let [r, g, b] = to_signal(c, white, coding.signed);
+                            rotation.rotate(Vec4::new(r, g, b, 0.0)).to_array()
+                        }
+                        false => [0.0; 4],
+                    })
                     .collect()
             };
-            let (streams, view) =
-                picture::encode(&scene, (step, scale), &header.coding, &target.mask, signal, decoded, quality.lambda);
-            let photograph = to_photograph(&header, self.white, &view);
+            let step = (step, scale);
+            let (streams, view) = picture::encode(
+                &scene,
+                step,
+                &header.coding,
+                &target.mask,
+                signal,
+                decoded,
+                quality.lambda,
+                is_reference,
+            );
+            let photograph = DecodedPicture::new(&header, self.white, &view).photograph();
             Ok(((streams, photograph), view))
         })?;
         let mut photographs: Vec<Photograph> = vec![Photograph::default(); self.views.len()];

@@ -4,11 +4,12 @@
 //! enough to find the streams of one view, and each step's streams carry a CRC-32 of their own.
 
 use super::order::{MOST_REFERENCES, Step};
-use super::{ComponentCoding, MaskCoding, PlaneCoding};
+use super::{ComponentCoding, MOST_PREDICTION_LEVEL, MaskCoding, PlaneCoding};
 #[cfg(feature = "encode")]
 use crate::container::push_number;
 use crate::error::{Error, Result};
 use crate::limits::{Budget, check};
+use crate::residual::coefficients::Modelling;
 use byteorder::{ByteOrder, LittleEndian};
 
 /// Bytes before the head: its length and checksum.
@@ -51,7 +52,8 @@ impl Header {
     #[cfg(feature = "encode")]
     pub fn to_bytes(&self) -> Vec<u8> {
         let mut head = Vec::new();
-        head.push(self.coding.masks as u8);
+        let PlaneCoding { masks, prediction_level, modelling, .. } = self.coding;
+        head.push(masks as u8 | prediction_level << 1 | (modelling as u8) << 3);
         head.push(self.coding.components.len() as u8);
         for component in &self.coding.components {
             head.extend(component.step.to_le_bytes());
@@ -99,11 +101,13 @@ impl Header {
             return Err(Error::format(SECTION, 4, "the head's checksum does not match: the file is damaged"));
         }
         let mut reader = Reader { bytes: head, position: 0 };
-        let masks = match reader.byte()? {
-            0 => MaskCoding::Coverage,
-            1 => MaskCoding::Coded,
-            other => return Err(Error::Unsupported(format!("mask coding {other} (section PLAN, byte 8)"))),
-        };
+        let flags = reader.byte()?;
+        let masks = if flags & 1 == 0 { MaskCoding::Coverage } else { MaskCoding::Coded };
+        let prediction_level = flags >> 1 & 3;
+        let modelling = if flags & 8 == 0 { Modelling::Mixed } else { Modelling::Direct };
+        if flags > 15 || prediction_level > MOST_PREDICTION_LEVEL {
+            return Err(Error::Unsupported(format!("coding {flags} of the pictures (section PLAN, byte 8)")));
+        }
         if reader.byte()? as usize != components {
             return Err(reader.error("the number of components is not that of section VIEW"));
         }
@@ -128,7 +132,7 @@ impl Header {
         if reader.position != head.len() {
             return Err(reader.error("bytes left over at the end of the head"));
         }
-        Ok(Header { coding: PlaneCoding { components, masks }, steps })
+        Ok(Header { coding: PlaneCoding { components, masks, prediction_level, modelling }, steps })
     }
 
     /// Bytes of all streams together.
@@ -242,7 +246,12 @@ mod tests {
             offset,
         };
         Header {
-            coding: PlaneCoding { components: vec![component; 2], masks: MaskCoding::Coded },
+            coding: PlaneCoding {
+                components: vec![component; 2],
+                masks: MaskCoding::Coded,
+                prediction_level: 2,
+                modelling: Modelling::Direct,
+            },
             steps: vec![
                 step(0, vec![], None, 0),
                 step(2, vec![], Some(0), 70_203),
@@ -266,6 +275,18 @@ mod tests {
         }
         assert!(Header::parse(&bytes, 4, 2, &budget).is_err());
         assert!(Header::parse(&bytes, 3, 1, &budget).is_err());
+    }
+
+    #[test]
+    fn a_coding_of_later_versions_is_named() {
+        for coding in [6, 7, 16, 128] {
+            let mut bytes = header().to_bytes();
+            bytes[PREFIX_BYTES] = coding;
+            let checksum = crc32fast::hash(&bytes[PREFIX_BYTES..]);
+            LittleEndian::write_u32(&mut bytes[4..8], checksum);
+            let error = Header::parse(&bytes, 3, 2, &Budget::new(Limits::default())).unwrap_err();
+            assert!(matches!(&error, Error::Unsupported(what) if what.contains("PLAN")), "{coding}: {error}");
+        }
     }
 
     #[test]

@@ -13,13 +13,14 @@ pub mod header;
 pub mod order;
 mod picture;
 
-use crate::asset::{Mesh, View};
+use crate::asset::{Camera, Mesh, View};
 use crate::image::Mask;
 use crate::parallel;
-use crate::residual::coefficients::{Models, Quantiser};
+use crate::residual::coefficients::{Modelling, Models, Quantiser};
 use crate::residual::mask::MaskModels;
-use crate::surface::warp::{Geometry, Reference, Source, Surface, find};
-use crate::transform::shape_adaptive::{Pixel, Plan};
+use crate::surface::warp::{Geometry, REFERENCE_RINGS, Reference, Seen, Source, Surface, find};
+use crate::transform::shape_adaptive::{Frame, Pixel, Plan, level_count};
+use glam::Vec4;
 use order::Step;
 use std::borrow::Cow;
 
@@ -46,23 +47,39 @@ impl ComponentCoding {
             shrink: self.shrink.map(|s| s as f32 * (1.0 / 256.0)),
         }
     }
+    /// The rotation, and the way back.
+    pub fn colours(&self) -> Colours {
+        let entry = |row: usize, column: usize| self.rotation[row][column] as f32 * (1.0 / 16384.0);
+        let column = |k: usize| Vec4::new(entry(0, k), entry(1, k), entry(2, k), 0.0);
+        let row = |k: usize| Vec4::new(entry(k, 0), entry(k, 1), entry(k, 2), 0.0);
+        Colours { rotation: [column(0), column(1), column(2)], back: [row(0), row(1), row(2)] }
+    }
+}
+
+/// A rotation of colours, ready to be used.
+#[derive(Debug, Clone, Copy)]
+pub struct Colours {
+    rotation: [Vec4; 3],
+    back: [Vec4; 3],
+}
+
+impl Colours {
     /// Coded channels of a colour in the sqrt domain.
     #[inline(always)]
-    pub fn rotate(&self, colour: [f32; 3]) -> Pixel {
-        let row = |r: [i16; 3]| {
-            let c = r.map(|v| v as f32 * (1.0 / 16384.0));
-            c[0] * colour[0] + c[1] * colour[1] + c[2] * colour[2]
-        };
-        [row(self.rotation[0]), row(self.rotation[1]), row(self.rotation[2]), 0.0]
+    pub fn rotate(&self, colour: Vec4) -> Vec4 {
+        product(&self.rotation, colour)
     }
     /// Colour in the sqrt domain of coded channels.
     #[inline(always)]
-    pub fn unrotate(&self, channels: Pixel) -> [f32; 3] {
-        std::array::from_fn(|k| {
-            let c = [0, 1, 2].map(|row| self.rotation[row][k] as f32 * (1.0 / 16384.0));
-            c[0] * channels[0] + c[1] * channels[1] + c[2] * channels[2]
-        })
+    pub fn unrotate(&self, channels: Vec4) -> Vec4 {
+        product(&self.back, channels)
     }
+}
+
+/// A matrix, given by its columns, times a vector: sums from left to right.
+#[inline(always)]
+fn product(columns: &[Vec4; 3], v: Vec4) -> Vec4 {
+    columns[0] * Vec4::splat(v.x) + columns[1] * Vec4::splat(v.y) + columns[2] * Vec4::splat(v.z)
 }
 
 /// How masks are stored.
@@ -74,6 +91,9 @@ pub enum MaskCoding {
     Coded = 1,
 }
 
+/// Largest prediction level. Part of the format.
+const MOST_PREDICTION_LEVEL: u8 = 2;
+
 /// How all pictures of a file are coded.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PlaneCoding {
@@ -81,6 +101,11 @@ pub struct PlaneCoding {
     pub components: Vec<ComponentCoding>,
     /// How masks are stored.
     pub masks: MaskCoding,
+    /// Levels of the transform above the picture that is predicted: 0 the photograph itself, 1 its low band of half the size, 2 one of a
+    /// quarter. Finer bands are coded without prediction.
+    pub prediction_level: u8,
+    /// How coefficients are predicted.
+    pub modelling: Modelling,
 }
 
 /// The mesh and the views that every picture is predicted with.
@@ -92,14 +117,24 @@ pub struct Scene<'a> {
 
 /// A view made ready: where its pixels are and what they see.
 #[derive(Debug)]
-pub struct Stage {
-    geometry: Geometry,
+struct Stage {
     /// Pixels that show the object.
-    pub mask: Mask,
-    /// Transform of the mask.
-    pub plan: Plan,
-    /// Row-major indices of the mask's pixels.
-    pub pixels: Vec<u32>,
+    mask: Mask,
+    /// The part of the picture that is worked on.
+    frame: Frame,
+    /// Transform of the mask in the frame.
+    plan: Plan,
+    /// Levels of the transform above the picture that is predicted.
+    level: usize,
+    /// Of the picture that is predicted.
+    geometry: Geometry,
+}
+
+impl Stage {
+    /// Size of the picture that is predicted.
+    fn low_size(&self) -> [usize; 2] {
+        [self.mask.width, self.mask.height].map(|size| size.div_ceil(1 << self.level))
+    }
 }
 
 /// Adaptive state that one view hands to those coded after it.
@@ -110,13 +145,36 @@ pub struct ViewModels {
     components: Vec<Models>,
 }
 
-/// A view that later ones may be predicted from.
+/// A decoded view.
 #[derive(Debug)]
 pub struct DecodedView {
-    stage: Stage,
+    mask: Mask,
+    /// The part of the picture that the signals hold.
+    frame: Frame,
+    /// Per component; those of the references where these are of full size.
+    signals: Vec<Vec<Pixel>>,
+    /// For views that later ones are predicted from.
+    reference: Option<DecodedReference>,
+}
+
+/// What later views take from a decoded one.
+#[derive(Debug)]
+struct DecodedReference {
+    seen: Seen,
     /// Per component.
-    references: Vec<Reference>,
+    pictures: Vec<Reference>,
     models: ViewModels,
+}
+
+impl DecodedView {
+    /// A component's signal in the frame.
+    fn signal(&self, component: usize) -> &[Pixel] {
+        match (self.signals.get(component), &self.reference) {
+            (Some(signal), _) => signal,
+            (None, Some(reference)) => reference.pictures.get(component).map_or(&[], Reference::pixels),
+            (None, None) => &[],
+        }
+    }
 }
 
 impl<'a> Scene<'a> {
@@ -126,27 +184,60 @@ impl<'a> Scene<'a> {
     }
 
     /// Draws a view; `mask` gives its mask from what the mesh covers.
-    fn stage(&self, view: usize, mask: impl FnOnce(Mask) -> Mask) -> Stage {
-        let mut geometry = Geometry::new(&self.surface, &self.views[view]);
-        let mask = mask(geometry.raster.coverage());
-        geometry.extend(&mask);
-        let pixels = (0..mask.data.len() as u32).filter(|&i| mask.data[i as usize]).collect();
-        Stage { geometry, plan: Plan::new(&mask), pixels, mask }
+    fn stage(&self, view: usize, level: usize, mask: impl FnOnce(Mask) -> Mask) -> Stage {
+        let view = &self.views[view];
+        let (width, height) = (view.camera.width as usize, view.camera.height as usize);
+        let levels = level_count(width, height);
+        let level = level.min(levels);
+        let mut geometry =
+            Geometry::new(&self.surface, &View { camera: low_camera(&view.camera, level), ..view.clone() });
+        let low = geometry.raster.coverage();
+        let mask = mask(if level == 0 { low } else { enlarged(&low, width, height, level) });
+        let frame = Frame::around(&mask, REFERENCE_RINGS << level);
+        let inside = Mask { width: frame.width, height: frame.height, data: frame.cut(&mask.data, width) };
+        let plan = Plan::with_levels(inside, levels);
+        geometry.extend(&frame.low(level), plan.rows(level));
+        Stage { mask, frame, plan, level, geometry }
     }
+}
+
+/// The camera of the low band after some levels: its pixel `k` stands where pixel `2^levels k` of the picture does.
+fn low_camera(camera: &Camera, levels: usize) -> Camera {
+    if levels == 0 {
+        return *camera;
+    }
+    let scale = 1.0 / (1u32 << levels) as f64;
+    Camera {
+        width: camera.width.div_ceil(1 << levels),
+        height: camera.height.div_ceil(1 << levels),
+        focal: camera.focal.map(|f| f * scale),
+        principal: camera.principal.map(|c| (c - 0.5) * scale + 0.5),
+        ..*camera
+    }
+}
+
+/// A mask of the low band's size at the picture's.
+fn enlarged(low: &Mask, width: usize, height: usize, levels: usize) -> Mask {
+    let mut data = Vec::with_capacity(width * height);
+    for y in 0..height {
+        let row = low.row(y >> levels);
+        data.extend((0..width).map(|x| row[x >> levels]));
+    }
+    Mask { width, height, data }
 }
 
 /// Where the references show a view's pixels.
 struct Sources<'d> {
-    of: Vec<(&'d DecodedView, Vec<Source>, f32)>,
+    of: Vec<(&'d DecodedReference, Vec<Source>, f32)>,
 }
 
 impl<'d> Sources<'d> {
     fn new(stage: &Stage, step: &Step, decoded: &'d [Option<DecodedView>]) -> Self {
-        let references: Vec<(&DecodedView, f32)> = (step.references.iter())
-            .filter_map(|&(view, share)| Some((decoded.get(view)?.as_ref()?, share as f32)))
+        let references: Vec<(&DecodedReference, f32)> = (step.references.iter())
+            .filter_map(|&(view, share)| Some((decoded.get(view)?.as_ref()?.reference.as_ref()?, share as f32)))
             .collect();
-        let geometries: Vec<&Geometry> = references.iter().map(|(view, _)| &view.stage.geometry).collect();
-        let found = find(&stage.geometry, &geometries, &stage.pixels);
+        let seen: Vec<&Seen> = references.iter().map(|(reference, _)| &reference.seen).collect();
+        let found = find(&stage.geometry, &seen, &stage.frame.low(stage.level), stage.plan.rows(stage.level));
         let of = references.into_iter().zip(found).map(|((view, share), sources)| (view, sources, share)).collect();
         Sources { of }
     }
@@ -156,19 +247,19 @@ impl<'d> Sources<'d> {
 const SIDE_BY_SIDE: usize = 8;
 
 /// Runs `work` for the given steps of the order, wave by wave, and puts what later ones need into place; views that no
-/// later step needs are dropped at once.
+/// later step needs are dropped at once. `work` is told whether the view is needed.
 fn run_waves<T: Send>(
     order: &[Step],
     steps: &[usize],
     views: usize,
-    work: impl Fn(usize, &[Option<DecodedView>]) -> crate::Result<(T, DecodedView)> + Sync + Send,
+    work: impl Fn(usize, &[Option<DecodedView>], bool) -> crate::Result<(T, DecodedView)> + Sync + Send,
 ) -> crate::Result<Vec<(usize, T)>> {
     let mut needs = Needs::new(order, steps, views);
     let mut decoded: Vec<Option<DecodedView>> = (0..views).map(|_| None).collect();
     let mut results = Vec::with_capacity(steps.len());
     for wave in order::waves(order, steps) {
         for group in wave.chunks(SIDE_BY_SIDE) {
-            let done = parallel::map(group.len(), |k| work(group[k], &decoded));
+            let done = parallel::map(group.len(), |k| work(group[k], &decoded, needs.is_needed(order[group[k]].view)));
             for (&index, done) in group.iter().zip(done) {
                 let (result, view) = done?;
                 results.push((index, result));

@@ -1,16 +1,21 @@
 //! One view: from its prediction and its streams to pixels, and back.
 
 use super::order::Step;
-use super::{ComponentCoding, DecodedView, MaskCoding, PlaneCoding, Scene, Sources, Stage, ViewModels};
+use super::{
+    ComponentCoding, DecodedReference, DecodedView, MaskCoding, PlaneCoding, Scene, Sources, Stage, ViewModels,
+};
 use crate::entropy::{BitCoder, RangeDecoder};
 use crate::image::Mask;
 use crate::parallel;
 use crate::residual::coefficients::{self, Models};
 use crate::residual::mask;
 use crate::surface::warp::{Reference, predict};
+#[cfg(feature = "encode")]
+use crate::transform::shape_adaptive::Frame;
 use crate::transform::shape_adaptive::Pixel;
+use glam::Vec4;
 
-/// A picture's signal: the sqrt domain, rotated, row-major, 0 outside the mask.
+/// A picture's signal: the sqrt domain, rotated, row-major in the view's frame, 0 outside the mask.
 pub type Signal = Vec<Pixel>;
 
 /// One view's streams.
@@ -23,16 +28,17 @@ pub struct Streams {
     pub components: Vec<Vec<u8>>,
 }
 
-/// Codes a view: its streams, and the view as the decoder has it.
+/// Codes a view: its streams, and the view as the decoder has it. `signals` gives a component's signal in a frame.
 #[cfg(feature = "encode")]
 pub fn encode(
     scene: &Scene,
     (step, scale): (&Step, u8),
     coding: &PlaneCoding,
     wanted_mask: &Mask,
-    signals: impl Fn(usize) -> Signal + Sync + Send,
+    signals: impl Fn(&Frame, usize) -> Signal + Sync + Send,
     decoded: &[Option<DecodedView>],
     lambda: f32,
+    is_reference: bool,
 ) -> (Streams, DecodedView) {
     let mut coder = crate::entropy::RangeEncoder::new();
     let (stage, mask_models) = stage(scene, step, coding, &mut coder, Some(wanted_mask), decoded);
@@ -40,37 +46,37 @@ pub fn encode(
     let parts = code_components(&stage, step, coding, decoded, |index, predicted, mut models| {
         let component = &coding.components[index];
         let mut coder = crate::entropy::RangeEncoder::new();
-        let target = stage.plan.forward(signals(index));
+        let target = stage.plan.forward(signals(&stage.frame, index));
         let target = Some((&target[..], coefficients::Choice { lambda }));
         let quantiser = component.quantiser(scale);
         let decoded = coefficients::code(&mut coder, &mut models, &stage.plan, &quantiser, predicted, target);
         (models, (coder.finish(), finish(&stage, component, &decoded)))
     });
     let (components, parts): (Vec<_>, Vec<_>) = parts.into_iter().unzip();
-    let (streams, signals): (Vec<_>, Vec<Signal>) = parts.into_iter().unzip();
-    let view = decoded_view(stage, signals, ViewModels { mask: mask_models, components });
+    let (streams, signals): (Vec<_>, Vec<_>) = parts.into_iter().unzip();
+    let view = decoded_view(stage, signals, ViewModels { mask: mask_models, components }, is_reference);
     (Streams { mask, components: streams }, view)
 }
 
-/// Decodes a view from the stream of its mask and of each component.
+/// Decodes a view from its streams, the mask's and each component's; `is_reference` keeps what later views need of it.
 pub fn decode(
     scene: &Scene,
     (step, scale): (&Step, u8),
     coding: &PlaneCoding,
-    mask: &[u8],
-    components: &[&[u8]],
+    streams: &[&[u8]],
     decoded: &[Option<DecodedView>],
+    is_reference: bool,
 ) -> DecodedView {
-    let (stage, mask_models) = stage(scene, step, coding, &mut RangeDecoder::new(mask), None, decoded);
+    let (stage, mask_models) = stage(scene, step, coding, &mut RangeDecoder::new(streams[0]), None, decoded);
     let parts = code_components(&stage, step, coding, decoded, |index, predicted, mut models| {
         let component = &coding.components[index];
-        let mut coder = RangeDecoder::new(components[index]);
+        let mut coder = RangeDecoder::new(streams[1 + index]);
         let quantiser = component.quantiser(scale);
         let decoded = coefficients::code(&mut coder, &mut models, &stage.plan, &quantiser, predicted, None);
         (models, finish(&stage, component, &decoded))
     });
-    let (components, signals): (Vec<_>, Vec<Signal>) = parts.into_iter().unzip();
-    decoded_view(stage, signals, ViewModels { mask: mask_models, components })
+    let (components, signals): (Vec<_>, Vec<_>) = parts.into_iter().unzip();
+    decoded_view(stage, signals, ViewModels { mask: mask_models, components }, is_reference)
 }
 
 /// Draws the view and codes its mask.
@@ -82,16 +88,16 @@ fn stage<C: BitCoder>(
     wanted: Option<&Mask>,
     decoded: &[Option<DecodedView>],
 ) -> (Stage, mask::MaskModels) {
-    let mut models = parent(step, decoded).map(|view| view.models.mask.clone()).unwrap_or_default();
-    let stage = scene.stage(step.view, |coverage| match coding.masks {
+    let mut models = parent(step, decoded).map(|parent| parent.models.mask.clone()).unwrap_or_default();
+    let stage = scene.stage(step.view, coding.prediction_level as usize, |coverage| match coding.masks {
         MaskCoding::Coverage => coverage,
         MaskCoding::Coded => mask::code(coder, &mut models, &coverage, wanted),
     });
     (stage, models)
 }
 
-fn parent<'d>(step: &Step, decoded: &'d [Option<DecodedView>]) -> Option<&'d DecodedView> {
-    decoded.get(step.parent?)?.as_ref()
+fn parent<'d>(step: &Step, decoded: &'d [Option<DecodedView>]) -> Option<&'d DecodedReference> {
+    decoded.get(step.parent?)?.as_ref()?.reference.as_ref()
 }
 
 /// Predicts the view from its references and runs `code` for each component.
@@ -105,34 +111,48 @@ fn code_components<T: Send>(
     let sources = Sources::new(stage, step, decoded);
     let parent = parent(step, decoded);
     parallel::map(coding.components.len(), |index| {
-        let models = parent.map_or_else(Models::default, |view| view.models.components[index].clone());
+        let models = parent.map_or_else(|| Models::new(coding.modelling), |view| view.models.components[index].clone());
         let references: Vec<_> =
-            sources.of.iter().map(|(view, sources, share)| (&view.references[index], &sources[..], *share)).collect();
+            sources.of.iter().map(|(view, sources, share)| (&view.pictures[index], &sources[..], *share)).collect();
         let predicted = (!references.is_empty()).then(|| {
             let shaded = coding.components[index].shaded;
-            stage.plan.forward(predict(&stage.mask, &stage.pixels, &references, shaded))
+            let low = stage.frame.low(stage.level);
+            let predicted = predict([low.width, low.height], stage.plan.rows(stage.level), &references, shaded);
+            stage.plan.forward_from(stage.level, predicted)
         });
         code(index, predicted.as_deref(), models)
     })
 }
 
-/// Pixels of decoded coefficients; radiance below zero is cut where the component has none.
-fn finish(stage: &Stage, coding: &ComponentCoding, coefficients: &[Signal]) -> Signal {
-    let mut signal = stage.plan.inverse(coefficients);
+/// Pixels of decoded coefficients; radiance below zero is cut where the component has none. And the picture that later ones are
+/// predicted from, empty where it is that one.
+fn finish(stage: &Stage, coding: &ComponentCoding, coefficients: &[Signal]) -> (Signal, Signal) {
+    let (mut signal, low) = stage.plan.inverse_keeping(coefficients, stage.level);
     if !coding.signed {
-        for &at in &stage.pixels {
-            let colour = coding.unrotate(signal[at as usize]);
-            if colour.iter().any(|&v| v < 0.0) {
-                signal[at as usize] = coding.rotate(colour.map(|v| if v > 0.0 { v } else { 0.0 }));
+        let colours = coding.colours();
+        for run in stage.plan.rows(0) {
+            let at = run.line as usize * stage.frame.width + run.start as usize;
+            for pixel in &mut signal[at..at + run.length as usize] {
+                let colour = colours.unrotate(Vec4::from_array(*pixel));
+                if colour.cmplt(Vec4::ZERO).any() {
+                    let above = Vec4::select(colour.cmpgt(Vec4::ZERO), colour, Vec4::ZERO);
+                    *pixel = colours.rotate(above).to_array();
+                }
             }
         }
     }
-    signal
+    (signal, low)
 }
 
-fn decoded_view(mut stage: Stage, signals: Vec<Signal>, models: ViewModels) -> DecodedView {
-    let references = signals.into_iter().map(|signal| Reference::new(signal, &stage.mask)).collect();
-    stage.geometry.keep_as_reference();
-    (stage.plan, stage.pixels) = Default::default();
-    DecodedView { stage, references, models }
+fn decoded_view(stage: Stage, signals: Vec<(Signal, Signal)>, models: ViewModels, is_reference: bool) -> DecodedView {
+    let (size, frame, level) = (stage.low_size(), stage.frame.low(stage.level), stage.level);
+    let Stage { mask, frame: whole, plan, geometry, .. } = stage;
+    let (mut signals, lows): (Vec<_>, Vec<_>) = signals.into_iter().unzip();
+    let reference = is_reference.then(|| {
+        let pictures = if level == 0 { std::mem::take(&mut signals) } else { lows };
+        let picture = |pixels| Reference::new(pixels, size, frame, plan.rows(level));
+        let pictures = pictures.into_iter().map(picture).collect();
+        DecodedReference { seen: geometry.into_seen(), pictures, models }
+    });
+    DecodedView { mask, frame: whole, signals, reference }
 }

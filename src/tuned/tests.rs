@@ -6,6 +6,7 @@ use super::header::{Header, PREFIX_BYTES};
 use crate::asset::{Camera, Component, Mesh, Photograph, PointLight, View};
 use crate::image::{Mask, RgbImage};
 use crate::limits::{Budget, Limits};
+use crate::options::Decoding;
 use crate::surface::raster::coverage;
 
 const COMPONENTS: [Component; 2] = [Component::Diffuse, Component::Specular];
@@ -55,10 +56,19 @@ const WHITE: [f64; 3] = [1.0, 0.9, 0.8];
 
 #[test]
 fn what_the_encoder_saw_is_what_the_decoder_gives_for_all_or_one() {
+    check_round_trip(Decoding::Small);
+}
+
+#[test]
+fn the_same_for_files_that_decode_fast() {
+    [Decoding::Fast, Decoding::Fastest].into_iter().for_each(check_round_trip);
+}
+
+fn check_round_trip(decoding: Decoding) {
     let (mesh, views, photographs) = scene(9);
     let encoder = Encoder::new(&mesh, &views, WHITE, &COMPONENTS, &photographs, &coverage(&mesh, &views), true);
-    let coarse = encoder.encode(&Quality { step: 0.08, ..Quality::default() }).unwrap();
-    let fine = encoder.encode(&Quality { step: 0.01, ..Quality::default() }).unwrap();
+    let coarse = encoder.encode(&Quality { step: 0.08, decoding, ..Quality::default() }).unwrap();
+    let fine = encoder.encode(&Quality { step: 0.01, decoding, ..Quality::default() }).unwrap();
     assert!(fine.bytes.len() > 2 * coarse.bytes.len());
     let budget = Budget::new(Limits::default());
     let header = Header::parse(&fine.bytes, 9, 2, &budget).unwrap();
@@ -103,9 +113,13 @@ fn the_same_bytes_with_one_thread_and_with_two() {
 
 #[test]
 fn streams_of_noise_never_panic_and_missing_ones_leave_their_views_out() {
+    [Decoding::Small, Decoding::Fast].into_iter().for_each(check_noise);
+}
+
+fn check_noise(decoding: Decoding) {
     let (mesh, views, photographs) = scene(5);
     let encoder = Encoder::new(&mesh, &views, WHITE, &COMPONENTS, &photographs, &coverage(&mesh, &views), false);
-    let good = encoder.encode(&Quality::default()).unwrap();
+    let good = encoder.encode(&Quality { decoding, ..Quality::default() }).unwrap();
     let budget = Budget::new(Limits::default());
     let mut header = Header::parse(&good.bytes, 5, 2, &budget).unwrap();
     let mut state = 12345u32;
@@ -181,14 +195,15 @@ fn views_one_at_a_time_are_those_decoded_together_even_with_little_memory() {
         let mut decoded = 0;
         for view in (0..48).map(|k| k * 7 % 24) {
             let steps = decoder.missing(view)?;
-            let mut photograph = decoder.kept(view);
+            let mut photograph = decoder.kept(view).map(|picture| picture.photograph());
             assert_eq!(photograph.is_some(), steps.is_empty());
             for step in steps {
                 let (offset, length) = match decoder.coded(step) {
                     Some(coded) => (coded.offset as usize, coded.lengths.iter().sum::<u32>() as usize),
                     None => unreachable!(),
                 };
-                photograph = Some(decoder.decode(step, &body[offset..offset + length])?);
+                photograph =
+                    Some(decoder.decode(step, &body[offset..offset + length], |picture| picture.photograph())?);
                 decoded += 1;
             }
             assert!(photograph.as_ref() == Some(&coded.photographs[view]), "view {view}");

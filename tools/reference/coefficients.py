@@ -2,16 +2,20 @@
 
 import numpy as np
 
-from entropy import Bit, Mixer, Number
+from entropy import Average, Bit, Mixer, Number
 
 single = np.float32
 LEVEL_STEPS = np.array([0x3F8A3D71, 0x3F733333, 0x3F666666, 0x3F59999A, 0x3F59999A], np.uint32).view(single)
 
 
 class Models:
-    def __init__(self):
-        self.any = Mixer([864, 1152, 144, 512, 576, 1024, 128, 648], [16, 16])
-        self.magnitude = Mixer([7776, 6912, 1296, 4608, 5184, 9216, 1152, 2304], [144, 48])
+    def __init__(self, direct=False):
+        if direct:
+            self.any, self.magnitude, self.block = Average([864, 1024]), Average([6912, 9216]), Average([144, 384])
+        else:
+            self.any = Mixer([864, 1152, 144, 512, 576, 1024, 128, 648], [16, 16])
+            self.magnitude = Mixer([7776, 6912, 1296, 4608, 5184, 9216, 1152, 2304], [144, 48])
+            self.block = None
         self.sign = [Bit() for _ in range(504)]
         self.large = Number()
         self.last = [[[16 if g == 10 else 8] * 3 for _ in range(3)] for g in range(11)]
@@ -19,7 +23,7 @@ class Models:
 
     def copy(self):
         other = Models.__new__(Models)
-        other.any = self.any.copy()
+        other.any, other.block = self.any.copy(), self.block and self.block.copy()
         other.magnitude, other.large = self.magnitude.copy(), self.large.copy()
         other.sign, other.gain = [b.copy() for b in self.sign], [n.copy() for n in self.gain]
         other.last = [[list(row) for row in g] for g in self.last]
@@ -59,21 +63,23 @@ def context_class(band):
     return 6 if band.kind == "low" else 2 * min(band.level - 1, 2) + (band.kind == "diagonal")
 
 
-def padded(height, width):
-    """Three channels with two more columns each side and two more rows above, one below."""
-    return [[[0] * (width + 4) for _ in range(height + 3)] for _ in range(3)]
+def padded(height, width, count=3):
+    """Three channels, or more, with two more columns each side and two more rows above, one below."""
+    return [[[0] * (width + 4) for _ in range(height + 3)] for _ in range(count)]
 
 
 def decode(coder, models, bands, step, shrink, predicted):
-    """Coefficients of all bands. `predicted` are those of the prediction, or None."""
+    """Coefficients of all bands. `predicted` are those of the prediction, for all bands or the first ones, or None."""
     if predicted is not None:
-        for g in sorted({gain_class(b) for b in bands}):
+        for g in sorted({gain_class(b) for b in bands[: len(predicted)]}):
             for row in models.last[g]:
                 for k in range(3):
                     row[k] = min(max(row[k] + models.gain[k].signed(coder), 0), 24)
     results, magnitudes = [], []
-    for index, band in enumerate(bands):
-        decoder = BandDecoder(coder, models, bands, index, step, shrink, predicted, magnitudes)
+    kind = DirectBand if models.block else MixedBand
+    for index in range(len(bands)):
+        prediction = predicted[index] if predicted is not None and index < len(predicted) else None
+        decoder = kind(coder, models, bands, index, step, shrink, prediction, magnitudes)
         results.append(decoder.decode())
         magnitudes.append(decoder.M)
     return results
@@ -98,6 +104,10 @@ class Around:
 
 
 class BandDecoder:
+    """What both modellings have in common."""
+
+    fields = 3
+
     def __init__(self, coder, models, bands, index, step, shrink, predicted, magnitudes):
         self.coder, self.models, self.band = coder, models, bands[index]
         band = self.band
@@ -107,32 +117,32 @@ class BandDecoder:
         self.shrink = shrink
         self.B, self.l = context_class(band), 0 if self.low else band.level
         height, width = band.mask.shape
-        self.M, self.hints, self.negative = padded(height, width), padded(height, width), padded(height, width)
+        self.M, self.hints = padded(height, width, self.fields), padded(height, width, self.fields)
+        self.negative = padded(height, width)
         self.out = np.zeros((height, width, 3), single)
         self.gains = models.last[gain_class(band)]
-        self.predicted = None if predicted is None else predicted[index]
+        self.predicted = predicted
         if predicted is not None:
-            inverse = single(4) / self.T
-            hints = np.minimum(np.abs(self.predicted) * inverse, 8191).astype(int)
-            for c in range(3):
-                for y in range(height):
-                    self.hints[c][y + 2][2 : width + 2] = hints[y, :, c].tolist()
+            self.set_hints()
         self.parent = magnitudes[index - 3] if not self.low and index > 3 else None
         count = {"vertical": 1, "diagonal": 2}.get(band.kind, 0)
         self.siblings = [magnitudes[index - 1 - k] for k in range(count)]
 
     def decode(self):
-        mask = self.band.mask
-        for y, x in zip(*np.nonzero(mask)):
-            self.place(int(x), int(y))
+        for y, row in enumerate(self.band.mask):
+            self.begin_row(y)
+            for x in np.flatnonzero(row).tolist():
+                self.place(x, y)
         return self.out
 
+    def begin_row(self, y):
+        pass
+
     def place(self, x, y):
-        around = [Around(self, x, y, c) for c in range(3)]
-        some = self.some(around)
+        around = self.around(x, y)
         for c in range(3):
             P = self.prediction(x, y, c)
-            self.out[y, x, c] = self.coefficient(x, y, c, P, around) if some else P
+            self.out[y, x, c] = self.coefficient(x, y, c, P, around) if around else P
 
     def prediction(self, x, y, c):
         if self.predicted is not None:
@@ -155,7 +165,7 @@ class BandDecoder:
         magnitude = self.magnitude(c, around, sum(here), 1 if c == 2 and here == [0, 0] else 0)
         if magnitude == 0:
             return P
-        self.M[c][y + 2][x + 2] = min(magnitude, 255)
+        self.remember(x, y, c, magnitude)
         b = 1 + bucket(abs(P) * self.u * single(2))
         z = 3 + b if P > 0 else 3 - b if P < 0 else 3
         q = [1 + self.negative[k][y + 2][x + 2] if m else 0 for k, m in enumerate(here)] + [0, 0]
@@ -167,8 +177,34 @@ class BandDecoder:
             m = (single(magnitude) - self.shrink[1]) * self.T
         return P - m if negative else P + m
 
+    def remember(self, x, y, c, magnitude):
+        self.M[c][y + 2][x + 2] = min(magnitude, 255)
+
+    def magnitude(self, c, around, colours, first):
+        contexts = self.magnitude_contexts(c, around, colours)
+        for i in range(first, 14):
+            if not self.models.magnitude.decode(self.coder, *contexts(min(i, 2))):
+                return i
+        return min(14 + self.models.large.decode(self.coder), 1 << 20)
+
     def h(self, v):
         return 8 if self.predicted is None else c8(v)
+
+
+class MixedBand(BandDecoder):
+    """Mixed modelling."""
+
+    def set_hints(self):
+        hints = np.minimum(np.abs(self.predicted) * (single(4) / self.T), 8191).astype(int)
+        height, width = self.band.mask.shape
+        for c in range(3):
+            for y in range(height):
+                self.hints[c][y + 2][2 : width + 2] = hints[y, :, c].tolist()
+
+    def around(self, x, y):
+        """Neighbourhoods of the channels; None if all three are 0."""
+        around = [Around(self, x, y, c) for c in range(3)]
+        return around if self.some(around) else None
 
     def some(self, around):
         """Whether any of the three channels is not 0."""
@@ -189,7 +225,7 @@ class BandDecoder:
         selectors = [(0 if self.predicted is None else 8) + B, log(wide + 2 * hint, 15)]
         return self.models.any.decode(self.coder, contexts, selectors)
 
-    def magnitude(self, c, around, colours, first):
+    def magnitude_contexts(self, c, around, colours):
         here, B, C = around[c], self.B, c
         others = sum(a.W + a.N for k, a in enumerate(around) if k != c)
         total = here.wide + 4 * colours + here.hint
@@ -199,9 +235,9 @@ class BandDecoder:
         near12, second = c12(here.near), c8(2 * colours + others // 2)
         fourth = c8(2 * here.parent) * 8 + c8(2 * here.siblings + here.far)
         hint = self.h(here.hint // 2)
-        for i in range(first, 14):
-            kind = min(i, 2)
-            contexts = [
+
+        def contexts(kind):
+            slots = [
                 ((K * 3 + kind) * 12 + near12) * 9 + hint,
                 ((K * 3 + kind) * 12 + near12) * 8 + second,
                 ((6 * C + self.l) * 3 + kind) * 24 + log(here.wide, 23),
@@ -211,7 +247,83 @@ class BandDecoder:
                 ((C * 3 + kind) * 32 + log(2 * total, 31)) * 4 + B // 2,
                 (((C * 3 + kind) * 8 + c8(2 * colours)) * 8 + c8(others)) * 4 + few(here.near // 2),
             ]
-            selectors = [(24 * a + K) * 3 + kind, 16 * kind + log(total, 15)]
-            if not self.models.magnitude.decode(self.coder, contexts, selectors):
-                return i
-        return min(14 + self.models.large.decode(self.coder), 1 << 20)
+            return slots, [(24 * a + K) * 3 + kind, 16 * kind + log(total, 15)]
+
+        return contexts
+
+
+class Near:
+    """Neighbourhood of one field at a place: that of a channel, or of their sum."""
+
+    def __init__(self, band, x, y, field):
+        M = band.M[field]
+        above, row = M[y + 1], M[y + 2]
+        self.near = 2 * (row[x + 1] + above[x + 2]) + above[x + 1] + above[x + 3]
+        self.far = row[x] + M[y][x + 2]
+        self.hint = band.hints[field][y + 2][x + 2]
+        self.parent = band.parent[field][y // 2 + 2][x // 2 + 2] if band.parent else 0
+
+
+def square(grid, side, x, y):
+    """Sum over a square of places, x and y counted in squares."""
+    rows = grid[side * y + 2 : side * (y + 1) + 2]
+    return sum(sum(row[side * x + 2 : side * (x + 1) + 2]) for row in rows)
+
+
+class DirectBand(BandDecoder):
+    """Direct modelling. Fields are the three channels and their sum."""
+
+    fields = 4
+
+    def set_hints(self):
+        hints = np.minimum(np.abs(self.predicted) * (single(2) / self.T), 255).astype(int)
+        hints = np.concatenate([hints, np.minimum(hints.sum(-1, keepdims=True), 255)], -1)
+        height, width = self.band.mask.shape
+        for field in range(4):
+            for y in range(height):
+                self.hints[field][y + 2][2 : width + 2] = hints[y, :, field].tolist()
+
+    def decode(self):
+        self.has_blocks = not self.low and self.band.level == 1
+        self.coded = [0] * -(-self.band.mask.shape[1] // 4)
+        return super().decode()
+
+    def begin_row(self, y):
+        """The blocks that begin in a row."""
+        if not self.has_blocks or y % 4:
+            return
+        before = 0
+        for block, above in enumerate(self.coded):
+            some = self.band.mask[y : y + 4, 4 * block : 4 * block + 4].any()
+            before = self.block(block, y // 4, before + 2 * above) if some else 0
+            self.coded[block] = before
+
+    def block(self, x, y, beside):
+        parent = square(self.parent[3], 2, x, y) if self.parent else 0
+        siblings = sum(square(s[3], 4, x, y) for s in self.siblings)
+        o = len(self.siblings)
+        contexts = [(4 * o + beside) * 12 + c12(parent), ((3 * beside + o) * 8 + c8(siblings)) * 4 + few(parent)]
+        return self.models.block.decode(self.coder, contexts)
+
+    def around(self, x, y):
+        if self.has_blocks and not self.coded[x // 4]:
+            return None
+        around = [Near(self, x, y, field) for field in range(4)]
+        total = around[3]
+        siblings = sum(s[3][y + 2][x + 2] for s in self.siblings)
+        total.wide = 3 * total.near + 2 * total.far + 3 * total.parent + 2 * siblings
+        contexts = [
+            (12 * self.B + c12(total.near)) * 9 + self.h(total.hint),
+            (32 * self.B + log(2 * (total.wide + 4 * total.hint), 31)) * 4 + few(total.parent),
+        ]
+        return around if self.models.any.decode(self.coder, contexts) else None
+
+    def magnitude_contexts(self, c, around, colours):
+        here, K = around[c], 3 * self.B + c
+        total = 3 * here.near + 3 * here.parent + 4 * colours + 2 * here.hint + around[3].wide // 4
+        first, second = 8 * c12(here.near) + c8(here.hint), 16 * c8(2 * colours) + log(total, 15)
+        return lambda kind: ([(3 * K + kind) * 96 + first, (3 * K + kind) * 128 + second],)
+
+    def remember(self, x, y, c, magnitude):
+        super().remember(x, y, c, magnitude)
+        self.M[3][y + 2][x + 2] = min(sum(self.M[k][y + 2][x + 2] for k in range(3)), 255)

@@ -184,3 +184,26 @@ class Mixer:
             self.p[k][c] = p + ((top - p) * RECIPROCAL[n] >> 16)
             self.n[k][c] = min(n + 1, 250)
         return bit
+
+
+class Average:
+    """Average, section 6."""
+
+    def __init__(self, slots):
+        self.p = [[1 << 21] * n for n in slots]
+        self.n = [[0] * n for n in slots]
+
+    def copy(self):
+        other = Average.__new__(Average)
+        other.p, other.n = [list(x) for x in self.p], [list(x) for x in self.n]
+        return other
+
+    def decode(self, coder, contexts):
+        total = sum(self.p[k][c] for k, c in enumerate(contexts))
+        bit = coder.bit(min(max(total >> 7, 16), 65520))
+        top = (1 << 22) - 1 if bit else 0
+        for k, c in enumerate(contexts):
+            p, n = self.p[k][c], self.n[k][c]
+            self.p[k][c] = p + ((top - p) * RECIPROCAL[n] >> 16)
+            self.n[k][c] = min(n + 1, 120)
+        return bit

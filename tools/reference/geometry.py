@@ -1,5 +1,8 @@
 """Geometry, prediction and transform of section PLAN, from spec/planes.md sections 3 to 6. Pictures are arrays [y, x] or [y, x, channel]."""
 
+import copy
+import math
+
 import numpy as np
 
 single = np.float32
@@ -62,11 +65,32 @@ def dot(u, v):
     return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
 
 
+def low_camera(camera, level):
+    """Camera of the low band after some levels."""
+    if level == 0:
+        return camera
+    scale, low = 0.5**level, copy.copy(camera)
+    low.width, low.height = -(-camera.width >> level), -(-camera.height >> level)
+    low.focal = [f * scale for f in camera.focal]
+    low.principal = [(c - 0.5) * scale + 0.5 for c in camera.principal]
+    return low
+
+
+def enlarged(low, width, height, level):
+    """A mask of the low band's size at the picture's."""
+    return low[np.arange(height)[:, None] >> level, np.arange(width)[None, :] >> level]
+
+
+def first_pixel(position):
+    """The first pixel whose centre is not before a position."""
+    return math.ceil(max(position - 0.5, 0))
+
+
 class Geometry:
     """What a view sees of the mesh."""
 
-    def __init__(self, view, positions, triangles, normals):
-        self.view, camera = view, view.camera
+    def __init__(self, camera, light, positions, triangles, normals):
+        self.camera, self.light = camera, light
         self.width, self.height = camera.width, camera.height
         q = to_camera(camera, positions.T)
         with np.errstate(all="ignore"):
@@ -94,8 +118,8 @@ class Geometry:
 
     def draw(self, index, corners, x, y, z, inverse, barycentric):
         cx, cy, cz = ([float(v[i]) for i in corners] for v in (x, y, z))
-        low, high = int(max(min(cx) - 0.5, 0)), min(int(max(max(cx) + 0.5, 0)), self.width)
-        top, bottom = int(max(min(cy) - 0.5, 0)), min(int(max(max(cy) + 0.5, 0)), self.height)
+        low, high = first_pixel(min(cx)), min(int(max(max(cx) + 0.5, 0)), self.width)
+        top, bottom = first_pixel(min(cy)), min(int(max(max(cy) + 0.5, 0)), self.height)
         if low >= high or top >= bottom:
             return
         px, py = np.arange(low, high)[None, :] + 0.5, np.arange(top, bottom)[:, None] + 0.5
@@ -136,7 +160,7 @@ class Geometry:
 def find(target, reference, mask):
     """Section 4: position (x, y), weight and shading of each mask pixel."""
     ys, xs = np.nonzero(mask)
-    camera, other = target.view.camera, reference.view.camera
+    camera, other = target.camera, reference.camera
     depth = target.depth[mask]
     q = [(xs + 0.5 - camera.principal[0]) / camera.focal[0], (ys + 0.5 - camera.principal[1]) / camera.focal[1], 1.0]
     r, eye = camera.rotation, centre(camera)
@@ -157,7 +181,7 @@ def find(target, reference, mask):
     cosine = np.where(cosine > 0.05, cosine, 0.05)
     weight = np.where(seen, (cosine * cosine).astype(single), single(0))
     shading = np.ones(len(xs), single)
-    if target.view.light and reference.view.light:
+    if target.light and reference.light:
 
         def irradiance(position):
             L = [v - p for v, p in zip(position, P)]
@@ -165,7 +189,7 @@ def find(target, reference, mask):
             cosine = dot(N, L) / np.sqrt(s)
             return np.where(cosine > 0.05, cosine, 0.05) / s
 
-        (here, I), (there, J) = target.view.light, reference.view.light
+        (here, I), (there, J) = target.light, reference.light
         brightness = ((I[0] + I[1] + I[2]) / 3) / ((J[0] + J[1] + J[2]) / 3)
         ratio = irradiance(here) / irradiance(there)
         shading = np.sqrt(ratio * brightness).clip(0.25, 4).astype(single)
@@ -296,19 +320,24 @@ def turn(a):
     return np.swapaxes(a, 0, 1)
 
 
+def level_count(width, height):
+    side, levels = min(width, height), 0
+    while levels < 5 and side >> (levels + 1) >= 4:
+        levels += 1
+    return levels
+
+
 class Band:
     def __init__(self, level, kind, mask):
         self.level, self.kind, self.mask = level, kind, mask
 
 
 class Transform:
-    """Section 6, for one mask. `bands` in coding order."""
+    """Section 6, for one mask. `bands` in coding order; `masks` of the picture and of the low band after each level."""
 
     def __init__(self, mask):
-        side, levels = min(mask.shape), 0
-        while levels < 5 and side >> (levels + 1) >= 4:
-            levels += 1
-        self.levels, self.bands = [], []
+        levels = level_count(*mask.shape)
+        self.levels, self.bands, self.masks = [], [], [mask]
         for level in range(1, levels + 1):
             left, right = split_mask(mask)
             quarters = [turn(m) for half in (left, right) for m in split_mask(turn(half))]
@@ -317,11 +346,13 @@ class Transform:
             self.bands = [Band(level, "horizontal", horizontal), Band(level, "vertical", vertical),
                           Band(level, "diagonal", diagonal)] + self.bands  # fmt: skip
             mask = low
+            self.masks.append(mask)
         self.bands.insert(0, Band(levels, "low", mask))
 
-    def forward(self, pixels):
+    def forward(self, pixels, level=0):
+        """The bands of a picture, or those of a low band after some levels."""
         bands = []
-        for mask, left, right in self.levels:
+        for mask, left, right in self.levels[level:]:
             halves = split(pixels, mask)
             low, vertical = (turn(q) for q in split(turn(halves[0]), turn(left)))
             horizontal, diagonal = (turn(q) for q in split(turn(halves[1]), turn(right)))
@@ -330,10 +361,16 @@ class Transform:
         return [pixels] + bands
 
     def inverse(self, bands):
+        return self.lows(bands)[0]
+
+    def lows(self, bands):
+        """The picture, and the low band after each level."""
         low, bands = bands[0], bands[1:]
+        lows = [low]
         for mask, left, right in reversed(self.levels):
             (horizontal, vertical, diagonal), bands = bands[:3], bands[3:]
             halves = [turn(join([turn(low), turn(vertical)], turn(left))),
                       turn(join([turn(horizontal), turn(diagonal)], turn(right)))]  # fmt: skip
             low = join(halves, mask)
-        return low
+            lows.insert(0, low)
+        return lows

@@ -55,7 +55,9 @@ class Head:
         head = data[8 : 8 + length]
         if zlib.crc32(head) != checksum or head[1] != components:
             raise Damaged("head of PLAN")
-        self.masks = head[0]
+        self.masks, self.level, self.direct = head[0] & 1, head[0] >> 1 & 3, head[0] >> 3 & 1
+        if self.level > 2 or head[0] > 15:
+            raise Damaged("head of PLAN")
         self.components = [Component(head[2 + 25 * k : 27 + 25 * k]) for k in range(components)]
         count, at = varint(head, 2 + 25 * components)
         if count != views:
@@ -88,11 +90,12 @@ class Head:
 class MaskModels:
     def __init__(self):
         self.mixer = Mixer([512, 1024, 1024, 1024, 512, 64, 256, 64], [16, 32])
-        self.plain = [Bit(), Bit()]
+        self.differs, self.plain = Bit(), [Bit(), Bit()]
 
     def copy(self):
         other = MaskModels.__new__(MaskModels)
-        other.mixer, other.plain = self.mixer.copy(), [b.copy() for b in self.plain]
+        other.mixer, other.differs = self.mixer.copy(), self.differs.copy()
+        other.plain = [b.copy() for b in self.plain]
         return other
 
 
@@ -113,10 +116,12 @@ def decode_mask(coder, models, coverage):
         return value
 
     for y in range(3, height + 3):
+        differs = models.differs.decode(coder)
         for x in range(3, width + 3):
             causal, around = bits(out, CAUSAL), bits(covered, AROUND)
             if (causal, around) in ((0, 0), (1023, 1023)):
-                out[y][x] = models.plain[around & 1].decode(coder)
+                side = around & 1
+                out[y][x] = models.plain[side].decode(coder) if differs else side
                 continue
             past = bits(covered, CAUSAL[:6])
             contexts = [
@@ -166,27 +171,33 @@ class Planes:
         """Section 2."""
         parent = None if step.parent is None else self.step(step.parent)
         references = [(self.step(index), share) for index, share in step.references]
-        result = Decoded()
-        result.geometry = geometry.Geometry(self.views.views[step.view], self.positions, self.triangles, self.normals)
-        result.mask, result.mask_models = result.geometry.coverage, parent.mask_models.copy() if parent else MaskModels()
+        result, view = Decoded(), self.views.views[step.view]
+        width, height = view.camera.width, view.camera.height
+        level = min(self.head.level, geometry.level_count(width, height))
+        camera = geometry.low_camera(view.camera, level)
+        result.geometry = geometry.Geometry(camera, view.light, self.positions, self.triangles, self.normals)
+        result.mask = geometry.enlarged(result.geometry.coverage, width, height, level)
+        result.mask_models = parent.mask_models.copy() if parent else MaskModels()
         if self.head.masks:
             result.mask = decode_mask(Range(step.streams[0]), result.mask_models, result.mask)
-        result.geometry.extend(result.mask)
         transform = geometry.Transform(result.mask)
-        found = [geometry.find(result.geometry, r.geometry, result.mask) for r, _ in references]
+        low = transform.masks[level]
+        result.geometry.extend(low)
+        found = [geometry.find(result.geometry, r.geometry, low) for r, _ in references]
         result.models, result.signals, result.filled = [], [], []
         for k, component in enumerate(self.head.components):
-            models = parent.models[k].copy() if parent else self.Models()
+            models = parent.models[k].copy() if parent else self.Models(self.head.direct)
             predicted = None
             if references:
                 sources = [(r.filled[k], f, share) for (r, share), f in zip(references, found)]
-                predicted = transform.forward(geometry.predict(result.mask, sources, component.shaded))
+                predicted = transform.forward(geometry.predict(low, sources, component.shaded), level)
             step_size = component.step * single(step.scale / 64)
             bands = self.decode_coefficients(
                 Range(step.streams[k + 1]), models, transform.bands, step_size, component.shrink, predicted
             )
-            signal = component.clamp(transform.inverse(bands), result.mask)
-            filled, known = signal.copy(), result.mask.copy()
+            lows = transform.lows(bands)
+            signal = lows[0] = component.clamp(lows[0], result.mask)
+            filled, known = lows[level].copy(), low.copy()
             geometry.fill(known, filled, 4)
             result.models.append(models)
             result.signals.append(signal)

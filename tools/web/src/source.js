@@ -65,6 +65,7 @@ class Source {
 class MemorySource extends Source {
   #whole;
   #start;
+  #running = new Set();
   name;
 
   constructor(whole, range) {
@@ -79,18 +80,24 @@ class MemorySource extends Source {
   async start() {}
 
   want(ranges) {
-    this.#read(ranges).then(() => this.wake(), (cause) => {
-      this.wake(new TsuyaError("io", `can't be read: ${cause.message}`, { source: this.name, cause }));
-    });
+    for (const gap of ranges.flatMap(([start, end]) => notRunning(start, end, this.#running))) {
+      this.#read(...gap).catch((cause) => {
+        this.wake(new TsuyaError("io", `can't be read: ${cause.message}`, { source: this.name, cause }));
+      });
+    }
   }
 
-  async #read(ranges) {
-    for (const [start, end] of ranges) {
+  async #read(start, end) {
+    const running = { start, end };
+    this.#running.add(running);
+    try {
       const place = [this.#start + start, this.#start + end];
       const part = this.#whole instanceof Uint8Array
         ? this.#whole.subarray(...place)
         : new Uint8Array(await this.#whole.slice(...place).arrayBuffer());
       this.deliver(start, part);
+    } finally {
+      this.#running.delete(running);
     }
   }
 
@@ -159,7 +166,7 @@ class HttpSource extends Source {
       for (const running of this.#running) {
         if (running.owners && running.start < end && start < running.end) running.owners.add(owner);
       }
-      for (const gap of this.#notRunning(start, end)) {
+      for (const gap of notRunning(start, end, this.#running)) {
         const running = this.#open(...gap, new Set([owner]));
         this.#fetch(running)
           .then((response) => {
@@ -260,14 +267,15 @@ class HttpSource extends Source {
     if (!this.seekable) this.failure = error;
     this.wake(error);
   }
+}
 
-  #notRunning(start, end) {
-    let gaps = [[start, end]];
-    for (const running of this.#running) {
-      gaps = gaps.flatMap(([a, b]) => [[a, Math.min(b, running.start)], [Math.max(a, running.end), b]].filter(([a, b]) => a < b));
-    }
-    return gaps;
+/** What of a range no request under way brings. */
+function notRunning(start, end, requests) {
+  let gaps = [[start, end]];
+  for (const running of requests) {
+    gaps = gaps.flatMap(([a, b]) => [[a, Math.min(b, running.start)], [Math.max(a, running.end), b]].filter(([a, b]) => a < b));
   }
+  return gaps;
 }
 
 /** Ranges in order, near ones as one. */

@@ -170,6 +170,11 @@ test("half floats, single components, one view again, and all ways to hand a fil
       await file.verify();
       file.close();
     }
+    // Nothing is read twice.
+    const blob = await tsuya.openTsuya(new Blob([whole]));
+    for await (const view of blob.decodeViews({ components: [] })) void view;
+    const { received } = blob.progress;
+    blob.close();
     const file = await tsuya.openTsuya(whole);
     const [exact, half, again] = await Promise.all([
       file.view(5),
@@ -184,9 +189,10 @@ test("half floats, single components, one view again, and all ways to hand a fil
     });
     const same = (await sha(exact.images.specular)) === (await sha(again.images.specular));
     file.close();
-    return { sums, error, same, kinds: [Object.keys(half.images), Object.keys(again.images)] };
+    return { sums, received, length: whole.byteLength, error, same, kinds: [Object.keys(half.images), Object.keys(again.images)] };
   });
   assert.equal(new Set(found.sums).size, 1);
+  assert.ok(found.received <= found.length, `${found.received} bytes read of ${found.length}`);
   assert.ok(found.error < 2 ** -11 + 1e-9, `half floats are off by ${found.error}`);
   assert.ok(found.same);
   assert.deepEqual(found.kinds, [["diffuse"], ["specular"]]);

@@ -1,5 +1,5 @@
 // How long a view takes in the page and in native code: printed, not asserted, since it depends on what else the machine does.
-// TSUYA_SPEED_FILE is the file to measure; default: the sample, encoded.
+// TSUYA_SPEED_CAPTURE is the capture to encode, default the sample; TSUYA_SPEED_TARGET how fine, default "--quality 75".
 
 import assert from "node:assert/strict";
 import { spawnSync } from "node:child_process";
@@ -30,52 +30,56 @@ test("the module is small", () => {
   assert.ok(size <= LARGEST, `${size} bytes, at most ${LARGEST}`);
 });
 
-test("time of a view", async () => {
-  const folder = mkdtempSync(join(tmpdir(), "tsuya-speed-"));
-  let file = process.env.TSUYA_SPEED_FILE;
-  if (!file) {
-    file = join(folder, "spot.tsuya");
-    run(program, ["encode", join(root, "tests/data/sample-spot"), "-o", file]);
-  }
-  const server = await serve(web, new Map([["/page.html", PAGE], ["/file.tsuya", readFileSync(file)]]));
-  const browser = await launch();
-  try {
-    const { page } = await browser.open(server.address);
-    const { times, pixels } = await page.evaluate(async () => {
-      const bytes = await (await fetch("/file.tsuya")).arrayBuffer();
-      const times = [];
-      let pixels = 0;
-      // The first round warms up; references are decoded when a view's turn comes.
-      for (let round = 0; round < 4; round++) {
-        const file = await tsuya.openTsuya(bytes);
-        await file.mesh();
-        let k = 0;
-        for await (const { milliseconds, width, height } of file.decodeViews({ format: "half" })) {
-          if (round > 0) times[k] = Math.min(times[k] ?? Infinity, milliseconds);
-          pixels = width * height;
-          k++;
+const capture = process.env.TSUYA_SPEED_CAPTURE ?? join(root, "tests/data/sample-spot");
+const target = (process.env.TSUYA_SPEED_TARGET ?? "--quality 75").split(" ");
+
+for (const decoding of ["small", "fast", "fastest"]) {
+  test(`time of a view, --decoding ${decoding}`, async () => {
+    const folder = mkdtempSync(join(tmpdir(), "tsuya-speed-"));
+    const file = join(folder, "measured.tsuya");
+    run(program, ["encode", capture, "-o", file, ...target, "--decoding", decoding]);
+    const bytes = readFileSync(file);
+    const server = await serve(web, new Map([["/page.html", PAGE], ["/file.tsuya", bytes]]));
+    const browser = await launch();
+    try {
+      const { page } = await browser.open(server.address);
+      const { times, pixels } = await page.evaluate(async () => {
+        const bytes = await (await fetch("/file.tsuya")).arrayBuffer();
+        const times = [];
+        let pixels = 0;
+        // The first round warms up; references are decoded when a view's turn comes.
+        for (let round = 0; round < 5; round++) {
+          const file = await tsuya.openTsuya(bytes);
+          await file.mesh();
+          let k = 0;
+          for await (const { milliseconds, width, height } of file.decodeViews({ format: "half" })) {
+            if (round > 0) times[k] = Math.min(times[k] ?? Infinity, milliseconds);
+            pixels = width * height;
+            k++;
+          }
+          file.close();
         }
-        file.close();
-      }
-      return { times, pixels };
-    });
-    const native = JSON.parse(
-      run("cargo", ["run", "--release", "--quiet", "--manifest-path", join(web, "wasm/Cargo.toml"), "--example", "native", "--", file], {
-        env: { ...process.env, CARGO_TARGET_DIR: join(process.env.CARGO_TARGET_DIR ?? join(root, "target"), "web") },
-      }),
-    );
-    const tell = (name, times) => {
-      const sorted = [...times].sort((a, b) => a - b);
-      const mean = times.reduce((a, b) => a + b) / times.length;
-      const [median, most] = [sorted[sorted.length >> 1], sorted.at(-1)];
-      console.log(`# a view of ${pixels} pixels, ${name}: mean ${mean.toFixed(1)} ms, median ${median.toFixed(1)}, longest ${most.toFixed(1)}`);
-    };
-    tell("in the page", times);
-    tell("native, one thread", native);
-    assert.equal(times.length, native.length);
-  } finally {
-    await browser.close();
-    server.end();
-    rmSync(folder, { recursive: true, force: true });
-  }
-});
+        return { times, pixels };
+      });
+      const native = JSON.parse(
+        run("cargo", ["run", "--release", "--quiet", "--manifest-path", join(web, "wasm/Cargo.toml"), "--example", "native", "--", file], {
+          env: { ...process.env, CARGO_TARGET_DIR: join(process.env.CARGO_TARGET_DIR ?? join(root, "target"), "web") },
+        }),
+      );
+      console.log(`# --decoding ${decoding}: ${bytes.length} bytes, views of ${pixels} pixels`);
+      const tell = (name, times) => {
+        const sorted = [...times].sort((a, b) => a - b);
+        const mean = times.reduce((a, b) => a + b) / times.length;
+        const [median, most] = [sorted[sorted.length >> 1], sorted.at(-1)];
+        console.log(`#   ${name}: mean ${mean.toFixed(1)} ms, median ${median.toFixed(1)}, longest ${most.toFixed(1)}`);
+      };
+      tell("in the page", times);
+      tell("native, one thread", native);
+      assert.equal(times.length, native.length);
+    } finally {
+      await browser.close();
+      server.end();
+      rmSync(folder, { recursive: true, force: true });
+    }
+  });
+}

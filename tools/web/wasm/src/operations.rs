@@ -3,11 +3,11 @@
 use crate::facts;
 use crate::output::{Output, half};
 use serde_json::{Value, json};
-use tsuya::asset::Photograph;
+use tsuya::asset::Component;
 use tsuya::brdf::{Brdf, HalfDifference};
 use tsuya::container::Arrival;
-use tsuya::decoder::arriving::{ArrivingFile, ViewProgress};
-use tsuya::image::{Grid, Mask};
+use tsuya::decoder::arriving::{ArrivingFile, ViewPicture, ViewProgress};
+use tsuya::image::Grid;
 use tsuya::reflectance::palette::without_palette;
 use tsuya::surface::atlas::{fill_unused, rasterise_atlas};
 use tsuya::surface::split;
@@ -207,47 +207,47 @@ fn reflectance(file: &mut ArrivingFile) -> Result<Answer> {
 
 /// Bit 0 of `flags` asks for half floats, bits 1 to 3 for the components.
 fn view(file: &mut ArrivingFile, index: usize, flags: u32) -> Result<Answer> {
-    let photograph = match file.view(index)? {
-        Arrival::Missing(ranges) => return Ok(missing(ranges)),
-        Arrival::Here(ViewProgress::Again) => return Ok((Status::Again, Vec::new())),
-        Arrival::Here(ViewProgress::NoPictures) => {
-            return Err(Error::parameter("the file has no photographs"));
-        }
-        Arrival::Here(ViewProgress::Done(photograph)) => photograph,
-    };
     let components = match file.open()? {
         Arrival::Here(opened) => opened.capture.components.clone(),
         Arrival::Missing(ranges) => return Ok(missing(ranges)),
     };
-    let Photograph { mask, images } = photograph;
-    let mut names = vec![json!(["mask", "u8"])];
-    let mut arrays = vec![Output::Bytes(mask.data.iter().map(|&inside| inside as u8).collect())];
-    for (component, image) in components.iter().zip(&images) {
-        if flags >> (1 + *component as u32) & 1 == 0 {
-            continue;
+    let is_wanted = |component: Component| flags >> (1 + component as u32) & 1 != 0;
+    let progress = file.view_as(index, |picture| {
+        let (width, height) = (picture.mask().width, picture.mask().height);
+        let mut names = vec![json!(["mask", "u8"])];
+        let mut arrays = vec![Output::Bytes(picture.mask().data.iter().map(|&inside| inside as u8).collect())];
+        for (k, component) in components.iter().enumerate().filter(|(_, component)| is_wanted(**component)) {
+            let (kind, pixels) = match flags & 1 {
+                0 => ("f32", Output::Pixels(pixels(&picture, k, |x| x, 1.0))),
+                _ => ("f16", Output::Halves(pixels(&picture, k, half, half(1.0)).into_flattened())),
+            };
+            names.push(json!([["images", component], kind]));
+            arrays.push(pixels);
         }
-        let (kind, pixels) = match flags & 1 {
-            0 => ("f32", Output::Pixels(pixels(&image.data, &mask, |x| x, 1.0))),
-            _ => {
-                let pixels: Vec<[u16; 4]> = pixels(&image.data, &mask, half, half(1.0));
-                ("f16", Output::Halves(pixels.into_flattened()))
-            }
-        };
-        names.push(json!([["images", component], kind]));
-        arrays.push(pixels);
+        (json!({"index": index, "width": width, "height": height, "images": {}, "arrays": names}), arrays)
+    })?;
+    match progress {
+        Arrival::Missing(ranges) => Ok(missing(ranges)),
+        Arrival::Here(ViewProgress::Again) => Ok((Status::Again, Vec::new())),
+        Arrival::Here(ViewProgress::NoPictures) => Err(Error::parameter("the file has no photographs")),
+        Arrival::Here(ViewProgress::Done((description, arrays))) => {
+            Ok((Status::Here, std::iter::once(Output::Text(description.to_string())).chain(arrays).collect()))
+        }
     }
-    let description =
-        json!({"index": index, "width": mask.width, "height": mask.height, "images": {}, "arrays": names});
-    Ok((Status::Here, std::iter::once(Output::Text(description.to_string())).chain(arrays).collect()))
 }
 
-/// Colours with the mask as fourth channel.
-fn pixels<T: Copy + Default>(colours: &[[f32; 3]], mask: &Mask, number: impl Fn(f32) -> T, one: T) -> Vec<[T; 4]> {
-    let pixel = |(colour, inside): (&[f32; 3], &bool)| match inside {
-        true => [number(colour[0]), number(colour[1]), number(colour[2]), one],
-        false => [T::default(); 4],
-    };
-    colours.iter().zip(&mask.data).map(pixel).collect()
+/// A component's colours with the mask as fourth channel.
+fn pixels<T: Copy + Default>(
+    picture: &ViewPicture,
+    component: usize,
+    number: impl Fn(f32) -> T,
+    one: T,
+) -> Vec<[T; 4]> {
+    let mut pixels = vec![[T::default(); 4]; picture.mask().data.len()];
+    picture.for_each(component, |at, colour| {
+        pixels[at] = [number(colour[0]), number(colour[1]), number(colour[2]), one];
+    });
+    pixels
 }
 
 /// BRDF values over half angles, difference angles and azimuths, red, green, blue.

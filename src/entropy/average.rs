@@ -1,0 +1,110 @@
+//! The mean of two adaptive predictions of one bit: a fraction of a mixer's work.
+//!
+//! Normative text: `spec/entropy.md`.
+
+use super::{BitCoder, Predictor};
+
+/// An adaptive probability: 22 bits of probability above 10 bits of count.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Slot(u32);
+
+/// The n-th update of a slot moves it by `1 / (n + 1.5)`, no slower than this n. Part of the format.
+const SLOWEST: u32 = 120;
+
+/// `65536 / (n + 1.5)`, rounded down.
+const RECIPROCAL: [i64; SLOWEST as usize + 1] = {
+    let mut table = [0; SLOWEST as usize + 1];
+    let mut n = 0;
+    while n < table.len() {
+        table[n] = 2 * 65536 / (2 * n as i64 + 3);
+        n += 1;
+    }
+    table
+};
+
+impl Slot {
+    const NEW: Slot = Slot(1 << 31);
+    #[inline(always)]
+    fn update(&mut self, bit: bool) {
+        let (probability, count) = ((self.0 >> 10) as i64, self.0 & 1023);
+        let target = if bit { (1 << 22) - 1 } else { 0 };
+        let reciprocal = RECIPROCAL[count.min(SLOWEST) as usize];
+        let step = ((target - probability) * reciprocal) >> 16;
+        self.0 = ((probability + step) as u32) << 10 | (count + 1).min(SLOWEST);
+    }
+}
+
+/// Mean of two probabilities, in 1/65536.
+#[inline(always)]
+fn average(a: Slot, b: Slot) -> u32 {
+    (((a.0 >> 10) + (b.0 >> 10)) >> 7).clamp(16, 65520)
+}
+
+/// Predicts bits of one kind from two contexts.
+#[derive(Debug, Clone)]
+pub struct Average {
+    slots: [Vec<Slot>; 2],
+}
+
+impl Average {
+    /// For contexts below `contexts[k]`.
+    pub fn new(contexts: [usize; 2]) -> Self {
+        Average { slots: contexts.map(|n| vec![Slot::NEW; n]) }
+    }
+}
+
+impl Predictor for Average {
+    type Context = [u32; 2];
+
+    #[inline(always)]
+    fn probability(&self, context: &[u32; 2]) -> u32 {
+        average(self.slots[0][context[0] as usize], self.slots[1][context[1] as usize])
+    }
+
+    #[inline(always)]
+    fn code<C: BitCoder>(&mut self, coder: &mut C, context: &[u32; 2], bit: bool) -> bool {
+        let [a, b] = &mut self.slots;
+        let (a, b) = (&mut a[context[0] as usize], &mut b[context[1] as usize]);
+        let bit = coder.bit(average(*a, *b), bit);
+        a.update(bit);
+        b.update(bit);
+        bit
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::entropy::{RangeDecoder, RangeEncoder};
+
+    #[test]
+    fn comes_back_and_two_contexts_cost_less_than_either() {
+        let mut state = 7u32;
+        let mut random = || {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            state >> 16
+        };
+        // Both contexts tell how likely the bit is.
+        let bits: Vec<([u32; 2], bool)> = (0..40_000)
+            .map(|_| {
+                let context = [random() % 4, random() % 4];
+                (context, random() % 8 <= context[0] + context[1])
+            })
+            .collect();
+        let cost = |keep: [u32; 2]| {
+            let used = |context: &[u32; 2]| [context[0] * keep[0], context[1] * keep[1]];
+            let (mut encoder, mut model) = (RangeEncoder::new(), Average::new([4, 4]));
+            for (context, bit) in &bits {
+                model.code(&mut encoder, &used(context), *bit);
+            }
+            let bytes = encoder.finish();
+            let (mut decoder, mut model) = (RangeDecoder::new(&bytes), Average::new([4, 4]));
+            for (context, bit) in &bits {
+                assert_eq!(model.code(&mut decoder, &used(context), false), *bit);
+            }
+            bytes.len()
+        };
+        let (both, first, second) = (cost([1, 1]), cost([1, 0]), cost([0, 1]));
+        assert!(both * 20 < first * 19 && both * 20 < second * 19, "{both}, with one context {first} and {second}");
+    }
+}
