@@ -105,6 +105,6 @@ mod tests {
             bytes.len()
         };
         let (both, first, second) = (cost([1, 1]), cost([1, 0]), cost([0, 1]));
-        assert!(both * 20 < first * 19 && both * 20 < second * 19, "{both}, with one context {first} and {second}");
+        assert!(both * 25 < first * 24 && both * 25 < second * 24, "{both}, with one context {first} and {second}");
     }
 }
