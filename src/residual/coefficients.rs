@@ -69,16 +69,16 @@ pub struct Models(Kind);
 
 #[derive(Debug, Clone)]
 enum Kind {
-    Mixed(State<Mixed>),
-    Direct(State<Direct>),
+    Mixed(Box<State<Mixed>>),
+    Direct(Box<State<Direct>>),
 }
 
 impl Models {
     /// Fresh models.
     pub fn new(modelling: Modelling) -> Self {
         Models(match modelling {
-            Modelling::Mixed => Kind::Mixed(State::new()),
-            Modelling::Direct => Kind::Direct(State::new()),
+            Modelling::Mixed => Kind::Mixed(Box::new(State::new())),
+            Modelling::Direct => Kind::Direct(Box::new(State::new())),
         })
     }
 }

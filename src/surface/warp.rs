@@ -74,8 +74,8 @@ impl Geometry {
         let farther = |a: f64, b: f64| if b > a { b } else { a };
         let mut along = depth.clone();
         for (along, row) in along.chunks_exact_mut(width.max(1)).zip(depth.chunks_exact(width.max(1))) {
-            for (far, [a, b]) in along[1..].iter_mut().zip(row.array_windows()) {
-                *far = farther(*b, *a);
+            for (far, before) in along[1..].iter_mut().zip(row) {
+                *far = farther(*far, *before);
             }
             for (far, next) in along.iter_mut().zip(&row[1..]) {
                 *far = farther(*far, *next);

@@ -147,17 +147,8 @@ impl<'a> Encoder<'a> {
                     })
                     .collect()
             };
-            let step = (step, scale);
-            let (streams, view) = picture::encode(
-                &scene,
-                step,
-                &header.coding,
-                &target.mask,
-                signal,
-                decoded,
-                quality.lambda,
-                is_reference,
-            );
+            let (step, wanted) = ((step, scale), (&target.mask, quality.lambda));
+            let (streams, view) = picture::encode(&scene, step, &header.coding, wanted, signal, decoded, is_reference);
             let photograph = DecodedPicture::new(&header, self.white, &view).photograph();
             Ok(((streams, photograph), view))
         })?;

@@ -28,16 +28,16 @@ pub struct Streams {
     pub components: Vec<Vec<u8>>,
 }
 
-/// Codes a view: its streams, and the view as the decoder has it. `signals` gives a component's signal in a frame.
+/// Codes a view: its streams, and the view as the decoder has it. `signals` gives a component's signal in a frame;
+/// `lambda` is the value of a bit in squared steps.
 #[cfg(feature = "encode")]
 pub fn encode(
     scene: &Scene,
     (step, scale): (&Step, u8),
     coding: &PlaneCoding,
-    wanted_mask: &Mask,
+    (wanted_mask, lambda): (&Mask, f32),
     signals: impl Fn(&Frame, usize) -> Signal + Sync + Send,
     decoded: &[Option<DecodedView>],
-    lambda: f32,
     is_reference: bool,
 ) -> (Streams, DecodedView) {
     let mut coder = crate::entropy::RangeEncoder::new();
