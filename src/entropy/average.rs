@@ -2,42 +2,16 @@
 //!
 //! Normative text: `spec/entropy.md`.
 
+use super::slot::Slot;
 use super::{BitCoder, Predictor};
 
-/// An adaptive probability: 22 bits of probability above 10 bits of count.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-struct Slot(u32);
-
-/// The n-th update of a slot moves it by `1 / (n + 1.5)`, no slower than this n. Part of the format.
+/// See [`Slot::update`]. Part of the format.
 const SLOWEST: u32 = 120;
-
-/// `65536 / (n + 1.5)`, rounded down.
-const RECIPROCAL: [i64; SLOWEST as usize + 1] = {
-    let mut table = [0; SLOWEST as usize + 1];
-    let mut n = 0;
-    while n < table.len() {
-        table[n] = 2 * 65536 / (2 * n as i64 + 3);
-        n += 1;
-    }
-    table
-};
-
-impl Slot {
-    const NEW: Slot = Slot(1 << 31);
-    #[inline(always)]
-    fn update(&mut self, bit: bool) {
-        let (probability, count) = ((self.0 >> 10) as i64, self.0 & 1023);
-        let target = if bit { (1 << 22) - 1 } else { 0 };
-        let reciprocal = RECIPROCAL[count.min(SLOWEST) as usize];
-        let step = ((target - probability) * reciprocal) >> 16;
-        self.0 = ((probability + step) as u32) << 10 | (count + 1).min(SLOWEST);
-    }
-}
 
 /// Mean of two probabilities, in 1/65536.
 #[inline(always)]
 fn average(a: Slot, b: Slot) -> u32 {
-    (((a.0 >> 10) + (b.0 >> 10)) >> 7).clamp(16, 65520)
+    ((a.probability::<22>() + b.probability::<22>()) >> 7).clamp(16, 65520)
 }
 
 /// Predicts bits of one kind from two contexts.
@@ -49,7 +23,7 @@ pub struct Average {
 impl Average {
     /// For contexts below `contexts[k]`.
     pub fn new(contexts: [usize; 2]) -> Self {
-        Average { slots: contexts.map(|n| vec![Slot::NEW; n]) }
+        Average { slots: contexts.map(Slot::fresh) }
     }
 }
 
@@ -66,8 +40,8 @@ impl Predictor for Average {
         let [a, b] = &mut self.slots;
         let (a, b) = (&mut a[context[0] as usize], &mut b[context[1] as usize]);
         let bit = coder.bit(average(*a, *b), bit);
-        a.update(bit);
-        b.update(bit);
+        a.update::<SLOWEST>(bit);
+        b.update::<SLOWEST>(bit);
         bit
     }
 }

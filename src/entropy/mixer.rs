@@ -3,6 +3,7 @@
 //! All tables follow from the 49 numbers of [`LOGISTIC`] by integer arithmetic and the mixing uses `f32` with `+ - *` in
 //! the order written, so every platform reaches the same probabilities (normative, `spec/entropy.md`).
 
+use super::slot::Slot;
 use super::{BitCoder, Predictor};
 use glam::Vec4;
 use std::sync::LazyLock;
@@ -23,8 +24,6 @@ struct Tables {
     squash: Vec<u16>,
     /// Log-odds of the probability `(index + 0.5) / 4096`.
     stretch: Vec<f32>,
-    /// `65536 / (n + 1.5)`, rounded down.
-    reciprocal: [u32; 256],
 }
 
 static TABLES: LazyLock<Tables> = LazyLock::new(|| {
@@ -43,37 +42,14 @@ static TABLES: LazyLock<Tables> = LazyLock::new(|| {
         }
         stretch.push((x as i32 - LARGEST) as f32 / 256.0);
     }
-    Tables { squash, stretch, reciprocal: std::array::from_fn(|n| 2 * 65536 / (2 * n as u32 + 3)) }
+    Tables { squash, stretch }
 });
-
-/// An adaptive probability: 22 bits of probability above 10 bits of count.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-struct Slot(u32);
-
-impl Slot {
-    // Not inlined: there are many calls, and one is not often.
-    #[inline(never)]
-    fn fresh(count: usize) -> Vec<Slot> {
-        vec![Slot(1 << 31); count]
-    }
-    #[inline(always)]
-    fn probability_12(self) -> usize {
-        (self.0 >> 20) as usize
-    }
-    #[inline(always)]
-    fn update(&mut self, bit: bool, reciprocal: &[u32; 256], slowest: u32) {
-        let (probability, count) = (self.0 >> 10, self.0 & 1023);
-        let target = if bit { (1 << 22) - 1 } else { 0 };
-        let step = ((target - probability as i32) as i64 * reciprocal[count as usize & 255] as i64) >> 16;
-        self.0 = ((probability as i32 + step as i32) as u32) << 10 | (count + 1).min(slowest);
-    }
-}
 
 /// Number of predictions that are mixed. Part of the format.
 pub const INPUTS: usize = 8;
 /// Number of weight vectors, each chosen by a context of its own, whose results are averaged.
 pub const SELECTORS: usize = 2;
-/// The n-th update of a slot moves it by `1 / (n + 1.5)`, no slower than this n.
+/// See [`Slot::update`].
 const SLOWEST: u32 = 250;
 
 /// Contexts of one decision.
@@ -111,7 +87,7 @@ impl Mixer {
     /// Log-odds that each context predicts.
     #[inline(always)]
     fn inputs(&self, tables: &Tables, contexts: &[u32; INPUTS]) -> [Vec4; 2] {
-        let input = |k: usize| tables.stretch[self.slots[k][contexts[k] as usize].probability_12()];
+        let input = |k: usize| tables.stretch[self.slots[k][contexts[k] as usize].probability::<12>() as usize];
         [Vec4::new(input(0), input(1), input(2), input(3)), Vec4::new(input(4), input(5), input(6), input(7))]
     }
 
@@ -157,7 +133,7 @@ impl Predictor for Mixer {
             }
         }
         for k in 0..INPUTS {
-            self.slots[k][contexts[k] as usize].update(bit, &tables.reciprocal, SLOWEST);
+            self.slots[k][contexts[k] as usize].update::<SLOWEST>(bit);
         }
         bit
     }

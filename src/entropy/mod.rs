@@ -4,6 +4,7 @@ pub mod average;
 pub mod mixer;
 pub mod model;
 pub mod range_coder;
+mod slot;
 
 pub use model::{BitModel, Number, code_end, code_raw};
 pub use range_coder::{RangeDecoder, RangeEncoder};

@@ -2,7 +2,7 @@
 //!
 //! One function serves both directions, so that they can't disagree. Normative text: `spec/planes.md`.
 
-use super::contexts::{BLOCK, Contexts, Place, sign_context};
+use super::contexts::{BLOCK, Contexts, Known, Place, sign_context};
 use super::direct::Direct;
 use super::gains::{self, BAND_CLASSES, GainModels, GainSums, Gains};
 use super::mixed::Mixed;
@@ -148,11 +148,12 @@ fn code_with<C: BitCoder, K: Contexts>(
         models.gains.code(coder, &mut gains, &used);
     }
     let mut decoded: Vec<Vec<Pixel>> = Vec::with_capacity(bands.len());
-    let mut known: Vec<K::Known> = Vec::with_capacity(bands.len());
+    let mut known: Vec<Known<K::Lanes>> = Vec::with_capacity(bands.len());
     for (index, band) in bands.iter().enumerate() {
         let step = quantiser.band_step(band);
         let predicted = predicted.and_then(|predicted| predicted.get(index));
-        let mut here = K::known(band, predicted.map(|predicted| (&predicted[..], 4.0 / step)));
+        let quarters = 4.0 / step;
+        let mut here = Known::new(band, predicted.map(|predicted| &predicted[..]), |p| K::hint(p, quarters));
         let mut out = vec![[0.0f32; 4]; band.mask.data.len()];
         let parent = (band.orientation != Orientation::Low && index > 3).then(|| &known[index - 3]);
         // Already coded bands of the same level.
@@ -223,7 +224,8 @@ fn code_with<C: BitCoder, K: Contexts>(
                         _ => [0; 3],
                     };
                     values = code_values(coder, models, &place, &around, &prediction, inverse, wanted);
-                    K::remember(&mut here, x, y, &values);
+                    let at = here.index(x, y);
+                    here.values[at] = K::lanes(&values);
                 }
                 for colour in 0..3 {
                     out[flat][colour] = prediction[colour] + quantiser.dequantise(values[colour], step);

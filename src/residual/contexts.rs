@@ -13,8 +13,8 @@ pub(super) const BLOCK: usize = 4;
 pub(super) trait Contexts {
     /// What predicts a decision.
     type Predictor: Predictor + Clone + std::fmt::Debug;
-    /// Magnitudes of a band, and of its prediction.
-    type Known;
+    /// Magnitudes of the three colours at a position.
+    type Lanes: Copy + Default;
     /// What is known around a position.
     type Around;
     /// What is known before a coefficient.
@@ -22,26 +22,26 @@ pub(super) trait Contexts {
 
     /// Predictors of the decisions whether any colour is not zero, and whether a magnitude is larger.
     fn predictors() -> [Self::Predictor; 2];
-    /// A band of which nothing is coded; `hints` are the coefficients of its prediction and four over the step.
-    fn known(band: &Band, hints: Option<(&[Pixel], f32)>) -> Self::Known;
-    /// Keeps what was coded at a position.
-    fn remember(here: &mut Self::Known, x: usize, y: usize, values: &[i32; 3]);
+    /// Magnitudes of what was coded at a position.
+    fn lanes(values: &[i32; 3]) -> Self::Lanes;
+    /// Magnitudes of a predicted coefficient; `inverse` is four over the step.
+    fn hint(predicted: &Pixel, inverse: f32) -> Self::Lanes;
     /// What predicts whether a block of the finest bands is all zero; `None` where there are no blocks.
     fn blocks() -> Option<Self::Predictor>;
     /// Context of the decision whether a block ([`BLOCK`] positions square, counted by `x` and `y`) has anything but zeros.
     /// `beside` says it of the block before it and the one above it.
     fn block(
-        parent: Option<&Self::Known>,
-        siblings: &[Self::Known],
+        parent: Option<&Known<Self::Lanes>>,
+        siblings: &[Known<Self::Lanes>],
         beside: [bool; 2],
         x: usize,
         y: usize,
     ) -> <Self::Predictor as Predictor>::Context;
     /// Gathers what is known around a position. `parent` is the same band one level coarser, `siblings` those of the same level.
     fn around(
-        here: &Self::Known,
-        parent: Option<&Self::Known>,
-        siblings: &[Self::Known],
+        here: &Known<Self::Lanes>,
+        parent: Option<&Known<Self::Lanes>>,
+        siblings: &[Known<Self::Lanes>],
         x: usize,
         y: usize,
     ) -> Self::Around;
@@ -51,6 +51,45 @@ pub(super) trait Contexts {
     fn magnitude(place: &Place, around: &Self::Around, colour: usize, before: &[i32; 3]) -> Self::Magnitude;
     /// Context of the decision whether the magnitude is larger than `index`.
     fn decision(magnitude: &Self::Magnitude, index: u32) -> <Self::Predictor as Predictor>::Context;
+}
+
+/// What is known of a band: magnitudes of what was coded and of the prediction, with a margin of two columns and rows before the first
+/// and of as many behind the last as a block may reach, so that neighbours need no checks.
+pub(super) struct Known<T> {
+    pub(super) stride: usize,
+    pub(super) values: Vec<T>,
+    /// Empty where there is no prediction.
+    hints: Vec<T>,
+}
+
+impl<T: Copy + Default> Known<T> {
+    /// A band of which nothing is coded.
+    pub(super) fn new(band: &Band, predicted: Option<&[Pixel]>, hint: impl Fn(&Pixel) -> T) -> Self {
+        let (width, height) = (band.mask.width, band.mask.height);
+        let stride = width + 2 + BLOCK;
+        let empty = vec![T::default(); stride * (height + 1 + BLOCK)];
+        let mut known = Known { stride, values: empty, hints: Vec::new() };
+        if let Some(predicted) = predicted {
+            known.hints = vec![T::default(); known.values.len()];
+            for y in 0..height {
+                let at = known.index(0, y);
+                for (place, p) in known.hints[at..].iter_mut().zip(&predicted[y * width..][..width]) {
+                    *place = hint(p);
+                }
+            }
+        }
+        known
+    }
+    /// Where a position stands.
+    #[inline(always)]
+    pub(super) fn index(&self, x: usize, y: usize) -> usize {
+        (y + 2) * self.stride + x + 2
+    }
+    /// The prediction's magnitudes, 0 without one.
+    #[inline(always)]
+    pub(super) fn hint(&self, at: usize) -> T {
+        self.hints.get(at).copied().unwrap_or_default()
+    }
 }
 
 /// Decisions that have slots of their own: larger than 0, than 1, than 2 or more.
@@ -80,6 +119,12 @@ pub(super) fn class_12(value: u32) -> u32 {
 pub(super) fn class_8(value: u32) -> u32 {
     const TABLE: [u8; 26] = [0, 1, 2, 3, 3, 4, 4, 4, 5, 5, 5, 5, 5, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 7];
     TABLE[value.min(25) as usize] as u32
+}
+
+/// 0, 1-2, 3-7, 8 and more.
+#[inline(always)]
+pub(super) fn few(value: u32) -> u32 {
+    class_8(value).min(6) / 2
 }
 
 /// Half-octave classes up to `most`.

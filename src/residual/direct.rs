@@ -2,27 +2,12 @@
 //!
 //! All numbers here are part of the format (`spec/planes.md`).
 
-use super::contexts::{BLOCK, CLASSES, Contexts, KINDS, Place, class_8, class_12, logarithmic};
+use super::contexts::{BLOCK, CLASSES, Contexts, KINDS, Known, Place, class_8, class_12, few, logarithmic};
 use crate::entropy::average::Average;
-use crate::transform::shape_adaptive::{Band, Pixel};
+use crate::transform::shape_adaptive::Pixel;
 
-/// Magnitudes of the three colours and their sum, each at most 255.
+/// Magnitudes of the three colours and their sum, each at most 255; of the prediction in half steps.
 type Lanes = [u8; 4];
-
-/// What [`Direct`] knows of a band: magnitudes, and those of the prediction in half steps, with a margin of two columns on
-/// both sides, two rows above and three below, so that neighbours need no checks.
-pub(super) struct Known {
-    stride: usize,
-    values: Vec<Lanes>,
-    hints: Vec<Lanes>,
-}
-
-impl Known {
-    #[inline(always)]
-    fn index(&self, x: usize, y: usize) -> usize {
-        (y + 2) * self.stride + x + 2
-    }
-}
 
 /// What surrounds a position.
 pub(super) struct Around {
@@ -42,11 +27,17 @@ pub(super) struct Around {
 #[derive(Debug, Clone)]
 pub(super) enum Direct {}
 
+/// Lane of the sum.
 const SUM: usize = 3;
+
+#[inline(always)]
+fn with_sum([a, b, c]: [u8; 3]) -> Lanes {
+    [a, b, c, a.saturating_add(b).saturating_add(c)]
+}
 
 impl Contexts for Direct {
     type Predictor = Average;
-    type Known = Known;
+    type Lanes = Lanes;
     type Around = Around;
     type Magnitude = [u32; 2];
 
@@ -54,29 +45,14 @@ impl Contexts for Direct {
         [Average::new([8 * 12 * 9, 8 * 32 * 4]), Average::new([CLASSES * KINDS * 12 * 8, KINDS * CLASSES * 8 * 16])]
     }
 
-    fn known(band: &Band, hints: Option<(&[Pixel], f32)>) -> Known {
-        let (width, height) = (band.mask.width, band.mask.height);
-        let stride = width + 6;
-        let places = stride * (height + 5);
-        let mut known = Known { stride, values: vec![[0; 4]; places], hints: Vec::new() };
-        if let Some((predicted, inverse)) = hints {
-            known.hints = vec![[0; 4]; places];
-            for y in 0..height {
-                let at = known.index(0, y);
-                for (hint, p) in known.hints[at..].iter_mut().zip(&predicted[y * width..][..width]) {
-                    let [a, b, c] = [0, 1, 2].map(|k| (p[k].abs() * (0.5 * inverse)).min(255.0) as u8);
-                    *hint = [a, b, c, a.saturating_add(b).saturating_add(c)];
-                }
-            }
-        }
-        known
+    #[inline(always)]
+    fn lanes(values: &[i32; 3]) -> Lanes {
+        with_sum(values.map(|value| value.unsigned_abs().min(255) as u8))
     }
 
     #[inline(always)]
-    fn remember(here: &mut Known, x: usize, y: usize, values: &[i32; 3]) {
-        let at = here.index(x, y);
-        let [a, b, c] = values.map(|value| value.unsigned_abs().min(255) as u8);
-        here.values[at] = [a, b, c, a.saturating_add(b).saturating_add(c)];
+    fn hint(predicted: &Pixel, inverse: f32) -> Lanes {
+        with_sum([0, 1, 2].map(|k| (predicted[k].abs() * (0.5 * inverse)).min(255.0) as u8))
     }
 
     fn blocks() -> Option<Average> {
@@ -84,8 +60,14 @@ impl Contexts for Direct {
     }
 
     #[inline(always)]
-    fn block(parent: Option<&Known>, siblings: &[Known], beside: [bool; 2], x: usize, y: usize) -> [u32; 2] {
-        let total = |known: &Known, side: usize| -> u32 {
+    fn block(
+        parent: Option<&Known<Lanes>>,
+        siblings: &[Known<Lanes>],
+        beside: [bool; 2],
+        x: usize,
+        y: usize,
+    ) -> [u32; 2] {
+        let total = |known: &Known<Lanes>, side: usize| -> u32 {
             let rows = (y * side..(y + 1) * side).map(|y| known.index(x * side, y));
             let rows = rows.filter_map(|at| known.values.get(at..at + side));
             rows.flatten().map(|lanes| lanes[SUM] as u32).sum()
@@ -96,12 +78,18 @@ impl Contexts for Direct {
         let orientation = siblings.len() as u32;
         [
             (orientation * 4 + beside) * 12 + class_12(parent),
-            ((beside * 3 + orientation) * 8 + class_8(siblings_total)) * 4 + class_8(parent).min(6) / 2,
+            ((beside * 3 + orientation) * 8 + class_8(siblings_total)) * 4 + few(parent),
         ]
     }
 
     #[inline(always)]
-    fn around(here: &Known, parent: Option<&Known>, siblings: &[Known], x: usize, y: usize) -> Around {
+    fn around(
+        here: &Known<Lanes>,
+        parent: Option<&Known<Lanes>>,
+        siblings: &[Known<Lanes>],
+        x: usize,
+        y: usize,
+    ) -> Around {
         let at = here.index(x, y);
         let (v, stride) = (&here.values, here.stride);
         let lanes = |at: usize| v.get(at).copied().unwrap_or_default();
@@ -111,7 +99,7 @@ impl Contexts for Direct {
         let sum = |lanes: Lanes| lanes[SUM] as u32;
         let parent = parent.map_or([0; 4], |parent| parent.values[parent.index(x / 2, y / 2)]);
         let siblings: u32 = siblings.iter().map(|other| sum(other.values[at])).sum();
-        let hint = here.hints.get(at).copied().unwrap_or_default();
+        let hint = here.hint(at);
         let near = 2 * (sum(west) + sum(north)) + sum(north_west) + sum(north_east);
         let far = sum(west_west) + sum(lanes(at - 2 * stride));
         let wide = 3 * near + 2 * far + 3 * sum(parent) + 2 * siblings;
@@ -126,7 +114,7 @@ impl Contexts for Direct {
         let total = around.wide + 4 * hint;
         [
             (class * 12 + class_12(around.near)) * 9 + hint_class,
-            (class * 32 + logarithmic(2 * total, 31)) * 4 + class_8(around.parent[SUM] as u32).min(6) / 2,
+            (class * 32 + logarithmic(2 * total, 31)) * 4 + few(around.parent[SUM] as u32),
         ]
     }
 

@@ -2,24 +2,12 @@
 //!
 //! All numbers here are part of the format (`spec/planes.md`).
 
-use super::contexts::{CLASSES, Contexts, KINDS, Place, class_8, class_12, logarithmic};
+use super::contexts::{CLASSES, Contexts, KINDS, Known, Place, class_8, class_12, few, logarithmic};
 use crate::entropy::mixer::{Context, INPUTS, Mixer, SELECTORS};
-use crate::transform::shape_adaptive::{Band, Pixel};
+use crate::transform::shape_adaptive::Pixel;
 
-/// What [`Mixed`] knows of a band: magnitudes, at most 255, and those of the prediction in quarter steps, with a margin of two
-/// columns on both sides, two rows above and one below, so that neighbours need no checks.
-pub(super) struct Known {
-    stride: usize,
-    values: Vec<[i16; 4]>,
-    hints: Vec<[i16; 4]>,
-}
-
-impl Known {
-    #[inline(always)]
-    fn index(&self, x: usize, y: usize) -> usize {
-        (y + 2) * self.stride + x + 2
-    }
-}
+/// Magnitudes of the three colours, at most 255 or, of the prediction in quarter steps, 8191; the fourth lane is unused.
+type Lanes = [i16; 4];
 
 /// Eight contexts of each decision, mixed.
 #[derive(Debug, Clone)]
@@ -27,7 +15,7 @@ pub(super) enum Mixed {}
 
 impl Contexts for Mixed {
     type Predictor = Mixer;
-    type Known = Known;
+    type Lanes = Lanes;
     type Around = Around;
     type Magnitude = Context;
 
@@ -51,39 +39,33 @@ impl Contexts for Mixed {
         ]
     }
 
-    fn known(band: &Band, hints: Option<(&[Pixel], f32)>) -> Known {
-        let (width, height) = (band.mask.width, band.mask.height);
-        let stride = width + 4;
-        let empty = vec![[0; 4]; stride * (height + 3)];
-        let mut known = Known { stride, hints: empty.clone(), values: empty };
-        if let Some((predicted, inverse)) = hints {
-            for y in 0..height {
-                let at = known.index(0, y);
-                for (hint, p) in known.hints[at..].iter_mut().zip(&predicted[y * width..][..width]) {
-                    *hint = std::array::from_fn(|k| (p[k].abs() * inverse).min(8191.0) as i16);
-                }
-            }
-        }
-        known
+    #[inline(always)]
+    fn lanes(values: &[i32; 3]) -> Lanes {
+        let value = |k: usize| values[k].unsigned_abs().min(255) as i16;
+        [value(0), value(1), value(2), 0]
     }
 
     #[inline(always)]
-    fn remember(here: &mut Known, x: usize, y: usize, values: &[i32; 3]) {
-        let at = here.index(x, y);
-        let value = |k: usize| values[k].unsigned_abs().min(255) as i16;
-        here.values[at] = [value(0), value(1), value(2), 0];
+    fn hint(predicted: &Pixel, inverse: f32) -> Lanes {
+        std::array::from_fn(|k| (predicted[k].abs() * inverse).min(8191.0) as i16)
     }
 
     fn blocks() -> Option<Mixer> {
         None
     }
 
-    fn block(_: Option<&Known>, _: &[Known], _: [bool; 2], _: usize, _: usize) -> Context {
+    fn block(_: Option<&Known<Lanes>>, _: &[Known<Lanes>], _: [bool; 2], _: usize, _: usize) -> Context {
         Context { slots: [0; INPUTS], selectors: [0; SELECTORS] }
     }
 
     #[inline(always)]
-    fn around(here: &Known, parent: Option<&Known>, siblings: &[Known], x: usize, y: usize) -> Around {
+    fn around(
+        here: &Known<Lanes>,
+        parent: Option<&Known<Lanes>>,
+        siblings: &[Known<Lanes>],
+        x: usize,
+        y: usize,
+    ) -> Around {
         let at = here.index(x, y);
         let parent = parent.map_or([0; 4], |parent| parent.values[parent.index(x / 2, y / 2)]);
         let mut sibling = [0i16; 4];
@@ -137,8 +119,8 @@ pub(super) struct Around {
 
 impl Around {
     #[inline(always)]
-    fn new(here: &Known, at: usize, parent: [i16; 4], siblings: [i16; 4]) -> Self {
-        let (v, h, stride) = (&here.values, &here.hints, here.stride);
+    fn new(here: &Known<Lanes>, at: usize, parent: [i16; 4], siblings: [i16; 4]) -> Self {
+        let (v, stride) = (&here.values, here.stride);
         let (west, north) = (v[at - 1], v[at - stride]);
         let (north_west, north_east) = (v[at - stride - 1], v[at - stride + 1]);
         let (ww, nn) = (v[at - 2], v[at - 2 * stride]);
@@ -147,9 +129,9 @@ impl Around {
         let wide = std::array::from_fn(|k| {
             3 * near[k] as i32 + 2 * far[k] as i32 + 3 * parent[k] as i32 + 2 * siblings[k] as i32
         });
-        let (a, b, c, d) = (h[at - 1], h[at + 1], h[at - stride], h[at + stride]);
+        let [a, b, c, d] = [at - 1, at + 1, at - stride, at + stride].map(|at| here.hint(at));
         let hints_near = std::array::from_fn(|k| a[k] as i32 + b[k] as i32 + c[k] as i32 + d[k] as i32);
-        let hint = h[at];
+        let hint = here.hint(at);
         Around { west, north, north_west, north_east, far, parent, siblings, hint, hints_near, near, wide }
     }
 }
@@ -175,7 +157,6 @@ fn any_context(place: &Place, around: &Around) -> Context {
     let tight =
         least(around.west) << 6 | least(around.north) << 4 | least(around.north_east) << 2 | least(around.north_west);
     let total = wide + 2 * hint;
-    let few = |value: u32| class_8(value).min(6) / 2;
     Context {
         slots: [
             (class * 12 + class_12(near)) * 9 + hint_class(hint / 2),
@@ -214,7 +195,6 @@ fn magnitude_context(place: &Place, around: &Around, colour: usize, before: &[i3
         | least(&around.north_east) << 2
         | least(&around.north_west);
     let kinds = KINDS as u32;
-    let few = |value: u32| class_8(value).min(6) / 2;
     let slots = [
         (class * kinds * 12 + class_12(near)) * 9 + hint_class,
         (class * kinds * 12 + class_12(near)) * 8 + class_8(2 * colours + others_near / 2),

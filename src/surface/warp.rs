@@ -49,7 +49,7 @@ const LEAST_COSINE: f64 = 0.05;
 
 impl Geometry {
     /// Draws the surface into a view.
-    pub fn new(surface: &Surface, view: &View) -> Self {
+    pub fn new(surface: &Surface, view: View) -> Self {
         let raster = raster::rasterise(&surface.mesh, &view.camera);
         let normals = (raster.triangle.iter().zip(&raster.barycentric))
             .map(|(&triangle, b)| {
@@ -64,7 +64,7 @@ impl Geometry {
                 if length > 0.0 { n.map(|v| (v / length) as f32) } else { [0.0; 3] }
             })
             .collect();
-        Geometry { view: view.clone(), raster, normals }
+        Geometry { view, raster, normals }
     }
 
     /// What later views ask of this one.
@@ -517,7 +517,7 @@ mod tests {
             light: Some(PointLight { position: [0.0, 0.0, 0.0], intensity: [intensity; 3] }),
         };
         let surface = Surface::new(Cow::Borrowed(&mesh));
-        let (here, there) = (Geometry::new(&surface, &view(0.5, 4.0)), Geometry::new(&surface, &view(0.0, 1.0)));
+        let (here, there) = (Geometry::new(&surface, view(0.5, 4.0)), Geometry::new(&surface, view(0.0, 1.0)));
         let mask = here.raster.coverage();
         assert_eq!(mask.count(), 48 * 32);
         let frame = Frame { left: 0, top: 0, width: 48, height: 32 };

@@ -179,7 +179,7 @@ impl<'a> DecodedPicture<'a> {
     pub fn photograph(&self) -> Photograph {
         let mask = self.mask();
         let image = |component: usize| {
-            let mut image = RgbImage { width: mask.width, height: mask.height, data: vec![[0.0; 3]; mask.data.len()] };
+            let mut image = RgbImage::filled(mask.width, mask.height, [0.0; 3]);
             self.for_each(component, |at, colour| image.data[at] = colour);
             image
         };

@@ -190,7 +190,7 @@ impl<'a> Scene<'a> {
         let levels = level_count(width, height);
         let level = level.min(levels);
         let mut geometry =
-            Geometry::new(&self.surface, &View { camera: low_camera(&view.camera, level), ..view.clone() });
+            Geometry::new(&self.surface, View { camera: low_camera(&view.camera, level), ..view.clone() });
         let low = geometry.raster.coverage();
         let mask = mask(if level == 0 { low } else { enlarged(&low, width, height, level) });
         let frame = Frame::around(&mask, REFERENCE_RINGS << level);
