@@ -121,7 +121,7 @@ pub(super) fn class_8(value: u32) -> u32 {
     TABLE[value.min(25) as usize] as u32
 }
 
-/// 0, 1-2, 3-7, 8 and more.
+/// 0 and 1, 2-4, 5-12, 13 and more.
 #[inline(always)]
 pub(super) fn few(value: u32) -> u32 {
     class_8(value).min(6) / 2

@@ -3,6 +3,7 @@
 
 pub mod atlas;
 pub mod charts;
+pub mod find;
 #[cfg(feature = "encode")]
 mod layout;
 pub mod patches;

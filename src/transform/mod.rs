@@ -2,4 +2,6 @@
 
 pub mod colour;
 pub mod daubechies;
+pub mod frame;
+mod lifting;
 pub mod shape_adaptive;

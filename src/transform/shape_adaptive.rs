@@ -5,80 +5,12 @@
 //! together, one in each lane. `f32` with `+ *` only, in the order written: the same on every platform (normative,
 //! `spec/planes.md`).
 
+pub use super::lifting::{Pixel, Run};
+use super::lifting::{analyse, gather, scatter, synthesise};
 use crate::image::Mask;
-use glam::Vec4;
-
-/// Four channels of one pixel.
-pub type Pixel = [f32; 4];
-
-/// Lifting steps of the 9/7 filter.
-const LIFT: [f32; 4] = [-1.586_134_3, -0.052_980_12, 0.882_911_1, 0.443_506_85];
-/// Scale of low and high coefficients, which makes the transform nearly orthonormal.
-const LOW: f32 = 1.149_604_4;
-const HIGH: f32 = 0.869_864_46;
-/// Scale of a run of a single pixel, which is always a low coefficient: the low pass's gain for a constant.
-const SINGLE: f32 = std::f32::consts::SQRT_2;
 
 /// Most levels of a transform.
 pub const MAX_LEVELS: usize = 5;
-
-/// A run of pixels along a row or a column.
-#[derive(Debug, Clone, Copy)]
-pub struct Run {
-    /// The row or column.
-    pub line: u32,
-    /// First pixel in it.
-    pub start: u32,
-    /// Pixels, at least one.
-    pub length: u32,
-}
-
-/// The part of a picture that holds its mask: what lies around takes neither time nor memory.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Frame {
-    /// First column; a multiple of `2^MAX_LEVELS`, so that parities stay at every level.
-    pub left: usize,
-    /// First row; likewise.
-    pub top: usize,
-    /// Columns.
-    pub width: usize,
-    /// Rows.
-    pub height: usize,
-}
-
-impl Frame {
-    /// The smallest frame that holds a mask and `margin` pixels around it, as far as the picture goes.
-    pub fn around(mask: &Mask, margin: usize) -> Self {
-        let mut rows = (0..mask.height).filter(|&y| mask.row(y).contains(&true));
-        let Some(first) = rows.next() else { return Frame::default() };
-        let last = rows.next_back().unwrap_or(first);
-        let (mut left, mut right) = (mask.width, 0);
-        for y in first..=last {
-            let row = mask.row(y);
-            // Only what lies beyond the rows before.
-            left = row[..left].iter().position(|&set| set).unwrap_or(left);
-            right = row[right..].iter().rposition(|&set| set).map_or(right, |at| right + at + 1);
-        }
-        let start = |at: usize| at.saturating_sub(margin) >> MAX_LEVELS << MAX_LEVELS;
-        let (left, top) = (start(left), start(first));
-        let (right, bottom) = ((right + margin).min(mask.width), (last + 1 + margin).min(mask.height));
-        Frame { left, top, width: right - left, height: bottom - top }
-    }
-    /// The frame of the low band after some levels.
-    pub fn low(&self, levels: usize) -> Self {
-        let size = |size: usize| size.div_ceil(1 << levels);
-        let (width, height) = (size(self.width), size(self.height));
-        Frame { left: self.left >> levels, top: self.top >> levels, width, height }
-    }
-    /// The part of a picture of `width` columns that lies in the frame.
-    pub fn cut<T: Copy>(&self, picture: &[T], width: usize) -> Vec<T> {
-        let mut part = Vec::with_capacity(self.width * self.height);
-        for y in self.top..self.top + self.height {
-            part.extend_from_slice(&picture[y * width + self.left..][..self.width]);
-        }
-        part
-    }
-}
 
 /// Which coefficients of one subband exist.
 #[derive(Debug, Clone, PartialEq)]
@@ -105,7 +37,7 @@ pub enum Orientation {
 }
 
 /// Everything about the transform that follows from the mask alone.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone)]
 pub struct Plan {
     width: usize,
     height: usize,
@@ -214,11 +146,6 @@ impl Plan {
         bands.push(Band { level: levels.len(), orientation: Orientation::Low, mask: low });
         bands.reverse();
         Plan { width, height, levels, bands, rows }
-    }
-
-    /// Levels of the transform.
-    pub fn levels(&self) -> usize {
-        self.levels.len()
     }
 
     /// Runs of the low band after `level` levels, 0 the picture itself, row by row and from left to right.
@@ -332,107 +259,6 @@ impl Work {
     }
 }
 
-/// Puts each coefficient of a transformed run into its half, low or high; the line's place for slot `k` is `first + k * stride`.
-#[inline(always)]
-fn scatter(line: &[Pixel], run: &Run, halves: &mut [Vec<Pixel>; 2], first: usize, stride: usize) {
-    let start = run.start as usize;
-    if let [single] = line {
-        halves[0][first + start / 2 * stride] = *single;
-        return;
-    }
-    for parity in 0..2 {
-        // The first slot of the parity, and where the line holds it.
-        let slot = (start + 1 - parity) / 2;
-        let skipped = 2 * slot + parity - start;
-        let places = halves[parity].iter_mut().skip(first + slot * stride).step_by(stride);
-        for (place, value) in places.zip(line[skipped..].iter().step_by(2)) {
-            *place = *value;
-        }
-    }
-}
-
-/// The inverse of [`scatter`].
-#[inline(always)]
-fn gather(line: &mut [Pixel], run: &Run, halves: [&Vec<Pixel>; 2], first: usize, stride: usize) {
-    let start = run.start as usize;
-    if let [single] = line {
-        *single = halves[0][first + start / 2 * stride];
-        return;
-    }
-    for parity in 0..2 {
-        let slot = (start + 1 - parity) / 2;
-        let skipped = 2 * slot + parity - start;
-        let places = halves[parity].iter().skip(first + slot * stride).step_by(stride);
-        for (value, place) in line[skipped..].iter_mut().step_by(2).zip(places) {
-            *value = *place;
-        }
-    }
-}
-
-/// `value + factor * (before + after)`, channel by channel.
-#[inline(always)]
-fn lifted(value: Pixel, factor: f32, before: Pixel, after: Pixel) -> Pixel {
-    let [value, before, after] = [value, before, after].map(Vec4::from_array);
-    (value + Vec4::splat(factor) * (before + after)).to_array()
-}
-
-/// One lifting step on the pixels of one parity of two or more: adds `factor` times the sum of both neighbours; at an end of the run
-/// the only neighbour counts twice.
-#[inline(always)]
-fn lift(line: &mut [Pixel], first: usize, factor: f32) {
-    if let ([value, after, ..], 0) = (&mut *line, first) {
-        *value = lifted(*value, factor, *after, *after);
-    }
-    // From one neighbour to the next.
-    let Some((before, inner)) = line[1 - first..].split_first_mut() else { return };
-    let mut before = *before;
-    let (pairs, last) = inner.as_chunks_mut::<2>();
-    for [value, after] in pairs {
-        *value = lifted(*value, factor, before, *after);
-        before = *after;
-    }
-    for value in last {
-        *value = lifted(*value, factor, before, before);
-    }
-}
-
-/// Scales the pixels of the parity of the first one, and the others.
-#[inline(always)]
-fn scale(line: &mut [Pixel], [first, second]: [f32; 2]) {
-    let (pairs, rest) = line.as_chunks_mut::<2>();
-    for [a, b] in pairs {
-        *a = a.map(|value| value * first);
-        *b = b.map(|value| value * second);
-    }
-    rest.iter_mut().for_each(|last| *last = last.map(|value| value * first));
-}
-
-/// Transforms a run that starts at a position of parity `start % 2`; even positions become low.
-fn analyse(line: &mut [Pixel], start: u32) {
-    if line.len() == 1 {
-        return scale(line, [SINGLE; 2]);
-    }
-    let (even, odd) = ((start % 2) as usize, 1 - (start % 2) as usize);
-    lift(line, odd, LIFT[0]);
-    lift(line, even, LIFT[1]);
-    lift(line, odd, LIFT[2]);
-    lift(line, even, LIFT[3]);
-    scale(line, if even == 0 { [LOW, HIGH] } else { [HIGH, LOW] });
-}
-
-/// Inverse of [`analyse`]: the same steps backwards, subtracted.
-fn synthesise(line: &mut [Pixel], start: u32) {
-    if line.len() == 1 {
-        return scale(line, [1.0 / SINGLE; 2]);
-    }
-    let (even, odd) = ((start % 2) as usize, 1 - (start % 2) as usize);
-    scale(line, if even == 0 { [1.0 / LOW, 1.0 / HIGH] } else { [1.0 / HIGH, 1.0 / LOW] });
-    lift(line, even, -LIFT[3]);
-    lift(line, odd, -LIFT[2]);
-    lift(line, even, -LIFT[1]);
-    lift(line, odd, -LIFT[0]);
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -474,27 +300,14 @@ mod tests {
         let (mask, pixels) = blob(96, 70, 0.1);
         let plan = Plan::new(&mask);
         let coefficients = plan.forward(pixels);
-        for level in 1..=plan.levels() {
+        for level in 1..=plan.levels.len() {
             let low = plan.inverse_keeping(&coefficients, level).1;
             let again = plan.forward_from(level, low);
-            assert_eq!(again.len(), 1 + 3 * (plan.levels() - level));
+            assert_eq!(again.len(), 1 + 3 * (plan.levels.len() - level));
             for (a, b) in again.iter().flatten().zip(coefficients.iter().flatten()) {
                 assert!((0..4).all(|k| (a[k] - b[k]).abs() < 2e-3), "level {level}: {a:?} {b:?}");
             }
         }
-    }
-
-    #[test]
-    fn a_frame_holds_the_mask_and_its_margin_at_the_same_parities() {
-        let mut mask = Mask::filled(200, 150, false);
-        *mask.at_mut(70, 40) = true;
-        *mask.at_mut(121, 90) = true;
-        let frame = Frame::around(&mask, 8);
-        assert_eq!(frame, Frame { left: 32, top: 32, width: 98, height: 67 });
-        assert_eq!(frame.low(2), Frame { left: 8, top: 8, width: 25, height: 17 });
-        let part = frame.cut(&mask.data, 200);
-        assert!(part[8 * 98 + 38] && part[58 * 98 + 89] && part.iter().filter(|&&set| set).count() == 2);
-        assert_eq!(Frame::around(&Mask::filled(9, 9, false), 3), Frame::default());
     }
 
     #[test]

@@ -10,7 +10,7 @@ use crate::error::Result;
 use crate::image::Mask;
 use crate::options::Decoding;
 use crate::residual::coefficients::Modelling;
-use crate::transform::shape_adaptive::Frame;
+use crate::transform::frame::Frame;
 use glam::Vec4;
 use std::borrow::Cow;
 

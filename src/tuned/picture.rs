@@ -9,9 +9,10 @@ use crate::image::Mask;
 use crate::parallel;
 use crate::residual::coefficients::{self, Models};
 use crate::residual::mask;
+use crate::surface::find::Seen;
 use crate::surface::warp::{Reference, predict};
 #[cfg(feature = "encode")]
-use crate::transform::shape_adaptive::Frame;
+use crate::transform::frame::Frame;
 use crate::transform::shape_adaptive::Pixel;
 use glam::Vec4;
 
@@ -152,7 +153,7 @@ fn decoded_view(stage: Stage, signals: Vec<(Signal, Signal)>, models: ViewModels
         let pictures = if level == 0 { std::mem::take(&mut signals) } else { lows };
         let picture = |pixels| Reference::new(pixels, size, frame, plan.rows(level));
         let pictures = pictures.into_iter().map(picture).collect();
-        DecodedReference { seen: geometry.into_seen(), pictures, models }
+        DecodedReference { seen: Seen::new(geometry), pictures, models }
     });
     DecodedView { mask, frame: whole, signals, reference }
 }
