@@ -99,14 +99,25 @@ impl ViewPicture<'_> {
         }
     }
 
-    /// Calls `visit` for each pixel of the mask with its index in the picture and a component's radiance.
-    pub fn for_each(&self, component: usize, mut visit: impl FnMut(usize, [f32; 3])) {
+    /// Calls `visit` for the rows that the object may be in, or parts of them, with the index of the first pixel in the picture: a
+    /// component's radiance with 1 as fourth channel, 0 outside the mask.
+    pub fn for_each_row(&self, component: usize, mut visit: impl FnMut(usize, &[[f32; 4]])) {
         match self {
-            ViewPicture::Decoded(picture) => picture.for_each(component, visit),
+            ViewPicture::Decoded(picture) => picture.for_each_row(component, visit),
             ViewPicture::Photograph(Photograph { mask, images }) => {
-                let pixels = images.get(component).into_iter().flat_map(|image| &image.data).zip(&mask.data);
-                let inside = pixels.enumerate().filter(|(_, (_, inside))| **inside);
-                inside.for_each(|(at, (colour, _))| visit(at, *colour));
+                let Some(image) = images.get(component) else { return };
+                let mut row = Vec::with_capacity(image.width);
+                for y in 0..image.height {
+                    let first = y * image.width;
+                    row.clear();
+                    row.extend(
+                        image.data[first..][..image.width]
+                            .iter()
+                            .zip(mask.row(y))
+                            .map(|([r, g, b], &inside)| if inside { [*r, *g, *b, 1.0] } else { [0.0; 4] }),
+                    );
+                    visit(first, &row);
+                }
             }
         }
     }

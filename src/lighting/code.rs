@@ -182,7 +182,7 @@ fn code_level<C: BitCoder>(coder: &mut C, head: &Head, pixels: Option<&[Pixel]>)
     let target = pixels.map(|pixels| plan.forward(pixels.to_vec()));
     let target = target.as_ref().map(|target| (&target[..], coefficients::Choice { lambda: LAMBDA }));
     let quantiser = Quantiser { step: head.step, shrink: SHRINK };
-    let coefficients = coefficients::code(coder, &mut Models::default(), &plan, &quantiser, None, target);
+    let coefficients = coefficients::code(coder, &mut Models::default(), &plan, &quantiser, None, target, Vec::new());
     plan.inverse(&coefficients)
 }
 

@@ -68,7 +68,8 @@ pub fn encode(
         let target = plan.forward(pixels);
         let target = Some((&target[..], coefficients::Choice { lambda }));
         let quantiser = Quantiser { step, shrink: SHRINK };
-        let coefficients = coefficients::code(&mut coder, &mut Models::default(), &plan, &quantiser, None, target);
+        let coefficients =
+            coefficients::code(&mut coder, &mut Models::default(), &plan, &quantiser, None, target, Vec::new());
         decoded.extend(to_grids(&plan.inverse(&coefficients), &mask, planes.len()));
     }
     bytes.extend(coder.finish());
@@ -117,7 +118,8 @@ pub fn decode(bytes: &[u8], mesh: &Mesh, charts: &Charts, budget: &Budget) -> Re
         }
         let here = left.min(3);
         let quantiser = Quantiser { step, shrink: SHRINK };
-        let coefficients = coefficients::code(&mut coder, &mut Models::default(), &plan, &quantiser, None, None);
+        let coefficients =
+            coefficients::code(&mut coder, &mut Models::default(), &plan, &quantiser, None, None, Vec::new());
         planes.extend(to_grids(&plan.inverse(&coefficients), &mask, here));
         left -= here;
     }

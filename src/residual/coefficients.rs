@@ -112,7 +112,8 @@ impl<K: Contexts> State<K> {
 /// Codes the coefficients of one picture, three colours together, and returns them as the decoder has them.
 ///
 /// `predicted` are the coefficients of the prediction (none for a picture coded alone), `target` those of the picture
-/// (encoding only). Bands are those of `plan`.
+/// (encoding only). Bands are those of `plan`; outside their masks a coefficient may be anything. `room` is memory to use again:
+/// what an earlier call has returned.
 pub fn code<C: BitCoder>(
     coder: &mut C,
     models: &mut Models,
@@ -120,10 +121,11 @@ pub fn code<C: BitCoder>(
     quantiser: &Quantiser,
     predicted: Option<&[Vec<Pixel>]>,
     target: Option<(&[Vec<Pixel>], Choice)>,
+    room: Vec<Vec<Pixel>>,
 ) -> Vec<Vec<Pixel>> {
     match &mut models.0 {
-        Kind::Mixed(state) => code_with(coder, state, plan, quantiser, predicted, target),
-        Kind::Direct(state) => code_with(coder, state, plan, quantiser, predicted, target),
+        Kind::Mixed(state) => code_with(coder, state, plan, quantiser, predicted, target, room),
+        Kind::Direct(state) => code_with(coder, state, plan, quantiser, predicted, target, room),
     }
 }
 
@@ -134,6 +136,7 @@ fn code_with<C: BitCoder, K: Contexts>(
     quantiser: &Quantiser,
     predicted: Option<&[Vec<Pixel>]>,
     target: Option<(&[Vec<Pixel>], Choice)>,
+    mut room: Vec<Vec<Pixel>>,
 ) -> Vec<Vec<Pixel>> {
     let bands = plan.bands();
     let mut gains = *models.gains.last();
@@ -147,14 +150,16 @@ fn code_with<C: BitCoder, K: Contexts>(
         }
         models.gains.code(coder, &mut gains, &used);
     }
-    let mut decoded: Vec<Vec<Pixel>> = Vec::with_capacity(bands.len());
+    room.resize_with(bands.len(), Vec::new);
+    let mut decoded = room;
     let mut known: Vec<Known<K::Lanes>> = Vec::with_capacity(bands.len());
     for (index, band) in bands.iter().enumerate() {
         let step = quantiser.band_step(band);
         let predicted = predicted.and_then(|predicted| predicted.get(index));
         let quarters = 4.0 / step;
         let mut here = Known::new(band, predicted.map(|predicted| &predicted[..]), |p| K::hint(p, quarters));
-        let mut out = vec![[0.0f32; 4]; band.mask.data.len()];
+        let mut out = std::mem::take(&mut decoded[index]);
+        out.resize(band.mask.data.len(), [0.0; 4]);
         let parent = (band.orientation != Orientation::Low && index > 3).then(|| &known[index - 3]);
         // Already coded bands of the same level.
         let siblings = match band.orientation {
@@ -213,7 +218,9 @@ fn code_with<C: BitCoder, K: Contexts>(
                 let prediction = of_prediction(flat, &out);
                 let is_empty = occupied.get(x / BLOCK) == Some(&false);
                 if is_empty && predicted.is_none() {
-                    x = (x / BLOCK + 1) * BLOCK;
+                    let behind = ((x / BLOCK + 1) * BLOCK).min(width);
+                    out[flat..flat + behind - x].fill([0.0; 4]);
+                    x = behind;
                     continue;
                 }
                 let mut values = [0; 3];
@@ -236,7 +243,7 @@ fn code_with<C: BitCoder, K: Contexts>(
         if blocks.is_some() {
             models.block = blocks;
         }
-        decoded.push(out);
+        decoded[index] = out;
         known.push(here);
     }
     decoded

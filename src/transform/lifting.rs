@@ -3,6 +3,7 @@
 //! `f32` with `+ *` only, in the order written: the same on every platform (normative, `spec/planes.md`).
 
 use glam::Vec4;
+use std::ops::Range;
 
 /// Four channels of one pixel.
 pub type Pixel = [f32; 4];
@@ -41,24 +42,6 @@ pub(super) fn scatter(line: &[Pixel], run: &Run, halves: &mut [Vec<Pixel>; 2], f
         let places = halves[parity].iter_mut().skip(first + slot * stride).step_by(stride);
         for (place, value) in places.zip(line[skipped..].iter().step_by(2)) {
             *place = *value;
-        }
-    }
-}
-
-/// The inverse of [`scatter`].
-#[inline(always)]
-pub(super) fn gather(line: &mut [Pixel], run: &Run, halves: [&Vec<Pixel>; 2], first: usize, stride: usize) {
-    let start = run.start as usize;
-    if let [single] = line {
-        *single = halves[0][first + start / 2 * stride];
-        return;
-    }
-    for parity in 0..2 {
-        let slot = (start + 1 - parity) / 2;
-        let skipped = 2 * slot + parity - start;
-        let places = halves[parity].iter().skip(first + slot * stride).step_by(stride);
-        for (value, place) in line[skipped..].iter_mut().step_by(2).zip(places) {
-            *value = *place;
         }
     }
 }
@@ -114,15 +97,99 @@ pub(super) fn analyse(line: &mut [Pixel], start: u32) {
     scale(line, if even == 0 { [LOW, HIGH] } else { [HIGH, LOW] });
 }
 
-/// Inverse of [`analyse`]: the same steps backwards, subtracted.
-pub(super) fn synthesise(line: &mut [Pixel], start: u32) {
-    if line.len() == 1 {
-        return scale(line, [1.0 / SINGLE; 2]);
+/// The inverse of [`analyse`] as a stream: what the lifting steps of the slots before have left.
+#[derive(Debug, Clone, Copy, Default)]
+struct Synthesis {
+    /// Slot `k - 1`: the high coefficient scaled, the low one lifted once.
+    high: Vec4,
+    low: Vec4,
+    /// Slot `k - 2`: the high coefficient lifted once, the low one lifted twice.
+    lifted_high: Vec4,
+    lifted_low: Vec4,
+}
+
+impl Synthesis {
+    /// Takes the coefficients of slot `k`; the pixels at `2 k - 3` and `2 k - 2` are settled then.
+    #[inline(always)]
+    fn next(&mut self, low: Pixel, high: Pixel) -> [Pixel; 2] {
+        let lifted =
+            |value: Vec4, factor: f32, before: Vec4, after: Vec4| value - Vec4::splat(factor) * (before + after);
+        let high = Vec4::from_array(high) * (1.0 / HIGH);
+        let low = lifted(Vec4::from_array(low) * (1.0 / LOW), LIFT[3], self.high, high);
+        let lifted_high = lifted(self.high, LIFT[2], self.low, low);
+        let lifted_low = lifted(self.low, LIFT[1], self.lifted_high, lifted_high);
+        let odd = lifted(self.lifted_high, LIFT[0], self.lifted_low, lifted_low);
+        *self = Synthesis { high, low, lifted_high, lifted_low };
+        [odd.to_array(), lifted_low.to_array()]
     }
-    let (even, odd) = ((start % 2) as usize, 1 - (start % 2) as usize);
-    scale(line, if even == 0 { [1.0 / LOW, 1.0 / HIGH] } else { [1.0 / HIGH, 1.0 / LOW] });
-    lift(line, even, -LIFT[3]);
-    lift(line, odd, -LIFT[2]);
-    lift(line, even, -LIFT[1]);
-    lift(line, odd, -LIFT[0]);
+}
+
+/// The inverse of [`analyse`] for one run: the same steps backwards, subtracted.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Synthesiser {
+    stream: Synthesis,
+    start: isize,
+    end: isize,
+}
+
+impl Synthesiser {
+    /// For the run after `start - 1` and before `end`.
+    pub(super) fn new(run: &Run) -> Self {
+        Synthesiser { stream: Synthesis::default(), start: run.start as isize, end: (run.start + run.length) as isize }
+    }
+    /// Slots whose coefficients, and the pixels that are settled with them, all lie in the run.
+    #[inline(always)]
+    pub(super) fn inner(&self) -> Range<usize> {
+        let (start, end) = (self.start as usize, self.end as usize);
+        let first = start.div_ceil(2) + 2;
+        first..first.max(end / 2)
+    }
+    /// The pixels at `2 slot - 3` and `2 slot - 2`, from the coefficients of an inner slot; they are taken one after the other.
+    #[inline(always)]
+    pub(super) fn next(&mut self, low: Pixel, high: Pixel) -> [Pixel; 2] {
+        self.stream.next(low, high)
+    }
+    /// What comes before the inner slots. `coefficients` gives those of a slot, `put` takes the pixel of a position.
+    pub(super) fn begin(&mut self, coefficients: impl Fn(usize) -> [Pixel; 2], put: impl FnMut(usize, Pixel)) {
+        self.near_an_end(self.start / 2 - 2..(self.inner().start as isize).min(self.behind()), coefficients, put);
+    }
+    /// What comes after the inner slots.
+    pub(super) fn end(&mut self, coefficients: impl Fn(usize) -> [Pixel; 2], put: impl FnMut(usize, Pixel)) {
+        self.near_an_end(self.inner().end as isize..self.behind(), coefficients, put);
+    }
+    /// Behind the slot with which the last pixel is settled.
+    fn behind(&self) -> isize {
+        (self.end - 1) / 2 + 3
+    }
+    fn near_an_end(
+        &mut self,
+        slots: Range<isize>,
+        coefficients: impl Fn(usize) -> [Pixel; 2],
+        mut put: impl FnMut(usize, Pixel),
+    ) {
+        let (start, end) = (self.start, self.end);
+        if end - start == 1 {
+            if slots.contains(&(start / 2)) {
+                put(start as usize, coefficients(start as usize / 2)[0].map(|value| value * (1.0 / SINGLE)));
+            }
+            return;
+        }
+        // Beyond its ends the run goes on as its mirror image: the only neighbour counts twice.
+        let mirrored = |mut at: isize| {
+            while at < start || at >= end {
+                at = if at < start { 2 * start - at } else { 2 * (end - 1) - at };
+            }
+            at as usize / 2
+        };
+        for slot in slots {
+            let low = coefficients(mirrored(2 * slot))[0];
+            let high = coefficients(mirrored(2 * slot + 1))[1];
+            let settled = self.stream.next(low, high);
+            for (at, pixel) in (2 * slot - 3..).zip(settled) {
+                if at >= start && at < end {
+                    put(at as usize, pixel);
+                }
+            }
+        }
+    }
 }

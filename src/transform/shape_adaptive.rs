@@ -6,7 +6,7 @@
 //! `spec/planes.md`).
 
 pub use super::lifting::{Pixel, Run};
-use super::lifting::{analyse, gather, scatter, synthesise};
+use super::lifting::{Synthesiser, analyse, scatter};
 use crate::image::Mask;
 
 /// Most levels of a transform.
@@ -39,8 +39,6 @@ pub enum Orientation {
 /// Everything about the transform that follows from the mask alone.
 #[derive(Debug, Clone)]
 pub struct Plan {
-    width: usize,
-    height: usize,
     levels: Vec<Level>,
     bands: Vec<Band>,
     /// Runs along rows of the picture and of the low band after each level.
@@ -77,7 +75,7 @@ fn row_runs(mask: &Mask) -> Vec<Run> {
     runs
 }
 
-/// Runs along columns, in the order of their ends.
+/// Runs along columns, in the order of their starts.
 fn column_runs(mask: &Mask) -> Vec<Run> {
     let mut runs = Vec::new();
     // How far the run reaches up that each column is in.
@@ -93,6 +91,7 @@ fn column_runs(mask: &Mask) -> Vec<Run> {
             }
         }
     }
+    runs.sort_unstable_by_key(|run| (run.start, run.line));
     runs
 }
 
@@ -126,7 +125,6 @@ impl Plan {
 
     /// Plans the transform of a mask's pixels.
     pub fn with_levels(mask: Mask, count: usize) -> Self {
-        let (width, height) = (mask.width, mask.height);
         let mut levels = Vec::new();
         let mut bands = Vec::new();
         let mut low = mask;
@@ -145,7 +143,7 @@ impl Plan {
         }
         bands.push(Band { level: levels.len(), orientation: Orientation::Low, mask: low });
         bands.reverse();
-        Plan { width, height, levels, bands, rows }
+        Plan { levels, bands, rows }
     }
 
     /// Runs of the low band after `level` levels, 0 the picture itself, row by row and from left to right.
@@ -168,10 +166,12 @@ impl Plan {
     pub fn forward_from(&self, level: usize, low: Vec<Pixel>) -> Vec<Vec<Pixel>> {
         let mut coefficients = Vec::with_capacity(self.bands.len());
         let mut low = low;
-        let mut work = self.levels.get(level).map_or(Work::new(0, 0), |level| Work::new(level.width, level.height));
+        let mut work = Work::default();
+        let longest = self.levels.get(level).map_or(0, |level| level.width.max(level.height));
+        let mut line = vec![[0.0; 4]; longest];
         for (level, rows) in self.levels.iter().zip(&self.rows).skip(level) {
             let half = level.width.div_ceil(2);
-            let Work { line, sides } = &mut work;
+            let sides = work.sides(half * level.height);
             for run in rows {
                 let at = run.line as usize * level.width + run.start as usize;
                 let line = &mut line[..run.length as usize];
@@ -204,58 +204,126 @@ impl Plan {
 
     /// Pixels from coefficients as [`Plan::forward`] gives them; 0 outside the mask.
     pub fn inverse(&self, coefficients: &[Vec<Pixel>]) -> Vec<Pixel> {
-        self.inverse_keeping(coefficients, 0).0
+        self.inverse_keeping(coefficients, 0, &mut Work::default()).0
     }
 
-    /// [`Plan::inverse`], and the low band after `kept` levels, empty for 0.
-    pub fn inverse_keeping(&self, coefficients: &[Vec<Pixel>], kept: usize) -> (Vec<Pixel>, Vec<Pixel>) {
+    /// [`Plan::inverse`], and the low band after `kept` levels, empty for 0. Outside the mask they are 0, or anything where `work` has
+    /// been used before.
+    pub fn inverse_keeping(
+        &self,
+        coefficients: &[Vec<Pixel>],
+        kept: usize,
+        work: &mut Work,
+    ) -> (Vec<Pixel>, Vec<Pixel>) {
         let mut low = coefficients.first().cloned().unwrap_or_default();
-        let mut work = Work::new(self.width, self.height);
         let mut keep = Vec::new();
         for (index, level) in self.levels.iter().enumerate().rev() {
             let first = 1 + 3 * (self.levels.len() - 1 - index);
-            let [horizontal, vertical, diagonal] = [0, 1, 2].map(|k| &coefficients[first + k]);
+            let [horizontal, vertical, diagonal] = [0, 1, 2].map(|k| &coefficients[first + k][..]);
             let half = level.width.div_ceil(2);
-            let Work { line, sides } = &mut work;
-            let quarters = [[&low, vertical], [horizontal, diagonal]];
+            let room = work.picture(index, level.width * level.height);
+            let sides = work.sides(half * level.height);
+            let quarters = [[&low[..], vertical], [horizontal, diagonal]];
             for ((side, columns), quarter) in sides.iter_mut().zip(&level.columns).zip(quarters) {
-                for run in columns {
-                    let line = &mut line[..run.length as usize];
-                    gather(line, run, quarter, run.line as usize, half);
-                    synthesise(line, run.start);
-                    let first = run.start as usize * half + run.line as usize;
-                    for (place, value) in side[first..].iter_mut().step_by(half).zip(line.iter()) {
-                        *place = *value;
-                    }
-                }
+                synthesise_columns(columns, quarter, side, half);
             }
-            let mut pixels = vec![[0.0; 4]; level.width * level.height];
+            let mut pixels = room;
             for run in &self.rows[index] {
-                let at = run.line as usize * level.width + run.start as usize;
-                let line = &mut pixels[at..at + run.length as usize];
-                gather(line, run, sides.each_ref(), run.line as usize * half, 1);
-                synthesise(line, run.start);
+                let y = run.line as usize;
+                let [low, high] = sides.each_ref().map(|side| &side[y * half..][..half]);
+                let row = &mut pixels[y * level.width..][..level.width];
+                let mut line = Synthesiser::new(run);
+                let (inner, coefficients) = (line.inner(), |slot: usize| [low[slot], high[slot]]);
+                line.begin(coefficients, |x, pixel| row[x] = pixel);
+                let pairs = row.get_mut(2 * inner.start - 3..).unwrap_or_default().as_chunks_mut::<2>().0;
+                let [low, high] = [low, high].map(|half| half.get(inner.clone()).unwrap_or_default());
+                for ((pair, low), high) in pairs.iter_mut().zip(low).zip(high) {
+                    *pair = line.next(*low, *high);
+                }
+                line.end(coefficients, |x, pixel| row[x] = pixel);
             }
             let low = std::mem::replace(&mut low, pixels);
             if index + 1 == kept {
                 keep = low;
+            } else {
+                work.take_back(index + 1, low);
             }
         }
         (low, keep)
     }
 }
 
-/// What a transform works on, for all its levels: a line, and a picture's left and right half. Only what the masks hold is read
-/// again, so that nothing has to be cleared.
-struct Work {
-    line: Vec<Pixel>,
+/// Undoes the transform of columns, row by row, since memory is read and written along rows. `columns` are in the order of their starts,
+/// `quarters` the low and the high coefficients, rows of `width`.
+fn synthesise_columns(columns: &[Run], quarters: [&[Pixel]; 2], side: &mut [Pixel], width: usize) {
+    let coefficients = |x: usize| move |slot: usize| quarters.map(|quarter| quarter[slot * width + x]);
+    // For each column its run, and what is behind the last inner slot of it; 0 where there is no run.
+    let mut lines = vec![Synthesiser::default(); width];
+    let mut ends = vec![0; width];
+    let mut waiting = columns.iter().map(|run| (run.line as usize, Synthesiser::new(run))).peekable();
+    let mut active = 0;
+    for slot in 0.. {
+        while let Some((x, mut line)) = waiting.next_if(|(_, line)| line.inner().start == slot) {
+            line.begin(coefficients(x), |y, pixel| side[y * width + x] = pixel);
+            (lines[x], ends[x]) = (line, line.inner().end);
+            active += 1;
+        }
+        if active == 0 {
+            match waiting.peek() {
+                Some(_) => continue,
+                None => break,
+            }
+        }
+        let rest = quarters.map(|quarter| quarter.get(slot * width..).unwrap_or_default());
+        let mut settled =
+            side.get_mut((2 * slot).saturating_sub(3) * width..).unwrap_or_default().chunks_exact_mut(width);
+        let (odd, even) = (settled.next().unwrap_or_default(), settled.next().unwrap_or_default());
+        let pixels = odd.iter_mut().zip(even).zip(rest[0].iter().zip(rest[1]));
+        for ((line, end), ((odd, even), (low, high))) in lines.iter_mut().zip(&ends).zip(pixels) {
+            if slot < *end {
+                [*odd, *even] = line.next(*low, *high);
+            }
+        }
+        for x in 0..width {
+            if slot == ends[x] && slot > 0 {
+                lines[x].end(coefficients(x), |y, pixel| side[y * width + x] = pixel);
+                ends[x] = 0;
+                active -= 1;
+            }
+        }
+    }
+}
+
+/// Memory that a transform works in, for all its levels and for the next picture. Only what the masks hold is read again, so that nothing
+/// is cleared.
+#[derive(Debug, Default)]
+pub struct Work {
+    /// A picture's left and right half.
     sides: [Vec<Pixel>; 2],
+    /// The picture, and the low band after each level.
+    pictures: Vec<Vec<Pixel>>,
 }
 
 impl Work {
-    fn new(width: usize, height: usize) -> Self {
-        let side = vec![[0.0; 4]; width.div_ceil(2) * height];
-        Work { line: vec![[0.0; 4]; width.max(height)], sides: [side.clone(), side] }
+    fn picture(&mut self, level: usize, size: usize) -> Vec<Pixel> {
+        let mut picture = self.pictures.get_mut(level).map(std::mem::take).unwrap_or_default();
+        picture.resize(size, [0.0; 4]);
+        picture
+    }
+    /// Takes a picture, or the low band after `level` levels, to be used again.
+    pub fn take_back(&mut self, level: usize, picture: Vec<Pixel>) {
+        if self.pictures.len() <= level {
+            self.pictures.resize_with(level + 1, Vec::new);
+        }
+        self.pictures[level] = picture;
+    }
+    fn sides(&mut self, size: usize) -> &mut [Vec<Pixel>; 2] {
+        for side in &mut self.sides {
+            if side.len() < size {
+                side.resize(size, [0.0; 4]);
+            }
+        }
+        &mut self.sides
     }
 }
 
@@ -301,7 +369,7 @@ mod tests {
         let plan = Plan::new(&mask);
         let coefficients = plan.forward(pixels);
         for level in 1..=plan.levels.len() {
-            let low = plan.inverse_keeping(&coefficients, level).1;
+            let low = plan.inverse_keeping(&coefficients, level, &mut Work::default()).1;
             let again = plan.forward_from(level, low);
             assert_eq!(again.len(), 1 + 3 * (plan.levels.len() - level));
             for (a, b) in again.iter().flatten().zip(coefficients.iter().flatten()) {

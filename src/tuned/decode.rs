@@ -2,6 +2,7 @@
 
 use super::header::{CodedStep, Header};
 use super::picture;
+use super::workspace::Workspaces;
 use super::{DecodedView, Scene, order, run_waves};
 use crate::asset::{Mesh, Photograph, View};
 use crate::error::{Error, Result};
@@ -25,6 +26,7 @@ pub(super) struct Pictures<'a> {
     pub header: Cow<'a, Header>,
     pub scene: Scene<'a>,
     pub white: [f64; 3],
+    pub workspaces: Workspaces,
 }
 
 impl Pictures<'_> {
@@ -58,7 +60,7 @@ impl Pictures<'_> {
             rest = after;
         }
         let step = (&coded.step, coded.scale);
-        Ok(picture::decode(&self.scene, step, &self.header.coding, &parts, decoded, is_reference))
+        Ok(picture::decode(&self.scene, step, &self.header.coding, &parts, decoded, is_reference, &self.workspaces))
     }
 }
 
@@ -107,7 +109,7 @@ pub fn decode(
     budget: &Budget,
 ) -> Result<Vec<Option<Photograph>>> {
     let scene = Scene::new(Cow::Borrowed(mesh), Cow::Borrowed(views));
-    let pictures = Pictures { header: Cow::Borrowed(header), scene, white };
+    let pictures = Pictures { header: Cow::Borrowed(header), scene, white, workspaces: Workspaces::default() };
     let order = header.order();
     let mut streams: Vec<Option<Vec<u8>>> = vec![None; order.len()];
     let mut present = vec![false; views.len()];
@@ -127,8 +129,9 @@ pub fn decode(
     charge(&order, &steps, mesh, views, &wanted, header.coding.components.len() as u64, budget)?;
     let results = run_waves(&order, &steps, views.len(), |index, decoded, is_reference| {
         let streams = streams[index].as_deref().unwrap_or_default();
-        let view = pictures.decode(index, streams, decoded, is_reference)?;
+        let mut view = pictures.decode(index, streams, decoded, is_reference)?;
         let photograph = wanted(order[index].view).then(|| DecodedPicture::new(header, white, &view).photograph());
+        pictures.workspaces.take_back(&mut view);
         Ok((photograph, view))
     })?;
     let mut photographs: Vec<Option<Photograph>> = vec![None; views.len()];
@@ -156,22 +159,27 @@ impl<'a> DecodedPicture<'a> {
         &self.view.mask
     }
 
-    /// Calls `visit` for each pixel of the mask with its index in the picture and a component's radiance.
-    #[inline(always)]
-    pub fn for_each(&self, component: usize, mut visit: impl FnMut(usize, [f32; 3])) {
+    /// Calls `visit` for each row of the part that holds the mask, with the index of its first pixel in the picture: a component's
+    /// radiance with 1 as fourth channel, 0 outside the mask.
+    pub fn for_each_row(&self, component: usize, mut visit: impl FnMut(usize, &[[f32; 4]])) {
         let (Some(coding), frame) = (self.header.coding.components.get(component), self.view.frame) else { return };
         let (signal, colours) = (self.view.signal(component), coding.colours());
         let white = Vec4::new(self.white[0], self.white[1], self.white[2], 0.0);
-        for (y, row) in signal.chunks_exact(frame.width.max(1)).enumerate() {
+        // Colours above it are kept: in signed components all.
+        let least = Vec4::splat(if coding.signed { f32::NEG_INFINITY } else { 0.0 });
+        let mut radiance = vec![[0.0; 4]; frame.width];
+        for (y, row) in signal.chunks_exact(frame.width.max(1)).take(frame.height).enumerate() {
             let first = (frame.top + y) * self.mask().width + frame.left;
             let inside = &self.mask().data[first..first + frame.width];
-            for (x, (pixel, _)) in row.iter().zip(inside).enumerate().filter(|(_, (_, inside))| **inside) {
-                let s = colours.unrotate(Vec4::from_array(*pixel));
-                // Rounding may leave a trace below zero where there is none.
-                let s = if coding.signed { s } else { Vec4::select(s.cmpgt(Vec4::ZERO), s, Vec4::ZERO) };
-                let [r, g, b, _] = (s * s.abs() * white).to_array();
-                visit(first + x, [r, g, b]);
+            for ((radiance, pixel), inside) in radiance.iter_mut().zip(row).zip(inside) {
+                *radiance = [0.0; 4];
+                if *inside {
+                    let s = colours.unrotate(Vec4::from_array(*pixel));
+                    let s = Vec4::select(s.cmpgt(least), s, Vec4::ZERO);
+                    *radiance = (s * s.abs() * white + Vec4::W).to_array();
+                }
             }
+            visit(first, &radiance);
         }
     }
 
@@ -180,7 +188,9 @@ impl<'a> DecodedPicture<'a> {
         let mask = self.mask();
         let image = |component: usize| {
             let mut image = RgbImage::filled(mask.width, mask.height, [0.0; 3]);
-            self.for_each(component, |at, colour| image.data[at] = colour);
+            self.for_each_row(component, |first, row| {
+                image.data[first..].iter_mut().zip(row).for_each(|(colour, [r, g, b, _])| *colour = [*r, *g, *b]);
+            });
             image
         };
         let images = (0..self.header.coding.components.len()).map(image).collect();

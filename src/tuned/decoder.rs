@@ -3,6 +3,7 @@
 use super::decode::{DecodedPicture, KEPT, PHOTOGRAPH, Pictures, STATE, WORKING};
 use super::header::{CodedStep, Header};
 use super::order::{self, Step};
+use super::workspace::Workspaces;
 use super::{DecodedView, Scene};
 use crate::asset::{Mesh, View};
 use crate::error::{Error, Result};
@@ -26,6 +27,8 @@ pub struct ViewDecoder<'a> {
     used: Vec<u64>,
     clock: u64,
     budget: Arc<Budget>,
+    /// Bytes charged for what a view is worked on in.
+    working: u64,
 }
 
 impl<'a> ViewDecoder<'a> {
@@ -42,13 +45,14 @@ impl<'a> ViewDecoder<'a> {
         let mut is_reference = vec![false; count];
         order.iter().flat_map(Step::needs).for_each(|view| is_reference[view] = true);
         ViewDecoder {
-            pictures: Pictures { scene: Scene::new(mesh, views), header, white },
+            pictures: Pictures { scene: Scene::new(mesh, views), header, white, workspaces: Workspaces::default() },
             order,
             is_reference,
             decoded: (0..count).map(|_| None).collect(),
             used: vec![0; count],
             clock: 0,
             budget,
+            working: 0,
         }
     }
 
@@ -70,7 +74,7 @@ impl<'a> ViewDecoder<'a> {
         for index in order::closure(&self.order, |v| v == view) {
             self.used[self.order[index].view] = self.clock;
         }
-        let kept = |v: usize| self.decoded[v].is_some();
+        let kept = |v: usize| self.decoded[v].as_ref().is_some_and(|decoded| v != view || decoded.has_signals());
         Ok(order::closure_without(&self.order, |v| v == view, kept))
     }
 
@@ -79,9 +83,9 @@ impl<'a> ViewDecoder<'a> {
         self.pictures.header.steps.get(step)
     }
 
-    /// A view that is kept.
+    /// A view that is kept with its pictures.
     pub fn kept(&self, view: usize) -> Option<DecodedPicture<'_>> {
-        let kept = self.decoded.get(view)?.as_ref()?;
+        let kept = self.decoded.get(view)?.as_ref().filter(|kept| kept.has_signals())?;
         Some(DecodedPicture::new(&self.pictures.header, self.pictures.white, kept))
     }
 
@@ -102,11 +106,12 @@ impl<'a> ViewDecoder<'a> {
         raster::check_work(self.pictures.scene.surface.mesh(), &self.pictures.scene.views[view].camera)?;
         let working =
             self.bytes(view, WORKING).saturating_add(self.bytes(view, PHOTOGRAPH)).saturating_add(self.state());
-        self.make_room("views being decoded", working)?;
-        let result = self.pictures.decode(step, streams, &self.decoded, self.is_reference[view]);
-        self.budget.release(working);
-        let decoded = result?;
+        // What is worked in stays for the next view.
+        self.make_room("views being decoded", working.saturating_sub(self.working))?;
+        self.working = self.working.max(working);
+        let mut decoded = self.pictures.decode(step, streams, &self.decoded, self.is_reference[view])?;
         let taken = take(DecodedPicture::new(&self.pictures.header, self.pictures.white, &decoded));
+        self.pictures.workspaces.take_back(&mut decoded);
         if self.is_reference[view] && self.decoded[view].is_none() {
             self.make_room("decoded views", self.kept_bytes(view))?;
             self.decoded[view] = Some(decoded);

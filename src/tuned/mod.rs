@@ -12,6 +12,7 @@ pub mod encode;
 pub mod header;
 pub mod order;
 mod picture;
+mod workspace;
 
 use crate::asset::{Camera, Mesh, View};
 use crate::image::Mask;
@@ -153,7 +154,9 @@ pub struct DecodedView {
     mask: Mask,
     /// The part of the picture that the signals hold.
     frame: Frame,
-    /// Per component; those of the references where these are of full size.
+    /// Levels of the transform above the picture that later views are predicted from.
+    level: usize,
+    /// Per component. Those of references of full size are the references'; those of other views that are kept have been given up.
     signals: Vec<Vec<Pixel>>,
     /// For views that later ones are predicted from.
     reference: Option<DecodedReference>,
@@ -173,9 +176,15 @@ impl DecodedView {
     fn signal(&self, component: usize) -> &[Pixel] {
         match (self.signals.get(component), &self.reference) {
             (Some(signal), _) => signal,
-            (None, Some(reference)) => reference.pictures.get(component).map_or(&[], Reference::pixels),
-            (None, None) => &[],
+            (None, Some(reference)) if self.level == 0 => {
+                reference.pictures.get(component).map_or(&[], Reference::pixels)
+            }
+            _ => &[],
         }
+    }
+    /// Whether its pictures are still there.
+    fn has_signals(&self) -> bool {
+        self.level == 0 || !self.signals.is_empty()
     }
 }
 
@@ -312,11 +321,13 @@ fn most_memory(
 ) -> u64 {
     let mut needs = Needs::new(order, steps, views);
     let mut held = vec![0u64; views];
-    let mut most = 0;
+    // What is worked in stays for the next views.
+    let (mut most_active, mut most_held) = (0u64, 0u64);
     for wave in order::waves(order, steps) {
         for group in wave.chunks(SIDE_BY_SIDE) {
             let active: u64 = group.iter().map(|&index| working(order[index].view)).sum();
-            most = most.max(active.saturating_add(held.iter().sum()));
+            most_active = most_active.max(active);
+            most_held = most_held.max(held.iter().sum());
             for &index in group {
                 let step = &order[index];
                 if needs.is_needed(step.view) {
@@ -326,7 +337,7 @@ fn most_memory(
             }
         }
     }
-    most
+    most_active.saturating_add(most_held)
 }
 
 #[cfg(all(test, feature = "encode", feature = "parallel"))]

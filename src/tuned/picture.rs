@@ -1,9 +1,8 @@
 //! One view: from its prediction and its streams to pixels, and back.
 
 use super::order::Step;
-use super::{
-    ComponentCoding, DecodedReference, DecodedView, MaskCoding, PlaneCoding, Scene, Sources, Stage, ViewModels,
-};
+use super::workspace::{Workspace, Workspaces};
+use super::{DecodedReference, DecodedView, MaskCoding, PlaneCoding, Scene, Sources, Stage, ViewModels};
 use crate::entropy::{BitCoder, RangeDecoder};
 use crate::image::Mask;
 use crate::parallel;
@@ -14,9 +13,10 @@ use crate::surface::warp::{Reference, predict};
 #[cfg(feature = "encode")]
 use crate::transform::frame::Frame;
 use crate::transform::shape_adaptive::Pixel;
-use glam::Vec4;
+#[cfg(feature = "encode")]
+use crate::transform::shape_adaptive::Work;
 
-/// A picture's signal: the sqrt domain, rotated, row-major in the view's frame, 0 outside the mask.
+/// A picture's signal: the sqrt domain, rotated, row-major in the view's frame, anything outside the mask.
 pub type Signal = Vec<Pixel>;
 
 /// One view's streams.
@@ -50,8 +50,9 @@ pub fn encode(
         let target = stage.plan.forward(signals(&stage.frame, index));
         let target = Some((&target[..], coefficients::Choice { lambda }));
         let quantiser = component.quantiser(scale);
-        let decoded = coefficients::code(&mut coder, &mut models, &stage.plan, &quantiser, predicted, target);
-        (models, (coder.finish(), finish(&stage, component, &decoded)))
+        let decoded =
+            coefficients::code(&mut coder, &mut models, &stage.plan, &quantiser, predicted, target, Vec::new());
+        (models, (coder.finish(), stage.plan.inverse_keeping(&decoded, stage.level, &mut Work::default())))
     });
     let (components, parts): (Vec<_>, Vec<_>) = parts.into_iter().unzip();
     let (streams, signals): (Vec<_>, Vec<_>) = parts.into_iter().unzip();
@@ -67,14 +68,18 @@ pub fn decode(
     streams: &[&[u8]],
     decoded: &[Option<DecodedView>],
     is_reference: bool,
+    workspaces: &Workspaces,
 ) -> DecodedView {
     let (stage, mask_models) = stage(scene, step, coding, &mut RangeDecoder::new(streams[0]), None, decoded);
     let parts = code_components(&stage, step, coding, decoded, |index, predicted, mut models| {
         let component = &coding.components[index];
         let mut coder = RangeDecoder::new(streams[1 + index]);
         let quantiser = component.quantiser(scale);
-        let decoded = coefficients::code(&mut coder, &mut models, &stage.plan, &quantiser, predicted, None);
-        (models, finish(&stage, component, &decoded))
+        workspaces.with(|Workspace { coefficients, transform }| {
+            let room = std::mem::take(coefficients);
+            *coefficients = coefficients::code(&mut coder, &mut models, &stage.plan, &quantiser, predicted, None, room);
+            (models, stage.plan.inverse_keeping(coefficients, stage.level, transform))
+        })
     });
     let (components, signals): (Vec<_>, Vec<_>) = parts.into_iter().unzip();
     decoded_view(stage, signals, ViewModels { mask: mask_models, components }, is_reference)
@@ -125,26 +130,6 @@ fn code_components<T: Send>(
     })
 }
 
-/// Pixels of decoded coefficients; radiance below zero is cut where the component has none. And the picture that later ones are
-/// predicted from, empty where it is that one.
-fn finish(stage: &Stage, coding: &ComponentCoding, coefficients: &[Signal]) -> (Signal, Signal) {
-    let (mut signal, low) = stage.plan.inverse_keeping(coefficients, stage.level);
-    if !coding.signed {
-        let colours = coding.colours();
-        for run in stage.plan.rows(0) {
-            let at = run.line as usize * stage.frame.width + run.start as usize;
-            for pixel in &mut signal[at..at + run.length as usize] {
-                let colour = colours.unrotate(Vec4::from_array(*pixel));
-                if colour.cmplt(Vec4::ZERO).any() {
-                    let above = Vec4::select(colour.cmpgt(Vec4::ZERO), colour, Vec4::ZERO);
-                    *pixel = colours.rotate(above).to_array();
-                }
-            }
-        }
-    }
-    (signal, low)
-}
-
 fn decoded_view(stage: Stage, signals: Vec<(Signal, Signal)>, models: ViewModels, is_reference: bool) -> DecodedView {
     let (size, frame, level) = (stage.low_size(), stage.frame.low(stage.level), stage.level);
     let Stage { mask, frame: whole, plan, geometry, .. } = stage;
@@ -155,5 +140,5 @@ fn decoded_view(stage: Stage, signals: Vec<(Signal, Signal)>, models: ViewModels
         let pictures = pictures.into_iter().map(picture).collect();
         DecodedReference { seen: Seen::new(geometry), pictures, models }
     });
-    DecodedView { mask, frame: whole, signals, reference }
+    DecodedView { mask, frame: whole, level, signals, reference }
 }

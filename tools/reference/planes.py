@@ -23,19 +23,6 @@ class Component:
         m, y = self.rotation, signal
         return np.stack([m[0, k] * y[..., 0] + m[1, k] * y[..., 1] + m[2, k] * y[..., 2] for k in range(3)], -1)
 
-    def signals(self, colour):
-        m, s = self.rotation, colour
-        return np.stack([m[r, 0] * s[..., 0] + m[r, 1] * s[..., 1] + m[r, 2] * s[..., 2] for r in range(3)], -1)
-
-    def clamp(self, signal, mask):
-        if self.signed:
-            return signal
-        colour = self.colours(signal)
-        change = mask & (colour < 0).any(-1)
-        signal = signal.copy()
-        signal[change] = self.signals(np.where(colour[change] > 0, colour[change], single(0)))
-        return signal
-
     def radiance(self, signal, mask, white):
         s = self.colours(signal)
         if not self.signed:
@@ -196,10 +183,9 @@ class Planes:
                 Range(step.streams[k + 1]), models, transform.bands, step_size, component.shrink, predicted
             )
             lows = transform.lows(bands)
-            signal = lows[0] = component.clamp(lows[0], result.mask)
             filled, known = lows[level].copy(), low.copy()
             geometry.fill(known, filled, 4)
             result.models.append(models)
-            result.signals.append(signal)
+            result.signals.append(lows[0])
             result.filled.append(filled)
         return result

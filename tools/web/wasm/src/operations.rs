@@ -1,7 +1,7 @@
 //! What can be asked of a file.
 
 use crate::facts;
-use crate::output::{Output, half};
+use crate::output::{Output, to_halves};
 use serde_json::{Value, json};
 use tsuya::asset::Component;
 use tsuya::brdf::{Brdf, HalfDifference};
@@ -218,8 +218,8 @@ fn view(file: &mut ArrivingFile, index: usize, flags: u32) -> Result<Answer> {
         let mut arrays = vec![Output::Bytes(picture.mask().data.iter().map(|&inside| inside as u8).collect())];
         for (k, component) in components.iter().enumerate().filter(|(_, component)| is_wanted(**component)) {
             let (kind, pixels) = match flags & 1 {
-                0 => ("f32", Output::Pixels(pixels(&picture, k, |x| x, 1.0))),
-                _ => ("f16", Output::Halves(pixels(&picture, k, half, half(1.0)).into_flattened())),
+                0 => ("f32", Output::Pixels(pixels(&picture, k, |row, into| into.copy_from_slice(row)))),
+                _ => ("f16", Output::Halves(pixels(&picture, k, to_halves).into_flattened())),
             };
             names.push(json!([["images", component], kind]));
             arrays.push(pixels);
@@ -240,13 +240,10 @@ fn view(file: &mut ArrivingFile, index: usize, flags: u32) -> Result<Answer> {
 fn pixels<T: Copy + Default>(
     picture: &ViewPicture,
     component: usize,
-    number: impl Fn(f32) -> T,
-    one: T,
+    convert: impl Fn(&[[f32; 4]], &mut [[T; 4]]),
 ) -> Vec<[T; 4]> {
     let mut pixels = vec![[T::default(); 4]; picture.mask().data.len()];
-    picture.for_each(component, |at, colour| {
-        pixels[at] = [number(colour[0]), number(colour[1]), number(colour[2]), one];
-    });
+    picture.for_each_row(component, |first, row| convert(row, &mut pixels[first..first + row.len()]));
     pixels
 }
 

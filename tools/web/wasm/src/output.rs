@@ -1,7 +1,5 @@
 //! Arrays that are handed out as bytes.
 
-use half::f16;
-
 /// An array of one kind of numbers.
 pub enum Output {
     Text(String),
@@ -33,8 +31,18 @@ impl Output {
     }
 }
 
-/// The nearest half float; beyond its range the largest one, so that no texture holds an infinity.
-pub fn half(value: f32) -> u16 {
-    let largest = f16::MAX.to_f32_const();
-    f16::from_f32(value.clamp(-largest, largest)).to_bits()
+/// The nearest half floats; beyond their range the largest one, so that no texture holds an infinity. Without a branch, so that some are
+/// worked on side by side: the crate `half` does it in software here, and several times slower.
+pub fn to_halves(values: &[[f32; 4]], halves: &mut [[u16; 4]]) {
+    const LARGEST: f32 = 65504.0;
+    /// The exponent field of 2^-14, below which halves have fewer digits.
+    const LEAST: u32 = 113 << 23;
+    for (value, half) in values.as_flattened().iter().zip(halves.as_flattened_mut()) {
+        let sign = value.to_bits() >> 16 & 0x8000;
+        let magnitude = if value.abs() < LARGEST { value.abs() } else { LARGEST };
+        let exponent = (magnitude.to_bits() & 0xff << 23).max(LEAST);
+        // Adding 2^13 times the power of two below makes the sum round to the ten digits of a half, which are its lowest then.
+        let digits = (magnitude + f32::from_bits(exponent + (13 << 23))).to_bits() & 0xfff;
+        *half = (sign | (((exponent - LEAST) >> 13) + digits)) as u16;
+    }
 }
