@@ -57,7 +57,7 @@ fn code<C: BitCoder>(coder: &mut C, material: Option<&LobeMaterial>) -> Option<L
             };
             let value = material.and_then(|m| m.quantised.get(n)).map_or(0, |q| q.wrapping_sub(predicted));
             let difference = model.code_signed(coder, value);
-            let value = predicted.checked_add(difference).filter(|v| v.abs() <= super::RANGE)?;
+            let value = predicted.checked_add(difference).filter(super::is_in_range)?;
             quantised.push(value);
         }
     }

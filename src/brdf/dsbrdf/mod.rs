@@ -41,6 +41,10 @@ const STEP: f64 = 1.0 / 64.0;
 /// Least and greatest quantised logarithm: `e^-16` to `e^16`. Part of the format.
 const RANGE: i32 = 1024;
 
+fn is_in_range(quantised: &i32) -> bool {
+    (-RANGE..=RANGE).contains(quantised)
+}
+
 /// A material in the published form.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LobeMaterial {
@@ -58,7 +62,7 @@ impl LobeMaterial {
     fn new(slices: usize, lobes: usize, amplitudes: bool, quantised: Vec<i32>) -> Option<Self> {
         let parameters = 2 + amplitudes as usize;
         let sized = (1..=SLICES).contains(&slices) && (1..=LOBES).contains(&lobes);
-        if !sized || quantised.len() != 3 * lobes * parameters * slices || quantised.iter().any(|q| q.abs() > RANGE) {
+        if !sized || quantised.len() != 3 * lobes * parameters * slices || !quantised.iter().all(is_in_range) {
             return None;
         }
         let curve = |q: &[i32]| spline::Curve::new(q.iter().map(|&q| q as f64 * STEP).collect());

@@ -42,3 +42,13 @@ fn the_number_of_lobes_follows_the_error() {
     assert!(fit(&samples, &options).unwrap().lobe_count() >= 2);
     assert!(fit(&[], &options).is_err());
 }
+
+#[test]
+fn a_parameter_at_the_end_of_the_integers_is_out_of_range() {
+    // The second step goes from -1 to the least integer, whose magnitude is none.
+    let mut quantised = vec![0; 3 * 2 * 2];
+    quantised[..2].copy_from_slice(&[-1, i32::MIN]);
+    assert!(LobeMaterial::new(2, 1, false, quantised.clone()).is_none());
+    let bytes = LobeMaterial { slices: 2, lobes: 1, amplitudes: false, quantised, curves: Vec::new() }.encode();
+    assert!(LobeMaterial::decode(&bytes, "mATl").is_err());
+}
