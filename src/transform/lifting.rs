@@ -48,28 +48,31 @@ pub(super) fn scatter(line: &[Pixel], run: &Run, halves: &mut [Vec<Pixel>; 2], f
 
 /// `value + factor * (before + after)`, channel by channel.
 #[inline(always)]
-fn lifted(value: Pixel, factor: f32, before: Pixel, after: Pixel) -> Pixel {
-    let [value, before, after] = [value, before, after].map(Vec4::from_array);
-    (value + Vec4::splat(factor) * (before + after)).to_array()
+fn lifted(value: Vec4, factor: f32, before: Vec4, after: Vec4) -> Vec4 {
+    value + Vec4::splat(factor) * (before + after)
 }
 
 /// One lifting step on the pixels of one parity of two or more: adds `factor` times the sum of both neighbours; at an end of the run
 /// the only neighbour counts twice.
 #[inline(always)]
 fn lift(line: &mut [Pixel], first: usize, factor: f32) {
+    let lifted = |value: &Pixel, before: &Pixel, after: &Pixel| {
+        let [value, before, after] = [value, before, after].map(|pixel| Vec4::from_array(*pixel));
+        lifted(value, factor, before, after).to_array()
+    };
     if let ([value, after, ..], 0) = (&mut *line, first) {
-        *value = lifted(*value, factor, *after, *after);
+        *value = lifted(value, after, after);
     }
     // From one neighbour to the next.
     let Some((before, inner)) = line[1 - first..].split_first_mut() else { return };
     let mut before = *before;
     let (pairs, last) = inner.as_chunks_mut::<2>();
     for [value, after] in pairs {
-        *value = lifted(*value, factor, before, *after);
+        *value = lifted(value, &before, after);
         before = *after;
     }
     for value in last {
-        *value = lifted(*value, factor, before, before);
+        *value = lifted(value, &before, &before);
     }
 }
 
@@ -97,9 +100,11 @@ pub(super) fn analyse(line: &mut [Pixel], start: u32) {
     scale(line, if even == 0 { [LOW, HIGH] } else { [HIGH, LOW] });
 }
 
-/// The inverse of [`analyse`] as a stream: what the lifting steps of the slots before have left.
+/// The inverse of [`analyse`] for one run, as a stream of slots: the same steps backwards, subtracted.
 #[derive(Debug, Clone, Copy, Default)]
-struct Synthesis {
+pub(super) struct Synthesiser {
+    start: isize,
+    end: isize,
     /// Slot `k - 1`: the high coefficient scaled, the low one lifted once.
     high: Vec4,
     low: Vec4,
@@ -108,34 +113,10 @@ struct Synthesis {
     lifted_low: Vec4,
 }
 
-impl Synthesis {
-    /// Takes the coefficients of slot `k`; the pixels at `2 k - 3` and `2 k - 2` are settled then.
-    #[inline(always)]
-    fn next(&mut self, low: Pixel, high: Pixel) -> [Pixel; 2] {
-        let lifted =
-            |value: Vec4, factor: f32, before: Vec4, after: Vec4| value - Vec4::splat(factor) * (before + after);
-        let high = Vec4::from_array(high) * (1.0 / HIGH);
-        let low = lifted(Vec4::from_array(low) * (1.0 / LOW), LIFT[3], self.high, high);
-        let lifted_high = lifted(self.high, LIFT[2], self.low, low);
-        let lifted_low = lifted(self.low, LIFT[1], self.lifted_high, lifted_high);
-        let odd = lifted(self.lifted_high, LIFT[0], self.lifted_low, lifted_low);
-        *self = Synthesis { high, low, lifted_high, lifted_low };
-        [odd.to_array(), lifted_low.to_array()]
-    }
-}
-
-/// The inverse of [`analyse`] for one run: the same steps backwards, subtracted.
-#[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Synthesiser {
-    stream: Synthesis,
-    start: isize,
-    end: isize,
-}
-
 impl Synthesiser {
     /// For the run after `start - 1` and before `end`.
     pub(super) fn new(run: &Run) -> Self {
-        Synthesiser { stream: Synthesis::default(), start: run.start as isize, end: (run.start + run.length) as isize }
+        Synthesiser { start: run.start as isize, end: (run.start + run.length) as isize, ..Default::default() }
     }
     /// Slots whose coefficients, and the pixels that are settled with them, all lie in the run.
     #[inline(always)]
@@ -147,7 +128,13 @@ impl Synthesiser {
     /// The pixels at `2 slot - 3` and `2 slot - 2`, from the coefficients of an inner slot; they are taken one after the other.
     #[inline(always)]
     pub(super) fn next(&mut self, low: Pixel, high: Pixel) -> [Pixel; 2] {
-        self.stream.next(low, high)
+        let high = Vec4::from_array(high) * (1.0 / HIGH);
+        let low = lifted(Vec4::from_array(low) * (1.0 / LOW), -LIFT[3], self.high, high);
+        let lifted_high = lifted(self.high, -LIFT[2], self.low, low);
+        let lifted_low = lifted(self.low, -LIFT[1], self.lifted_high, lifted_high);
+        let odd = lifted(self.lifted_high, -LIFT[0], self.lifted_low, lifted_low);
+        *self = Synthesiser { high, low, lifted_high, lifted_low, ..*self };
+        [odd.to_array(), lifted_low.to_array()]
     }
     /// What comes before the inner slots. `coefficients` gives those of a slot, `put` takes the pixel of a position.
     pub(super) fn begin(&mut self, coefficients: impl Fn(usize) -> [Pixel; 2], put: impl FnMut(usize, Pixel)) {
@@ -184,7 +171,7 @@ impl Synthesiser {
         for slot in slots {
             let low = coefficients(mirrored(2 * slot))[0];
             let high = coefficients(mirrored(2 * slot + 1))[1];
-            let settled = self.stream.next(low, high);
+            let settled = self.next(low, high);
             for (at, pixel) in (2 * slot - 3..).zip(settled) {
                 if at >= start && at < end {
                     put(at as usize, pixel);
