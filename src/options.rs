@@ -38,10 +38,10 @@ pub enum Decoding {
     /// The smallest file.
     #[default]
     Small,
-    /// About a fifth larger, a view in about a third of the time: predictions at half the size, two contexts for each decision in place of
-    /// eight.
+    /// About a fifth larger, a view in about a third of the time: predictions at half the size, and one or two symbols for a position's
+    /// colours in place of up to a dozen mixed decisions.
     Fast,
-    /// About a third larger, and a little faster again: the same with predictions at a quarter of the size.
+    /// About a third larger, a view in about a fifth of the time: the same with predictions at a quarter of the size.
     Fastest,
 }
 

@@ -2,8 +2,8 @@
 //!
 //! Normative text: `spec/entropy.md`.
 
+use super::BitCoder;
 use super::slot::Slot;
-use super::{BitCoder, Predictor};
 
 /// See [`Slot::update`]. Part of the format.
 const SLOWEST: u32 = 120;
@@ -25,18 +25,9 @@ impl Average {
     pub fn new(contexts: [usize; 2]) -> Self {
         Average { slots: contexts.map(Slot::fresh) }
     }
-}
-
-impl Predictor for Average {
-    type Context = [u32; 2];
-
+    /// Codes one bit and learns from it.
     #[inline(always)]
-    fn probability(&self, context: &[u32; 2]) -> u32 {
-        average(self.slots[0][context[0] as usize], self.slots[1][context[1] as usize])
-    }
-
-    #[inline(always)]
-    fn code<C: BitCoder>(&mut self, coder: &mut C, context: &[u32; 2], bit: bool) -> bool {
+    pub fn code<C: BitCoder>(&mut self, coder: &mut C, context: &[u32; 2], bit: bool) -> bool {
         let [a, b] = &mut self.slots;
         let (a, b) = (&mut a[context[0] as usize], &mut b[context[1] as usize]);
         let bit = coder.bit(average(*a, *b), bit);

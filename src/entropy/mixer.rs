@@ -3,8 +3,8 @@
 //! All tables follow from the 49 numbers of [`LOGISTIC`] by integer arithmetic and the mixing uses `f32` with `+ - *` in
 //! the order written, so every platform reaches the same probabilities (normative, `spec/entropy.md`).
 
+use super::BitCoder;
 use super::slot::Slot;
-use super::{BitCoder, Predictor};
 use glam::Vec4;
 use std::sync::LazyLock;
 
@@ -104,19 +104,17 @@ impl Mixer {
         }
         (squash(tables, sum * (1.0 / SELECTORS as f32)), each)
     }
-}
 
-impl Predictor for Mixer {
-    type Context = Context;
-
+    /// Probability of a 1 in 1/65536, without learning.
     #[inline(always)]
-    fn probability(&self, Context { slots, selectors }: &Context) -> u32 {
+    pub fn probability(&self, Context { slots, selectors }: &Context) -> u32 {
         let tables = &*TABLES;
         self.mix(tables, self.inputs(tables, slots), selectors).0
     }
 
+    /// Codes one bit and learns from it.
     #[inline(always)]
-    fn code<C: BitCoder>(&mut self, coder: &mut C, context: &Context, bit: bool) -> bool {
+    pub fn code<C: BitCoder>(&mut self, coder: &mut C, context: &Context, bit: bool) -> bool {
         let Context { slots: contexts, selectors } = context;
         let tables = &*TABLES;
         let inputs = self.inputs(tables, contexts);

@@ -4,10 +4,13 @@ pub mod average;
 pub mod mixer;
 pub mod model;
 pub mod range_coder;
+pub mod rans;
 mod slot;
+pub mod symbol;
 
 pub use model::{BitModel, Number, code_end, code_raw};
 pub use range_coder::{RangeDecoder, RangeEncoder};
+pub use rans::{RansDecoder, RansEncoder};
 
 /// Where the bits of a model go: the encoder writes the given bit, the decoder returns the one it read.
 /// With it every model is written once for both directions.
@@ -18,12 +21,10 @@ pub trait BitCoder {
     const DECODES: bool;
 }
 
-/// Predicts bits from contexts, and learns from them.
-pub trait Predictor {
-    /// What tells one bit's circumstances from another's.
-    type Context;
-    /// Probability of a 1 in 1/65536, without learning.
-    fn probability(&self, context: &Self::Context) -> u32;
-    /// Codes one bit and learns from it.
-    fn code<C: BitCoder>(&mut self, coder: &mut C, context: &Self::Context, bit: bool) -> bool;
+/// A coder that takes symbols of 16 values, too.
+pub trait SymbolCoder: BitCoder {
+    /// Codes a symbol.
+    fn symbol(&mut self, starts: &symbol::Starts, symbol: usize) -> usize;
+    /// Codes the lowest `count` (at most 16) bits of a number as equiprobable.
+    fn equiprobable(&mut self, count: u32, value: u32) -> u32;
 }

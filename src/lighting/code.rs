@@ -7,7 +7,7 @@ use crate::entropy::{BitCoder, RangeDecoder, code_end};
 use crate::error::{Error, Result};
 use crate::image::Mask;
 use crate::limits::Budget;
-use crate::residual::coefficients::{self, Models, Quantiser};
+use crate::residual::coefficients::{self, Quantiser};
 use crate::transform::shape_adaptive::{Pixel, Plan};
 
 const VERSION: u8 = 0;
@@ -182,7 +182,7 @@ fn code_level<C: BitCoder>(coder: &mut C, head: &Head, pixels: Option<&[Pixel]>)
     let target = pixels.map(|pixels| plan.forward(pixels.to_vec()));
     let target = target.as_ref().map(|target| (&target[..], coefficients::Choice { lambda: LAMBDA }));
     let quantiser = Quantiser { step: head.step, shrink: SHRINK };
-    let coefficients = coefficients::code(coder, &mut Models::default(), &plan, &quantiser, None, target, Vec::new());
+    let coefficients = coefficients::code_alone(coder, &plan, &quantiser, target);
     plan.inverse(&coefficients)
 }
 

@@ -10,7 +10,7 @@ use crate::entropy::RangeDecoder;
 use crate::error::{Error, Result};
 use crate::image::{Grid, Mask};
 use crate::limits::Budget;
-use crate::residual::coefficients::{self, Models, Quantiser};
+use crate::residual::coefficients::{self, Quantiser};
 use crate::surface::atlas::rasterise_atlas;
 use crate::transform::shape_adaptive::{Pixel, Plan};
 
@@ -68,8 +68,7 @@ pub fn encode(
         let target = plan.forward(pixels);
         let target = Some((&target[..], coefficients::Choice { lambda }));
         let quantiser = Quantiser { step, shrink: SHRINK };
-        let coefficients =
-            coefficients::code(&mut coder, &mut Models::default(), &plan, &quantiser, None, target, Vec::new());
+        let coefficients = coefficients::code_alone(&mut coder, &plan, &quantiser, target);
         decoded.extend(to_grids(&plan.inverse(&coefficients), &mask, planes.len()));
     }
     bytes.extend(coder.finish());
@@ -118,8 +117,7 @@ pub fn decode(bytes: &[u8], mesh: &Mesh, charts: &Charts, budget: &Budget) -> Re
         }
         let here = left.min(3);
         let quantiser = Quantiser { step, shrink: SHRINK };
-        let coefficients =
-            coefficients::code(&mut coder, &mut Models::default(), &plan, &quantiser, None, None, Vec::new());
+        let coefficients = coefficients::code_alone(&mut coder, &plan, &quantiser, None);
         planes.extend(to_grids(&plan.inverse(&coefficients), &mask, here));
         left -= here;
     }

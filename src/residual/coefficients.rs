@@ -2,19 +2,17 @@
 //!
 //! One function serves both directions, so that they can't disagree. Normative text: `spec/planes.md`.
 
-use super::contexts::{BLOCK, Contexts, Known, Place, sign_context};
+use super::contexts::{BLOCK, Bands, Codes, Contexts, Known, Place};
 use super::direct::Direct;
 use super::gains::{self, BAND_CLASSES, GainModels, GainSums, Gains};
 use super::mixed::Mixed;
-use crate::entropy::mixer::cost;
-use crate::entropy::{BitCoder, BitModel, Number, Predictor};
-use crate::image::Mask;
+use crate::entropy::{BitCoder, RangeDecoder, RansDecoder};
+#[cfg(feature = "encode")]
+use crate::entropy::{RangeEncoder, RansEncoder};
 use crate::transform::shape_adaptive::{Band, Orientation, Pixel, Plan};
 
-/// Magnitudes from here on are coded by [`Number`].
-const ESCAPE: u32 = 14;
 /// Largest magnitude of a quantised coefficient.
-const LARGEST: u32 = 1 << 20;
+pub(super) const LARGEST: u32 = 1 << 20;
 
 /// Quantiser of one picture.
 #[derive(Debug, Clone, Copy)]
@@ -33,16 +31,13 @@ impl Quantiser {
         let level = if band.orientation == Orientation::Low { 5 } else { band.level.max(1) };
         self.step * LEVEL_STEPS[level - 1]
     }
+    /// Middle of a value's interval, or what lies nearer to zero.
     #[inline(always)]
-    fn dequantise(&self, value: i32, step: f32) -> f32 {
-        match value {
-            0 => 0.0,
-            1 | -1 => value as f32 * (step * (1.0 - self.shrink[0])),
-            _ => {
-                let magnitude = value.unsigned_abs() as f32 - self.shrink[1];
-                if value < 0 { -(magnitude * step) } else { magnitude * step }
-            }
-        }
+    pub(super) fn dequantise(&self, value: i32, step: f32) -> f32 {
+        let magnitude = value.unsigned_abs();
+        let shrink = [0.0, self.shrink[0], self.shrink[1]][magnitude.min(2) as usize];
+        let size = (magnitude as f32 - shrink) * step;
+        if value < 0 { -size } else { size }
     }
 }
 
@@ -59,7 +54,7 @@ pub enum Modelling {
     /// Eight contexts of each decision, mixed: the smallest files.
     #[default]
     Mixed = 0,
-    /// Two contexts of each decision, averaged: decoded several times faster.
+    /// Symbols of 16 values, each from two contexts: decoded several times faster.
     Direct = 1,
 }
 
@@ -83,61 +78,83 @@ impl Models {
     }
 }
 
-impl Default for Models {
-    fn default() -> Self {
-        Models::new(Modelling::default())
-    }
-}
-
 #[derive(Debug, Clone)]
-struct State<K: Contexts> {
-    /// Whether any of the three colours is not zero.
-    any: K::Predictor,
-    magnitude: K::Predictor,
-    /// Whether a block has anything but zeros.
-    block: Option<K::Predictor>,
-    sign: Vec<BitModel>,
-    escape: Number,
+struct State<K> {
+    values: K,
     gains: GainModels,
 }
 
 impl<K: Contexts> State<K> {
     fn new() -> Self {
-        let [any, magnitude] = K::predictors();
-        let sign = vec![BitModel::default(); 8 * 7 * 9];
-        State { any, magnitude, block: K::blocks(), sign, escape: Number::default(), gains: GainModels::default() }
+        State { values: K::new(), gains: GainModels::default() }
     }
 }
 
-/// Codes the coefficients of one picture, three colours together, and returns them as the decoder has them.
+/// Coefficients by band, row-major; outside the bands' masks anything.
+pub type Coefficients = Vec<Vec<Pixel>>;
+
+/// Writes the coefficients of one picture, three colours together, as a stream; returns them as the decoder has them, too.
 ///
-/// `predicted` are the coefficients of the prediction (none for a picture coded alone), `target` those of the picture
-/// (encoding only). Bands are those of `plan`; outside their masks a coefficient may be anything. `room` is memory to use again:
-/// what an earlier call has returned.
-pub fn code<C: BitCoder>(
-    coder: &mut C,
+/// `predicted` are the coefficients of the prediction (none for a picture coded alone), `target` those of the picture. Bands are those of
+/// `plan`.
+#[cfg(feature = "encode")]
+pub fn encode(
     models: &mut Models,
     plan: &Plan,
     quantiser: &Quantiser,
     predicted: Option<&[Vec<Pixel>]>,
-    target: Option<(&[Vec<Pixel>], Choice)>,
-    room: Vec<Vec<Pixel>>,
-) -> Vec<Vec<Pixel>> {
+    target: &[Vec<Pixel>],
+    choice: Choice,
+) -> (Vec<u8>, Coefficients) {
+    let target = Some((target, choice));
     match &mut models.0 {
-        Kind::Mixed(state) => code_with(coder, state, plan, quantiser, predicted, target, room),
-        Kind::Direct(state) => code_with(coder, state, plan, quantiser, predicted, target, room),
+        Kind::Mixed(state) => {
+            let mut coder = RangeEncoder::new();
+            let decoded = code_with(&mut coder, state, plan, quantiser, predicted, target, Vec::new());
+            (coder.finish(), decoded)
+        }
+        Kind::Direct(state) => {
+            let mut coder = RansEncoder::new();
+            let decoded = code_with(&mut coder, state, plan, quantiser, predicted, target, Vec::new());
+            (coder.finish(), decoded)
+        }
     }
 }
 
-fn code_with<C: BitCoder, K: Contexts>(
+/// Reads what [`encode`] has written. `room` is memory to use again: what an earlier call has returned.
+pub fn decode(
+    stream: &[u8],
+    models: &mut Models,
+    plan: &Plan,
+    quantiser: &Quantiser,
+    predicted: Option<&[Vec<Pixel>]>,
+    room: Coefficients,
+) -> Coefficients {
+    match &mut models.0 {
+        Kind::Mixed(state) => code_with(&mut RangeDecoder::new(stream), state, plan, quantiser, predicted, None, room),
+        Kind::Direct(state) => code_with(&mut RansDecoder::new(stream), state, plan, quantiser, predicted, None, room),
+    }
+}
+
+/// Codes the coefficients of a picture without a prediction, by fresh models, among what else a coder takes. `target` is for encoding.
+pub fn code_alone<C: BitCoder>(
+    coder: &mut C,
+    plan: &Plan,
+    quantiser: &Quantiser,
+    target: Option<(&[Vec<Pixel>], Choice)>,
+) -> Coefficients {
+    code_with(coder, &mut State::<Mixed>::new(), plan, quantiser, None, target, Vec::new())
+}
+
+fn code_with<C: BitCoder, K: Codes<C>>(
     coder: &mut C,
     models: &mut State<K>,
     plan: &Plan,
     quantiser: &Quantiser,
     predicted: Option<&[Vec<Pixel>]>,
     target: Option<(&[Vec<Pixel>], Choice)>,
-    mut room: Vec<Vec<Pixel>>,
-) -> Vec<Vec<Pixel>> {
+    mut room: Coefficients,
+) -> Coefficients {
     let bands = plan.bands();
     let mut gains = *models.gains.last();
     if let Some(predicted) = predicted {
@@ -151,15 +168,17 @@ fn code_with<C: BitCoder, K: Contexts>(
         models.gains.code(coder, &mut gains, &used);
     }
     room.resize_with(bands.len(), Vec::new);
-    let mut decoded = room;
     let mut known: Vec<Known<K::Lanes>> = Vec::with_capacity(bands.len());
-    for (index, band) in bands.iter().enumerate() {
+    for (index, (band, out)) in bands.iter().zip(&mut room).enumerate() {
         let step = quantiser.band_step(band);
-        let predicted = predicted.and_then(|predicted| predicted.get(index));
-        let quarters = 4.0 / step;
-        let mut here = Known::new(band, predicted.map(|predicted| &predicted[..]), |p| K::hint(p, quarters));
-        let mut out = std::mem::take(&mut decoded[index]);
-        out.resize(band.mask.data.len(), [0.0; 4]);
+        let task = BandTask {
+            band,
+            predicted: predicted.and_then(|predicted| predicted.get(index)).map(Vec::as_slice),
+            gains: &gains[gains::band_class(band)],
+            target: target.filter(|_| !C::DECODES).map(|(target, choice)| (&target[index][..], choice)),
+            step,
+            inverse: 1.0 / step,
+        };
         let parent = (band.orientation != Orientation::Low && index > 3).then(|| &known[index - 3]);
         // Already coded bands of the same level.
         let siblings = match band.orientation {
@@ -168,113 +187,124 @@ fn code_with<C: BitCoder, K: Contexts>(
             _ => 0,
         };
         let siblings = &known[index - siblings..];
-        let class = gains::band_class(band);
-        let level_class = match band.orientation {
-            Orientation::Low => 3,
-            _ => band.level.min(3) - 1,
-        };
-        let place = Place {
-            is_predicted: predicted.is_some(),
-            band_class: level_class * 2 + (band.orientation == Orientation::Diagonal) as usize,
-            level: if band.orientation == Orientation::Low { 0 } else { band.level },
-        };
-        let low = band.orientation == Orientation::Low;
-        let inverse = 1.0 / step;
-        let width = band.mask.width;
-        let of_prediction = |flat: usize, out: &[Pixel]| -> [f32; 3] {
-            match predicted {
-                Some(predicted) => std::array::from_fn(|colour| {
-                    let p = predicted[flat][colour];
-                    let gain = gains[class][colour][gains::bucket(p.abs() * inverse)];
-                    p * (gain as f32 * (1.0 / gains::UNITY as f32))
-                }),
-                None if low => std::array::from_fn(|k| neighbour_mean(out, band, flat % width, flat / width, k)),
-                None => [0.0; 3],
-            }
-        };
-        let wanted = |flat: usize, prediction: &[f32; 3]| -> Option<[f32; 3]> {
-            let (target, _) = target.filter(|_| !C::DECODES)?;
-            Some(std::array::from_fn(|k| (target[index][flat][k] - prediction[k]) * inverse))
-        };
-        // Blocks of the finest bands that hold only zeros.
-        let mut blocks = if !low && band.level == 1 { models.block.take() } else { None };
-        let mut occupied = vec![false; if blocks.is_some() { width.div_ceil(BLOCK) } else { 0 }];
-        for y in 0..band.mask.height {
-            if let Some(blocks) = blocks.as_mut().filter(|_| y % BLOCK == 0) {
-                let context = |block: usize, beside| K::block(parent, siblings, beside, block, y / BLOCK);
-                let is_wanted = |places: &[usize]| {
-                    let wanted = places.iter().filter_map(|&flat| wanted(flat, &of_prediction(flat, &out)));
-                    target.is_some_and(|(_, choice)| is_worth(wanted, choice))
-                };
-                code_blocks(coder, blocks, &band.mask, y, &mut occupied, context, is_wanted);
-            }
-            let mut x = 0;
-            while x < width {
-                let flat = y * width + x;
-                if !band.mask.data[flat] {
-                    x += 1;
-                    continue;
-                }
-                let prediction = of_prediction(flat, &out);
-                let is_empty = occupied.get(x / BLOCK) == Some(&false);
-                if is_empty && predicted.is_none() {
-                    let behind = ((x / BLOCK + 1) * BLOCK).min(width);
-                    out[flat..flat + behind - x].fill([0.0; 4]);
-                    x = behind;
-                    continue;
-                }
-                let mut values = [0; 3];
-                if !is_empty {
-                    let around = K::around(&here, parent, siblings, x, y);
-                    let wanted = match (wanted(flat, &prediction), target) {
-                        (Some(wanted), Some((_, choice))) => choose(wanted, quantiser, choice, models, &place, &around),
-                        _ => [0; 3],
-                    };
-                    values = code_values(coder, models, &place, &around, &prediction, inverse, wanted);
-                    let at = here.index(x, y);
-                    here.values[at] = K::lanes(&values);
-                }
-                for colour in 0..3 {
-                    out[flat][colour] = prediction[colour] + quantiser.dequantise(values[colour], step);
-                }
-                x += 1;
-            }
-        }
-        if blocks.is_some() {
-            models.block = blocks;
-        }
-        decoded[index] = out;
+        out.resize(band.mask.data.len(), [0.0; 4]);
+        let here = code_band(coder, &mut models.values, quantiser, &task, (parent, siblings), out);
         known.push(here);
     }
-    decoded
+    room
 }
 
-/// Codes which blocks of the block row that begins at row `y` hold anything but zeros; `occupied` says it of the block row above, and
-/// then of this one.
-fn code_blocks<C: BitCoder, P: Predictor>(
-    coder: &mut C,
-    predictor: &mut P,
-    mask: &Mask,
-    y: usize,
-    occupied: &mut [bool],
-    context: impl Fn(usize, [bool; 2]) -> P::Context,
-    is_wanted: impl Fn(&[usize]) -> bool,
-) {
-    let mut before = false;
-    let mut places = Vec::with_capacity(BLOCK * BLOCK);
-    for (block, occupied) in occupied.iter_mut().enumerate() {
-        places.clear();
-        for y in y..(y + BLOCK).min(mask.height) {
-            let row = y * mask.width;
-            let columns = block * BLOCK..((block + 1) * BLOCK).min(mask.width);
-            places.extend(columns.map(|x| row + x).filter(|&flat| mask.data[flat]));
+/// One band of a picture, as it is to be coded.
+struct BandTask<'a> {
+    band: &'a Band,
+    predicted: Option<&'a [Pixel]>,
+    /// Of the prediction, by colour and bucket.
+    gains: &'a [[i32; gains::BUCKETS]; 3],
+    /// In encoding.
+    target: Option<(&'a [Pixel], Choice)>,
+    step: f32,
+    inverse: f32,
+}
+
+impl BandTask<'_> {
+    /// What a position's values are added to; `out` is decoded before it.
+    #[inline(always)]
+    fn prediction(&self, flat: usize, out: &[Pixel]) -> [f32; 3] {
+        match self.predicted {
+            Some(predicted) => std::array::from_fn(|colour| {
+                let p = predicted[flat][colour];
+                let gain = self.gains[colour][gains::bucket(p.abs() * self.inverse)];
+                p * (gain as f32 * (1.0 / gains::UNITY as f32))
+            }),
+            None if self.band.orientation == Orientation::Low => {
+                let width = self.band.mask.width;
+                std::array::from_fn(|k| neighbour_mean(out, self.band, flat % width, flat / width, k))
+            }
+            None => [0.0; 3],
         }
-        *occupied = !places.is_empty() && {
-            let wanted = !C::DECODES && is_wanted(&places);
-            predictor.code(coder, &context(block, [before, *occupied]), wanted)
-        };
-        before = *occupied;
     }
+    /// In encoding: what the values should be, in steps.
+    #[inline(always)]
+    fn wanted(&self, flat: usize, prediction: &[f32; 3]) -> Option<([f32; 3], Choice)> {
+        let (target, choice) = self.target?;
+        Some((std::array::from_fn(|k| (target[flat][k] - prediction[k]) * self.inverse), choice))
+    }
+    /// In encoding: whether positions are worth being coded.
+    fn is_worth(&self, places: &[usize], out: &[Pixel]) -> bool {
+        let wanted = places.iter().filter_map(|&flat| self.wanted(flat, &self.prediction(flat, out)));
+        self.target.is_some_and(|(_, choice)| is_worth(wanted.map(|(wanted, _)| wanted), choice))
+    }
+    fn place(&self) -> Place {
+        let (level, orientation) = (self.band.level, self.band.orientation);
+        let (level, level_class) = match orientation {
+            Orientation::Low => (0, 3),
+            _ => (level, level.min(3) - 1),
+        };
+        Place {
+            is_predicted: self.predicted.is_some(),
+            band_class: level_class * 2 + (orientation == Orientation::Diagonal) as usize,
+            level,
+        }
+    }
+}
+
+/// Codes a band into `out`; returns its magnitudes. Not inlined, so that what lies in registers is what it needs.
+#[inline(never)]
+fn code_band<C: BitCoder, K: Codes<C>>(
+    coder: &mut C,
+    models: &mut K,
+    quantiser: &Quantiser,
+    task: &BandTask,
+    (parent, siblings): (Option<&Known<K::Lanes>>, &[Known<K::Lanes>]),
+    out: &mut [Pixel],
+) -> Known<K::Lanes> {
+    let BandTask { band, predicted, step, inverse, .. } = *task;
+    let quarters = 4.0 / step;
+    let mut here = Known::new(band, predicted, |p| K::hint(p, quarters));
+    let place = task.place();
+    let width = band.mask.width;
+    // By block of the row of blocks: whether it holds anything but zeros.
+    let mut occupied = vec![true; width.div_ceil(BLOCK)];
+    for y in 0..band.mask.height {
+        if y % BLOCK == 0 && place.level == 1 {
+            let is_wanted = |places: &[usize]| task.is_worth(places, out);
+            let bands = Bands { here: &here, parent, siblings };
+            models.code_blocks(coder, &bands, &band.mask, y, &mut occupied, is_wanted);
+        }
+        let row = band.mask.row(y);
+        let mut x = 0;
+        while let Some(skipped) = row[x..].iter().position(|&inside| inside) {
+            x += skipped;
+            let flat = y * width + x;
+            let is_empty = !occupied[x / BLOCK];
+            if is_empty && predicted.is_none() {
+                let behind = ((x / BLOCK + 1) * BLOCK).min(width);
+                out[flat..flat + behind - x].fill([0.0; 4]);
+                x = behind;
+                continue;
+            }
+            let prediction = task.prediction(flat, out);
+            let mut decoded = [prediction[0], prediction[1], prediction[2], 0.0];
+            if !is_empty {
+                let around = K::around(&Bands { here: &here, parent, siblings }, x, y);
+                let wanted = match task.wanted(flat, &prediction) {
+                    Some((wanted, choice)) => models.choose(wanted, quantiser, choice, &place, &around),
+                    None => [0; 3],
+                };
+                let values = models.code(coder, &place, &around, (&prediction, inverse), wanted);
+                if values != [0; 3] {
+                    let at = here.index(x, y);
+                    here.values[at] = K::lanes(&values);
+                    for colour in 0..3 {
+                        decoded[colour] += quantiser.dequantise(values[colour], step);
+                    }
+                }
+            }
+            out[flat] = decoded;
+            x += 1;
+        }
+    }
+    here
 }
 
 /// Whether what coding a block takes off its squared error is worth the bits, as far as can be told before it is coded.
@@ -302,92 +332,6 @@ fn neighbour_mean(out: &[Pixel], band: &Band, x: usize, y: usize, colour: usize)
         (false, true) => out[(y - 1) * width + x][colour],
         (false, false) => 0.0,
     }
-}
-
-/// The quantised values with the least squared error plus rate: each colour's among the nearest and those nearer to zero,
-/// then these together or none.
-#[inline(always)]
-fn choose<K: Contexts>(
-    wanted: [f32; 3],
-    quantiser: &Quantiser,
-    choice: Choice,
-    models: &State<K>,
-    place: &Place,
-    around: &K::Around,
-) -> [i32; 3] {
-    if wanted.iter().all(|w| w.abs() < 0.5) {
-        return [0; 3];
-    }
-    let probability = models.any.probability(&K::any(place, around));
-    let mut values = [0i32; 3];
-    let mut together = choice.lambda * cost(probability, true);
-    let mut none = choice.lambda * cost(probability, false);
-    for colour in 0..3 {
-        let magnitude = wanted[colour].abs().min(LARGEST as f32 - 1.0);
-        none += magnitude * magnitude;
-        let nearest = (magnitude + 0.5) as u32;
-        let lowest = nearest.saturating_sub(if nearest <= 2 { 2 } else { 1 });
-        let context = K::magnitude(place, around, colour, &values);
-        let implied = colour == 2 && values[0] == 0 && values[1] == 0;
-        let mut bits = 0.0;
-        let mut best = (f32::INFINITY, 0);
-        for index in 0..=nearest.min(ESCAPE) {
-            let probability = models.magnitude.probability(&K::decision(&context, index));
-            let (stop, go) =
-                if implied && index == 0 { (0.0, 0.0) } else { (cost(probability, false), cost(probability, true)) };
-            if index >= lowest || index == ESCAPE {
-                let candidate = if index == ESCAPE { nearest } else { index };
-                let rate = bits + if candidate < ESCAPE { stop } else { 0.0 } + (candidate > 0) as u32 as f32;
-                let error = magnitude - quantiser.dequantise(candidate as i32, 1.0);
-                let value = error * error + choice.lambda * rate;
-                if value < best.0 {
-                    best = (value, candidate);
-                }
-            }
-            bits += go;
-        }
-        together += best.0;
-        values[colour] = if wanted[colour] < 0.0 { -(best.1 as i32) } else { best.1 as i32 };
-    }
-    if none <= together { [0; 3] } else { values }
-}
-
-/// Codes the three colours of a position.
-#[inline(always)]
-fn code_values<C: BitCoder, K: Contexts>(
-    coder: &mut C,
-    models: &mut State<K>,
-    place: &Place,
-    around: &K::Around,
-    prediction: &[f32; 3],
-    inverse: f32,
-    wanted: [i32; 3],
-) -> [i32; 3] {
-    if !models.any.code(coder, &K::any(place, around), wanted != [0; 3]) {
-        return [0; 3];
-    }
-    let mut values = [0i32; 3];
-    for colour in 0..3 {
-        let context = K::magnitude(place, around, colour, &values);
-        // Some colour is not zero: if the first two are, the last one is not.
-        let mut magnitude = (colour == 2 && values[0] == 0 && values[1] == 0) as u32;
-        let goal = wanted[colour].unsigned_abs();
-        while magnitude < ESCAPE {
-            if !models.magnitude.code(coder, &K::decision(&context, magnitude), magnitude < goal) {
-                break;
-            }
-            magnitude += 1;
-        }
-        if magnitude == ESCAPE {
-            magnitude = ESCAPE.saturating_add(models.escape.code(coder, goal.wrapping_sub(ESCAPE))).min(LARGEST);
-        }
-        if magnitude > 0 {
-            let sign = sign_context(place, colour, &values, prediction[colour], inverse);
-            let negative = models.sign[sign].code(coder, wanted[colour] < 0);
-            values[colour] = if negative { -(magnitude as i32) } else { magnitude as i32 };
-        }
-    }
-    values
 }
 
 fn choose_gains(

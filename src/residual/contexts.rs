@@ -2,55 +2,73 @@
 //!
 //! All numbers here are part of the format (`spec/planes.md`).
 
-use super::gains;
-use crate::entropy::Predictor;
+use super::coefficients::{Choice, Quantiser};
+use crate::entropy::BitCoder;
+use crate::image::Mask;
 use crate::transform::shape_adaptive::{Band, Pixel};
 
 /// Side of a block, in positions.
 pub(super) const BLOCK: usize = 4;
 
-/// What tells bits apart: contexts, and what learns their probabilities.
-pub(super) trait Contexts {
-    /// What predicts a decision.
-    type Predictor: Predictor + Clone + std::fmt::Debug;
+/// How values are told apart: what is known around a position, and what learns from them.
+pub(super) trait Contexts: Clone + std::fmt::Debug {
     /// Magnitudes of the three colours at a position.
     type Lanes: Copy + Default;
     /// What is known around a position.
     type Around;
-    /// What is known before a coefficient.
-    type Magnitude;
 
-    /// Predictors of the decisions whether any colour is not zero, and whether a magnitude is larger.
-    fn predictors() -> [Self::Predictor; 2];
+    /// Models that have seen nothing.
+    fn new() -> Self;
     /// Magnitudes of what was coded at a position.
     fn lanes(values: &[i32; 3]) -> Self::Lanes;
     /// Magnitudes of a predicted coefficient; `inverse` is four over the step.
     fn hint(predicted: &Pixel, inverse: f32) -> Self::Lanes;
-    /// What predicts whether a block of the finest bands is all zero; `None` where there are no blocks.
-    fn blocks() -> Option<Self::Predictor>;
-    /// Context of the decision whether a block ([`BLOCK`] positions square, counted by `x` and `y`) has anything but zeros.
-    /// `beside` says it of the block before it and the one above it.
-    fn block(
-        parent: Option<&Known<Self::Lanes>>,
-        siblings: &[Known<Self::Lanes>],
-        beside: [bool; 2],
-        x: usize,
-        y: usize,
-    ) -> <Self::Predictor as Predictor>::Context;
-    /// Gathers what is known around a position. `parent` is the same band one level coarser, `siblings` those of the same level.
-    fn around(
-        here: &Known<Self::Lanes>,
-        parent: Option<&Known<Self::Lanes>>,
-        siblings: &[Known<Self::Lanes>],
-        x: usize,
-        y: usize,
-    ) -> Self::Around;
-    /// Context of the decision whether any of the three colours is not zero.
-    fn any(place: &Place, around: &Self::Around) -> <Self::Predictor as Predictor>::Context;
-    /// What predicts the magnitude of a colour; `before` are the values of the colours before it.
-    fn magnitude(place: &Place, around: &Self::Around, colour: usize, before: &[i32; 3]) -> Self::Magnitude;
-    /// Context of the decision whether the magnitude is larger than `index`.
-    fn decision(magnitude: &Self::Magnitude, index: u32) -> <Self::Predictor as Predictor>::Context;
+    /// Gathers what is known around a position.
+    fn around(bands: &Bands<Self::Lanes>, x: usize, y: usize) -> Self::Around;
+    /// The values with the least squared error plus rate among those near `wanted`, which are given in steps.
+    fn choose(
+        &self,
+        wanted: [f32; 3],
+        quantiser: &Quantiser,
+        choice: Choice,
+        place: &Place,
+        around: &Self::Around,
+    ) -> [i32; 3];
+}
+
+/// Contexts whose values a coder can code.
+pub(super) trait Codes<C: BitCoder>: Contexts {
+    /// Codes the three colours of a position. `prediction` is what they will be added to, `inverse` one over the step.
+    fn code(
+        &mut self,
+        coder: &mut C,
+        place: &Place,
+        around: &Self::Around,
+        prediction: (&[f32; 3], f32),
+        wanted: [i32; 3],
+    ) -> [i32; 3];
+    /// Codes which blocks of the row that begins at `y` hold anything but zeros, where blocks are told apart. `occupied` says it of
+    /// the row above, all true at first, and then of this one; `is_wanted` of positions that the encoder has.
+    fn code_blocks(
+        &mut self,
+        _coder: &mut C,
+        _bands: &Bands<Self::Lanes>,
+        _mask: &Mask,
+        _y: usize,
+        _occupied: &mut [bool],
+        _is_wanted: impl Fn(&[usize]) -> bool,
+    ) {
+    }
+}
+
+/// A band and those coded before it.
+#[derive(Clone, Copy)]
+pub(super) struct Bands<'a, T> {
+    pub(super) here: &'a Known<T>,
+    /// The band of this orientation one level coarser.
+    pub(super) parent: Option<&'a Known<T>>,
+    /// Those of this level.
+    pub(super) siblings: &'a [Known<T>],
 }
 
 /// What is known of a band: magnitudes of what was coded and of the prediction, with a margin of two columns and rows before the first
@@ -92,8 +110,6 @@ impl<T: Copy + Default> Known<T> {
     }
 }
 
-/// Decisions that have slots of their own: larger than 0, than 1, than 2 or more.
-pub(super) const KINDS: usize = 3;
 /// Classes of bands by level and direction, for each colour.
 pub(super) const CLASSES: usize = 8 * 3;
 
@@ -135,24 +151,4 @@ pub(super) fn logarithmic(value: u32, most: u32) -> u32 {
     }
     let top = 31 - value.leading_zeros();
     (2 * top + (value >> (top - 1) & 1)).min(most)
-}
-
-/// Context of the sign: the prediction's sign and size, and the signs of the colours before.
-#[inline(always)]
-pub(super) fn sign_context(place: &Place, colour: usize, before: &[i32; 3], prediction: f32, inverse: f32) -> usize {
-    let size = gains::bucket(prediction.abs() * inverse * 2.0) + 1;
-    let signed = if prediction > 0.0 {
-        3 + size
-    } else if prediction < 0.0 {
-        3 - size
-    } else {
-        3
-    };
-    let other = |k: usize| match before[k] {
-        _ if k >= colour => 0,
-        0 => 0,
-        v if v > 0 => 1,
-        _ => 2,
-    };
-    (place.band_class * 7 + signed) * 9 + other(0) * 3 + other(1)
 }

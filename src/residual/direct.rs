@@ -1,141 +1,275 @@
-//! Two contexts of each decision, averaged.
+//! Symbols of 16 values, each predicted from two contexts: one for the three colours of a position together, and others for magnitudes that
+//! are larger than it tells.
 //!
 //! All numbers here are part of the format (`spec/planes.md`).
 
-use super::contexts::{BLOCK, CLASSES, Contexts, KINDS, Known, Place, class_8, class_12, few, logarithmic};
+use super::coefficients::{Choice, LARGEST, Quantiser};
+use super::contexts::{BLOCK, Bands, CLASSES, Codes, Contexts, Known, Place, class_8, class_12, few, logarithmic};
 use crate::entropy::average::Average;
+use crate::entropy::mixer::cost;
+use crate::entropy::symbol::{Symbols, VALUES, interval};
+use crate::entropy::{Number, SymbolCoder};
+use crate::image::Mask;
 use crate::transform::shape_adaptive::Pixel;
 
-/// Magnitudes of the three colours and their sum, each at most 255; of the prediction in half steps.
-type Lanes = [u8; 4];
+/// Magnitudes of the three colours and their sum, each at most 255, in 16 bits each, the first lowest; of the prediction in half steps.
+/// Sums of a few of them are sums in each lane.
+type Lanes = u64;
 
-/// What surrounds a position.
+/// What surrounds a position. Bands have margins, so that it is there; nothing where it were not.
+#[derive(Default)]
 pub(super) struct Around {
-    west: Lanes,
-    north: Lanes,
-    north_west: Lanes,
-    north_east: Lanes,
     parent: Lanes,
     hint: Lanes,
-    /// `2 (west + north) + north_west + north_east` of the sums.
-    near: u32,
-    /// `near` and what is farther off.
+    /// `2 (west + north) + north_west + north_east`.
+    near: Lanes,
+    /// `near` of the sums and what is farther off.
     wide: u32,
 }
 
-/// Two contexts of each decision, averaged.
+/// Symbols of 16 values.
 #[derive(Debug, Clone)]
-pub(super) enum Direct {}
+pub(super) struct Direct {
+    /// The three magnitudes of a position, each up to [`MOST`].
+    pattern: Symbols,
+    /// By how much a magnitude is larger.
+    more: Symbols,
+    /// What is even larger.
+    escape: Number,
+    /// Whether a block has anything but zeros.
+    block: Average,
+}
 
 /// Lane of the sum.
 const SUM: usize = 3;
+/// The largest magnitudes that a pattern tells apart from larger ones, and the value of each in it.
+const MOST: [u32; 3] = [3, 1, 1];
+const WEIGHTS: [u32; 3] = [1, 4, 8];
+/// The symbol of magnitudes beyond those that symbols tell.
+const ESCAPE: u32 = VALUES as u32 - 1;
 
 #[inline(always)]
-fn with_sum([a, b, c]: [u8; 3]) -> Lanes {
-    [a, b, c, a.saturating_add(b).saturating_add(c)]
+fn with_sum([a, b, c]: [u32; 3]) -> Lanes {
+    (a | b << 16) as u64 | ((c | (a + b + c).min(255) << 16) as u64) << 32
+}
+
+#[inline(always)]
+fn lane(lanes: Lanes, k: usize) -> u32 {
+    (lanes >> (16 * k)) as u32 & 0xffff
+}
+
+/// The pattern of magnitudes.
+#[inline(always)]
+fn pattern(magnitudes: [u32; 3]) -> u32 {
+    (0..3).map(|k| magnitudes[k].min(MOST[k]) * WEIGHTS[k]).sum()
+}
+
+impl Direct {
+    /// Contexts of a position's pattern.
+    #[inline(always)]
+    fn pattern_contexts(place: &Place, around: &Around) -> [u32; 2] {
+        let class = place.band_class as u32;
+        let hint = lane(around.hint, SUM);
+        let hint_class = if place.is_predicted { class_8(hint) } else { 8 };
+        let total = around.wide + 4 * hint;
+        [
+            (class * 12 + class_12(lane(around.near, SUM))) * 9 + hint_class,
+            (class * 32 + logarithmic(2 * total, 31)) * 4 + few(lane(around.near, 1) + lane(around.near, 2)),
+        ]
+    }
+
+    /// Contexts of how much larger a magnitude is than its pattern tells; `before` are the magnitudes of the colours before it.
+    #[inline(always)]
+    fn more_contexts(place: &Place, around: &Around, colour: usize, before: u32) -> [u32; 2] {
+        let [near, hint, parent] = [around.near, around.hint, around.parent].map(|lanes| lane(lanes, colour));
+        let class = (place.band_class * 3 + colour) as u32;
+        let total = 3 * near + 3 * parent + 4 * before + 2 * hint;
+        [
+            (class * 12 + class_12(near)) * 8 + class_8(hint),
+            (class * 8 + class_8(2 * before)) * 16 + logarithmic(total + around.wide / 4, 15),
+        ]
+    }
 }
 
 impl Contexts for Direct {
-    type Predictor = Average;
     type Lanes = Lanes;
     type Around = Around;
-    type Magnitude = [u32; 2];
 
-    fn predictors() -> [Average; 2] {
-        [Average::new([8 * 12 * 9, 8 * 32 * 4]), Average::new([CLASSES * KINDS * 12 * 8, KINDS * CLASSES * 8 * 16])]
+    fn new() -> Self {
+        Direct {
+            pattern: Symbols::new([8 * 12 * 9, 8 * 32 * 4]),
+            more: Symbols::new([CLASSES * 12 * 8, CLASSES * 8 * 16]),
+            escape: Number::default(),
+            block: Average::new([3 * 4 * 12, 4 * 3 * 8 * 4]),
+        }
     }
 
     #[inline(always)]
     fn lanes(values: &[i32; 3]) -> Lanes {
-        with_sum(values.map(|value| value.unsigned_abs().min(255) as u8))
+        with_sum(values.map(|value| value.unsigned_abs().min(255)))
     }
 
     #[inline(always)]
     fn hint(predicted: &Pixel, inverse: f32) -> Lanes {
-        with_sum([0, 1, 2].map(|k| (predicted[k].abs() * (0.5 * inverse)).min(255.0) as u8))
-    }
-
-    fn blocks() -> Option<Average> {
-        Some(Average::new([3 * 4 * 12, 4 * 3 * 8 * 4]))
+        with_sum([0, 1, 2].map(|k| (predicted[k].abs() * (0.5 * inverse)).min(255.0) as u32))
     }
 
     #[inline(always)]
-    fn block(
-        parent: Option<&Known<Lanes>>,
-        siblings: &[Known<Lanes>],
-        beside: [bool; 2],
-        x: usize,
-        y: usize,
-    ) -> [u32; 2] {
-        let total = |known: &Known<Lanes>, side: usize| -> u32 {
-            let rows = (y * side..(y + 1) * side).map(|y| known.index(x * side, y));
-            let rows = rows.filter_map(|at| known.values.get(at..at + side));
-            rows.flatten().map(|lanes| lanes[SUM] as u32).sum()
-        };
-        let parent = parent.map_or(0, |parent| total(parent, BLOCK / 2));
-        let siblings_total: u32 = siblings.iter().map(|known| total(known, BLOCK)).sum();
-        let beside = beside[0] as u32 + 2 * beside[1] as u32;
-        let orientation = siblings.len() as u32;
-        [
-            (orientation * 4 + beside) * 12 + class_12(parent),
-            ((beside * 3 + orientation) * 8 + class_8(siblings_total)) * 4 + few(parent),
-        ]
-    }
-
-    #[inline(always)]
-    fn around(
-        here: &Known<Lanes>,
-        parent: Option<&Known<Lanes>>,
-        siblings: &[Known<Lanes>],
-        x: usize,
-        y: usize,
-    ) -> Around {
+    fn around(bands: &Bands<Lanes>, x: usize, y: usize) -> Around {
+        let Bands { here, parent, siblings } = bands;
         let at = here.index(x, y);
-        let (v, stride) = (&here.values, here.stride);
-        let lanes = |at: usize| v.get(at).copied().unwrap_or_default();
-        let [west_west, west] = v.get(at - 2..).and_then(|row| row.first_chunk()).copied().unwrap_or_default();
-        let [north_west, north, north_east] =
-            v.get(at - stride - 1..).and_then(|row| row.first_chunk()).copied().unwrap_or_default();
-        let sum = |lanes: Lanes| lanes[SUM] as u32;
-        let parent = parent.map_or([0; 4], |parent| parent.values[parent.index(x / 2, y / 2)]);
-        let siblings: u32 = siblings.iter().map(|other| sum(other.values[at])).sum();
+        let stride = here.stride;
+        let rows: [&[u64]; 3] =
+            [at - 2 * stride, at - stride - 1, at - 2].map(|at| here.values.get(at..).unwrap_or_default());
+        let [north_north, ..] = rows[0] else { return Around::default() };
+        let [north_west, north, north_east, ..] = rows[1] else { return Around::default() };
+        let [west_west, west, ..] = rows[2] else { return Around::default() };
+        let parent = parent.map_or(0, |parent| parent.values[parent.index(x / 2, y / 2)]);
+        let siblings: u64 = siblings.iter().map(|other| other.values[at]).sum();
+        let near = 2 * (west + north) + north_west + north_east;
+        let wide = lane(3 * near + 2 * (west_west + north_north) + 3 * parent + 2 * siblings, SUM);
         let hint = here.hint(at);
-        let near = 2 * (sum(west) + sum(north)) + sum(north_west) + sum(north_east);
-        let far = sum(west_west) + sum(lanes(at - 2 * stride));
-        let wide = 3 * near + 2 * far + 3 * sum(parent) + 2 * siblings;
-        Around { west, north, north_west, north_east, parent, hint, near, wide }
+        Around { parent, hint, near, wide }
     }
 
+    /// All values together: each colour's among the nearest and those nearer to zero.
+    fn choose(
+        &self,
+        wanted: [f32; 3],
+        quantiser: &Quantiser,
+        choice: Choice,
+        place: &Place,
+        around: &Around,
+    ) -> [i32; 3] {
+        let wanted_magnitudes = wanted.map(|w| w.abs().min(LARGEST as f32 - 1.0));
+        if wanted_magnitudes.iter().all(|&w| w < 0.5) {
+            return [0; 3];
+        }
+        let patterns = self.pattern.starts(Self::pattern_contexts(place, around));
+        let nearest = wanted_magnitudes.map(|w| (w + 0.5) as u32);
+        let lowest = nearest.map(|nearest| nearest.saturating_sub(if nearest <= 2 { 2 } else { 1 }));
+        let value_of = |colour: usize, magnitude: u32, before: u32| {
+            let error = wanted_magnitudes[colour] - quantiser.dequantise(magnitude as i32, 1.0);
+            let mut bits = (magnitude > 0) as u32 as f32;
+            if magnitude >= MOST[colour] {
+                let more = self.more.starts(Self::more_contexts(place, around, colour, before));
+                bits += cost(interval(&more, (magnitude - MOST[colour]).min(ESCAPE) as usize)[1] as u32, true);
+            }
+            error * error + choice.lambda * bits
+        };
+        let mut best = (f32::INFINITY, [0; 3]);
+        let mut consider = |magnitudes: [u32; 3], value: f32| {
+            let value = value + choice.lambda * cost(interval(&patterns, pattern(magnitudes) as usize)[1] as u32, true);
+            if value < best.0 {
+                best = (value, magnitudes);
+            }
+        };
+        // None at all is always worth a thought.
+        consider([0; 3], wanted_magnitudes.iter().map(|w| w * w).sum());
+        for first in lowest[0]..=nearest[0] {
+            let of_first = value_of(0, first, 0);
+            for second in lowest[1]..=nearest[1] {
+                let of_second = of_first + value_of(1, second, first.min(255));
+                for third in lowest[2]..=nearest[2] {
+                    let before = first.min(255) + second.min(255);
+                    consider([first, second, third], of_second + value_of(2, third, before));
+                }
+            }
+        }
+        let sign = |k: usize| if wanted[k] < 0.0 { -1 } else { 1 };
+        std::array::from_fn(|k| best.1[k] as i32 * sign(k))
+    }
+}
+
+impl<C: SymbolCoder> Codes<C> for Direct {
     #[inline(always)]
-    fn any(place: &Place, around: &Around) -> [u32; 2] {
-        let class = place.band_class as u32;
-        let hint = around.hint[SUM] as u32;
-        let hint_class = if place.is_predicted { class_8(hint) } else { 8 };
-        let total = around.wide + 4 * hint;
-        [
-            (class * 12 + class_12(around.near)) * 9 + hint_class,
-            (class * 32 + logarithmic(2 * total, 31)) * 4 + few(around.parent[SUM] as u32),
-        ]
+    fn code(
+        &mut self,
+        coder: &mut C,
+        place: &Place,
+        around: &Around,
+        _prediction: (&[f32; 3], f32),
+        wanted: [i32; 3],
+    ) -> [i32; 3] {
+        let goals = wanted.map(i32::unsigned_abs);
+        let pattern = self.pattern.code(coder, Self::pattern_contexts(place, around), pattern(goals) as usize) as u32;
+        if pattern == 0 {
+            return [0; 3];
+        }
+        let mut magnitudes: [u32; 3] = std::array::from_fn(|k| (pattern / WEIGHTS[k]) & MOST[k]);
+        let mut before = 0;
+        for colour in 0..3 {
+            if magnitudes[colour] == MOST[colour] {
+                let contexts = Self::more_contexts(place, around, colour, before);
+                let goal = goals[colour].wrapping_sub(MOST[colour]);
+                let mut more = self.more.code(coder, contexts, goal.min(ESCAPE) as usize) as u32;
+                if more == ESCAPE {
+                    more = ESCAPE.saturating_add(self.escape.code(coder, goal.wrapping_sub(ESCAPE))).min(LARGEST);
+                }
+                magnitudes[colour] += more;
+            }
+            before += magnitudes[colour].min(255);
+        }
+        // A sign for each that is not zero, the last colour's lowest.
+        let (mut count, mut signs) = (0, 0);
+        for colour in 0..3 {
+            let is_there = (goals[colour] > 0) as u32;
+            signs = signs << is_there | (wanted[colour] < 0) as u32;
+            count += (magnitudes[colour] > 0) as u32;
+        }
+        let mut signs = coder.equiprobable(count, signs);
+        let mut values = [0; 3];
+        for colour in (0..3).rev() {
+            let is_there = (magnitudes[colour] > 0) as u32;
+            let negative = (signs & is_there) as i32;
+            signs >>= is_there;
+            values[colour] = (magnitudes[colour] as i32 ^ -negative) + negative;
+        }
+        values
     }
 
-    #[inline(always)]
-    fn magnitude(place: &Place, around: &Around, colour: usize, before: &[i32; 3]) -> [u32; 2] {
-        let lane = |lanes: &Lanes| lanes[colour] as u32;
-        let near = 2 * (lane(&around.west) + lane(&around.north)) + lane(&around.north_west) + lane(&around.north_east);
-        let colours: u32 = before[..colour].iter().map(|v| v.unsigned_abs().min(255)).sum();
-        let class = (place.band_class * 3 + colour) as u32;
-        let kinds = KINDS as u32;
-        let hint = lane(&around.hint);
-        let total = 3 * near + 3 * lane(&around.parent) + 4 * colours + 2 * hint;
-        [
-            (class * kinds * 12 + class_12(near)) * 8 + class_8(hint),
-            (class * kinds * 8 + class_8(2 * colours)) * 16 + logarithmic(total + around.wide / 4, 15),
-        ]
+    fn code_blocks(
+        &mut self,
+        coder: &mut C,
+        bands: &Bands<Lanes>,
+        mask: &Mask,
+        y: usize,
+        occupied: &mut [bool],
+        is_wanted: impl Fn(&[usize]) -> bool,
+    ) {
+        if y == 0 {
+            occupied.fill(false);
+        }
+        let mut before = false;
+        let rows = y..(y + BLOCK).min(mask.height);
+        for (block, occupied) in occupied.iter_mut().enumerate() {
+            let columns = block * BLOCK..((block + 1) * BLOCK).min(mask.width);
+            *occupied = rows.clone().any(|y| mask.row(y)[columns.clone()].contains(&true)) && {
+                let wanted = !C::DECODES && {
+                    let places = rows.clone().flat_map(|y| columns.clone().map(move |x| y * mask.width + x));
+                    is_wanted(&places.filter(|&flat| mask.data[flat]).collect::<Vec<_>>())
+                };
+                self.block.code(coder, &block_contexts(bands, [before, *occupied], block, y / BLOCK), wanted)
+            };
+            before = *occupied;
+        }
     }
+}
 
-    #[inline(always)]
-    fn decision(magnitude: &[u32; 2], index: u32) -> [u32; 2] {
-        let kind = index.min(KINDS as u32 - 1);
-        [magnitude[0] + kind * 12 * 8, magnitude[1] + kind * 8 * 16]
-    }
+/// Contexts of the decision whether a block ([`BLOCK`] positions square, counted by `x` and `y`) has anything but zeros. `beside` says it
+/// of the block before it and the one above it.
+fn block_contexts(bands: &Bands<Lanes>, beside: [bool; 2], x: usize, y: usize) -> [u32; 2] {
+    let total = |known: &Known<Lanes>, side: usize| -> u32 {
+        let rows = (y * side..(y + 1) * side).map(|y| known.index(x * side, y));
+        let rows = rows.filter_map(|at| known.values.get(at..at + side));
+        rows.flatten().map(|&lanes| lane(lanes, SUM)).sum()
+    };
+    let parent = bands.parent.map_or(0, |parent| total(parent, BLOCK / 2));
+    let siblings: u32 = bands.siblings.iter().map(|known| total(known, BLOCK)).sum();
+    let beside = beside[0] as u32 + 2 * beside[1] as u32;
+    let orientation = bands.siblings.len() as u32;
+    [
+        (orientation * 4 + beside) * 12 + class_12(parent),
+        ((beside * 3 + orientation) * 8 + class_8(siblings)) * 4 + few(parent),
+    ]
 }

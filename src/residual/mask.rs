@@ -4,7 +4,7 @@
 //! is the context: far from its border a mask costs next to nothing. Normative text: `spec/planes.md`.
 
 use crate::entropy::mixer::{Context, INPUTS, Mixer};
-use crate::entropy::{BitCoder, BitModel, Predictor};
+use crate::entropy::{BitCoder, BitModel};
 use crate::image::Mask;
 
 /// Adaptive state, handed from a mask to those coded after it.

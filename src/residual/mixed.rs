@@ -2,8 +2,11 @@
 //!
 //! All numbers here are part of the format (`spec/planes.md`).
 
-use super::contexts::{CLASSES, Contexts, KINDS, Known, Place, class_8, class_12, few, logarithmic};
-use crate::entropy::mixer::{Context, INPUTS, Mixer, SELECTORS};
+use super::coefficients::{Choice, LARGEST, Quantiser};
+use super::contexts::{Bands, CLASSES, Codes, Contexts, Known, Place, class_8, class_12, few, logarithmic};
+use super::gains;
+use crate::entropy::mixer::{Context, INPUTS, Mixer, cost};
+use crate::entropy::{BitCoder, BitModel, Number};
 use crate::transform::shape_adaptive::Pixel;
 
 /// Magnitudes of the three colours, at most 255 or, of the prediction in quarter steps, 8191; the fourth lane is unused.
@@ -11,32 +14,42 @@ type Lanes = [i16; 4];
 
 /// Eight contexts of each decision, mixed.
 #[derive(Debug, Clone)]
-pub(super) enum Mixed {}
+pub(super) struct Mixed {
+    /// Whether any of the three colours is not zero.
+    any: Mixer,
+    /// Whether a magnitude is larger.
+    magnitude: Mixer,
+    sign: Vec<BitModel>,
+    escape: Number,
+}
+
+/// Magnitudes from here on are coded by [`Number`].
+const ESCAPE: u32 = 14;
+/// Decisions that have slots of their own: larger than 0, than 1, than 2 or more.
+const KINDS: usize = 3;
 
 impl Contexts for Mixed {
-    type Predictor = Mixer;
     type Lanes = Lanes;
     type Around = Around;
-    type Magnitude = Context;
 
-    fn predictors() -> [Mixer; 2] {
+    fn new() -> Self {
         let base = CLASSES * KINDS;
-        [
-            Mixer::new([8 * 12 * 9, 8 * 12 * 12, 6 * 24, 8 * 8 * 8, 8 * 9 * 8, 256 * 4, 32 * 4, 9 * 9 * 8], [16, 16]),
-            Mixer::new(
-                [
-                    base * 12 * 9,
-                    base * 12 * 8,
-                    KINDS * 3 * 6 * 24,
-                    base * 8 * 8,
-                    base * 9 * 8,
-                    KINDS * 3 * 256 * 4,
-                    KINDS * 3 * 32 * 4,
-                    KINDS * 3 * 8 * 8 * 4,
-                ],
-                [2 * base, KINDS * 16],
-            ),
-        ]
+        let any =
+            Mixer::new([8 * 12 * 9, 8 * 12 * 12, 6 * 24, 8 * 8 * 8, 8 * 9 * 8, 256 * 4, 32 * 4, 9 * 9 * 8], [16, 16]);
+        let magnitude = Mixer::new(
+            [
+                base * 12 * 9,
+                base * 12 * 8,
+                KINDS * 3 * 6 * 24,
+                base * 8 * 8,
+                base * 9 * 8,
+                KINDS * 3 * 256 * 4,
+                KINDS * 3 * 32 * 4,
+                KINDS * 3 * 8 * 8 * 4,
+            ],
+            [2 * base, KINDS * 16],
+        );
+        Mixed { any, magnitude, sign: vec![BitModel::default(); 8 * 7 * 9], escape: Number::default() }
     }
 
     #[inline(always)]
@@ -50,50 +63,116 @@ impl Contexts for Mixed {
         std::array::from_fn(|k| (predicted[k].abs() * inverse).min(8191.0) as i16)
     }
 
-    fn blocks() -> Option<Mixer> {
-        None
-    }
-
-    fn block(_: Option<&Known<Lanes>>, _: &[Known<Lanes>], _: [bool; 2], _: usize, _: usize) -> Context {
-        Context { slots: [0; INPUTS], selectors: [0; SELECTORS] }
-    }
-
     #[inline(always)]
-    fn around(
-        here: &Known<Lanes>,
-        parent: Option<&Known<Lanes>>,
-        siblings: &[Known<Lanes>],
-        x: usize,
-        y: usize,
-    ) -> Around {
+    fn around(bands: &Bands<Lanes>, x: usize, y: usize) -> Around {
+        let Bands { here, parent, siblings } = bands;
         let at = here.index(x, y);
         let parent = parent.map_or([0; 4], |parent| parent.values[parent.index(x / 2, y / 2)]);
         let mut sibling = [0i16; 4];
-        for other in siblings {
+        for other in *siblings {
             let other = &other.values[at];
             (0..4).for_each(|k| sibling[k] += other[k]);
         }
         Around::new(here, at, parent, sibling)
     }
 
+    /// Each colour's among the nearest and those nearer to zero, then these together or none.
     #[inline(always)]
-    fn any(place: &Place, around: &Around) -> Context {
-        any_context(place, around)
-    }
-
-    #[inline(always)]
-    fn magnitude(place: &Place, around: &Around, colour: usize, before: &[i32; 3]) -> Context {
-        magnitude_context(place, around, colour, before)
-    }
-
-    #[inline(always)]
-    fn decision(magnitude: &Context, index: u32) -> Context {
-        let kind = index.min(KINDS as u32 - 1);
-        let Context { slots, selectors } = magnitude;
-        Context {
-            slots: std::array::from_fn(|k| slots[k] + kind * STRIDES[k]),
-            selectors: [selectors[0] + kind, selectors[1] + kind * 16],
+    fn choose(
+        &self,
+        wanted: [f32; 3],
+        quantiser: &Quantiser,
+        choice: Choice,
+        place: &Place,
+        around: &Around,
+    ) -> [i32; 3] {
+        if wanted.iter().all(|w| w.abs() < 0.5) {
+            return [0; 3];
         }
+        let probability = self.any.probability(&any_context(place, around));
+        let mut values = [0i32; 3];
+        let mut together = choice.lambda * cost(probability, true);
+        let mut none = choice.lambda * cost(probability, false);
+        for colour in 0..3 {
+            let magnitude = wanted[colour].abs().min(LARGEST as f32 - 1.0);
+            none += magnitude * magnitude;
+            let nearest = (magnitude + 0.5) as u32;
+            let lowest = nearest.saturating_sub(if nearest <= 2 { 2 } else { 1 });
+            let context = magnitude_context(place, around, colour, &values);
+            let implied = colour == 2 && values[0] == 0 && values[1] == 0;
+            let mut bits = 0.0;
+            let mut best = (f32::INFINITY, 0);
+            for index in 0..=nearest.min(ESCAPE) {
+                let probability = self.magnitude.probability(&decision(&context, index));
+                let (stop, go) = if implied && index == 0 {
+                    (0.0, 0.0)
+                } else {
+                    (cost(probability, false), cost(probability, true))
+                };
+                if index >= lowest || index == ESCAPE {
+                    let candidate = if index == ESCAPE { nearest } else { index };
+                    let rate = bits + if candidate < ESCAPE { stop } else { 0.0 } + (candidate > 0) as u32 as f32;
+                    let error = magnitude - quantiser.dequantise(candidate as i32, 1.0);
+                    let value = error * error + choice.lambda * rate;
+                    if value < best.0 {
+                        best = (value, candidate);
+                    }
+                }
+                bits += go;
+            }
+            together += best.0;
+            values[colour] = if wanted[colour] < 0.0 { -(best.1 as i32) } else { best.1 as i32 };
+        }
+        if none <= together { [0; 3] } else { values }
+    }
+}
+
+impl<C: BitCoder> Codes<C> for Mixed {
+    #[inline(always)]
+    fn code(
+        &mut self,
+        coder: &mut C,
+        place: &Place,
+        around: &Around,
+        (prediction, inverse): (&[f32; 3], f32),
+        wanted: [i32; 3],
+    ) -> [i32; 3] {
+        if !self.any.code(coder, &any_context(place, around), wanted != [0; 3]) {
+            return [0; 3];
+        }
+        let mut values = [0i32; 3];
+        for colour in 0..3 {
+            let context = magnitude_context(place, around, colour, &values);
+            // Some colour is not zero: if the first two are, the last one is not.
+            let mut magnitude = (colour == 2 && values[0] == 0 && values[1] == 0) as u32;
+            let goal = wanted[colour].unsigned_abs();
+            while magnitude < ESCAPE {
+                if !self.magnitude.code(coder, &decision(&context, magnitude), magnitude < goal) {
+                    break;
+                }
+                magnitude += 1;
+            }
+            if magnitude == ESCAPE {
+                magnitude = ESCAPE.saturating_add(self.escape.code(coder, goal.wrapping_sub(ESCAPE))).min(LARGEST);
+            }
+            if magnitude > 0 {
+                let sign = sign_context(place, colour, &values, prediction[colour], inverse);
+                let negative = self.sign[sign].code(coder, wanted[colour] < 0);
+                values[colour] = if negative { -(magnitude as i32) } else { magnitude as i32 };
+            }
+        }
+        values
+    }
+}
+
+/// Context of the decision whether a magnitude is larger than `index`, from that of the first one.
+#[inline(always)]
+fn decision(first: &Context, index: u32) -> Context {
+    let kind = index.min(KINDS as u32 - 1);
+    let Context { slots, selectors } = first;
+    Context {
+        slots: std::array::from_fn(|k| slots[k] + kind * STRIDES[k]),
+        selectors: [selectors[0] + kind, selectors[1] + kind * 16],
     }
 }
 
@@ -209,4 +288,24 @@ fn magnitude_context(place: &Place, around: &Around, colour: usize, before: &[i3
     let set = place.is_predicted as u32;
     let selectors = [(set * CLASSES as u32 + class) * kinds, logarithmic(total, 15)];
     Context { slots, selectors }
+}
+
+/// Context of the sign: the prediction's sign and size, and the signs of the colours before.
+#[inline(always)]
+fn sign_context(place: &Place, colour: usize, before: &[i32; 3], prediction: f32, inverse: f32) -> usize {
+    let size = gains::bucket(prediction.abs() * inverse * 2.0) + 1;
+    let signed = if prediction > 0.0 {
+        3 + size
+    } else if prediction < 0.0 {
+        3 - size
+    } else {
+        3
+    };
+    let other = |k: usize| match before[k] {
+        _ if k >= colour => 0,
+        0 => 0,
+        v if v > 0 => 1,
+        _ => 2,
+    };
+    (place.band_class * 7 + signed) * 9 + other(0) * 3 + other(1)
 }

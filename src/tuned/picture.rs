@@ -46,13 +46,10 @@ pub fn encode(
     let mask = coder.finish();
     let parts = code_components(&stage, step, coding, decoded, |index, predicted, mut models| {
         let component = &coding.components[index];
-        let mut coder = crate::entropy::RangeEncoder::new();
         let target = stage.plan.forward(signals(&stage.frame, index));
-        let target = Some((&target[..], coefficients::Choice { lambda }));
-        let quantiser = component.quantiser(scale);
-        let decoded =
-            coefficients::code(&mut coder, &mut models, &stage.plan, &quantiser, predicted, target, Vec::new());
-        (models, (coder.finish(), stage.plan.inverse_keeping(&decoded, stage.level, &mut Work::default())))
+        let (quantiser, choice) = (component.quantiser(scale), coefficients::Choice { lambda });
+        let (stream, decoded) = coefficients::encode(&mut models, &stage.plan, &quantiser, predicted, &target, choice);
+        (models, (stream, stage.plan.inverse_keeping(&decoded, stage.level, &mut Work::default())))
     });
     let (components, parts): (Vec<_>, Vec<_>) = parts.into_iter().unzip();
     let (streams, signals): (Vec<_>, Vec<_>) = parts.into_iter().unzip();
@@ -73,11 +70,11 @@ pub fn decode(
     let (stage, mask_models) = stage(scene, step, coding, &mut RangeDecoder::new(streams[0]), None, decoded);
     let parts = code_components(&stage, step, coding, decoded, |index, predicted, mut models| {
         let component = &coding.components[index];
-        let mut coder = RangeDecoder::new(streams[1 + index]);
+        let stream = streams[1 + index];
         let quantiser = component.quantiser(scale);
         workspaces.with(|Workspace { coefficients, transform }| {
             let room = std::mem::take(coefficients);
-            *coefficients = coefficients::code(&mut coder, &mut models, &stage.plan, &quantiser, predicted, None, room);
+            *coefficients = coefficients::decode(stream, &mut models, &stage.plan, &quantiser, predicted, room);
             (models, stage.plan.inverse_keeping(coefficients, stage.level, transform))
         })
     });

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from entropy import Average, Bit, Mixer, Number
+from entropy import Average, Bit, Mixer, Number, Symbols
 
 single = np.float32
 LEVEL_STEPS = np.array([0x3F8A3D71, 0x3F733333, 0x3F666666, 0x3F59999A, 0x3F59999A], np.uint32).view(single)
@@ -11,21 +11,23 @@ LEVEL_STEPS = np.array([0x3F8A3D71, 0x3F733333, 0x3F666666, 0x3F59999A, 0x3F5999
 class Models:
     def __init__(self, direct=False):
         if direct:
-            self.any, self.magnitude, self.block = Average([864, 1024]), Average([6912, 9216]), Average([144, 384])
+            self.kind = DirectBand
+            self.pattern, self.more, self.block = Symbols([864, 1024]), Symbols([2304, 3072]), Average([144, 384])
         else:
+            self.kind = MixedBand
             self.any = Mixer([864, 1152, 144, 512, 576, 1024, 128, 648], [16, 16])
             self.magnitude = Mixer([7776, 6912, 1296, 4608, 5184, 9216, 1152, 2304], [144, 48])
-            self.block = None
-        self.sign = [Bit() for _ in range(504)]
+            self.sign = [Bit() for _ in range(504)]
         self.large = Number()
         self.last = [[[16 if g == 10 else 8] * 3 for _ in range(3)] for g in range(11)]
         self.gain = [Number() for _ in range(3)]
 
     def copy(self):
         other = Models.__new__(Models)
-        other.any, other.block = self.any.copy(), self.block and self.block.copy()
-        other.magnitude, other.large = self.magnitude.copy(), self.large.copy()
-        other.sign, other.gain = [b.copy() for b in self.sign], [n.copy() for n in self.gain]
+        for name, model in vars(self).items():
+            if name not in ("kind", "last"):
+                setattr(other, name, [m.copy() for m in model] if isinstance(model, list) else model.copy())
+        other.kind = self.kind
         other.last = [[list(row) for row in g] for g in self.last]
         return other
 
@@ -76,10 +78,9 @@ def decode(coder, models, bands, step, shrink, predicted):
                 for k in range(3):
                     row[k] = min(max(row[k] + models.gain[k].signed(coder), 0), 24)
     results, magnitudes = [], []
-    kind = DirectBand if models.block else MixedBand
     for index in range(len(bands)):
         prediction = predicted[index] if predicted is not None and index < len(predicted) else None
-        decoder = kind(coder, models, bands, index, step, shrink, prediction, magnitudes)
+        decoder = models.kind(coder, models, bands, index, step, shrink, prediction, magnitudes)
         results.append(decoder.decode())
         magnitudes.append(decoder.M)
     return results
@@ -104,7 +105,7 @@ class Around:
 
 
 class BandDecoder:
-    """What both modellings have in common."""
+    """What both modellings have in common; `values` gives the signed values of a place."""
 
     fields = 3
 
@@ -118,7 +119,6 @@ class BandDecoder:
         self.B, self.l = context_class(band), 0 if self.low else band.level
         height, width = band.mask.shape
         self.M, self.hints = padded(height, width, self.fields), padded(height, width, self.fields)
-        self.negative = padded(height, width)
         self.out = np.zeros((height, width, 3), single)
         self.gains = models.last[gain_class(band)]
         self.predicted = predicted
@@ -139,10 +139,13 @@ class BandDecoder:
         pass
 
     def place(self, x, y):
-        around = self.around(x, y)
-        for c in range(3):
-            P = self.prediction(x, y, c)
-            self.out[y, x, c] = self.coefficient(x, y, c, P, around) if around else P
+        predictions = [self.prediction(x, y, c) for c in range(3)]
+        for c, (P, value) in enumerate(zip(predictions, self.values(x, y, predictions))):
+            self.M[c][y + 2][x + 2] = min(abs(value), 255)
+            if value:
+                m = (single(abs(value)) - self.shrink[0 if abs(value) == 1 else 1]) * self.T
+                P = P - m if value < 0 else P + m
+            self.out[y, x, c] = P
 
     def prediction(self, x, y, c):
         if self.predicted is not None:
@@ -160,33 +163,6 @@ class BandDecoder:
             return (near[0] + near[1]) * single(0.5)
         return near[0] if near else single(0)
 
-    def coefficient(self, x, y, c, P, around):
-        here = [self.M[k][y + 2][x + 2] for k in range(c)]
-        magnitude = self.magnitude(c, around, sum(here), 1 if c == 2 and here == [0, 0] else 0)
-        if magnitude == 0:
-            return P
-        self.remember(x, y, c, magnitude)
-        b = 1 + bucket(abs(P) * self.u * single(2))
-        z = 3 + b if P > 0 else 3 - b if P < 0 else 3
-        q = [1 + self.negative[k][y + 2][x + 2] if m else 0 for k, m in enumerate(here)] + [0, 0]
-        negative = self.models.sign[(7 * self.B + z) * 9 + 3 * q[0] + q[1]].decode(self.coder)
-        self.negative[c][y + 2][x + 2] = negative
-        if magnitude == 1:
-            m = self.T * (single(1) - self.shrink[0])
-        else:
-            m = (single(magnitude) - self.shrink[1]) * self.T
-        return P - m if negative else P + m
-
-    def remember(self, x, y, c, magnitude):
-        self.M[c][y + 2][x + 2] = min(magnitude, 255)
-
-    def magnitude(self, c, around, colours, first):
-        contexts = self.magnitude_contexts(c, around, colours)
-        for i in range(first, 14):
-            if not self.models.magnitude.decode(self.coder, *contexts(min(i, 2))):
-                return i
-        return min(14 + self.models.large.decode(self.coder), 1 << 20)
-
     def h(self, v):
         return 8 if self.predicted is None else c8(v)
 
@@ -201,10 +177,28 @@ class MixedBand(BandDecoder):
             for y in range(height):
                 self.hints[c][y + 2][2 : width + 2] = hints[y, :, c].tolist()
 
-    def around(self, x, y):
-        """Neighbourhoods of the channels; None if all three are 0."""
+    def values(self, x, y, predictions):
         around = [Around(self, x, y, c) for c in range(3)]
-        return around if self.some(around) else None
+        values = [0, 0, 0]
+        if not self.some(around):
+            return values
+        for c, P in enumerate(predictions):
+            colours = sum(min(abs(v), 255) for v in values[:c])
+            magnitude = self.magnitude(c, around, colours, 1 if c == 2 and values[:2] == [0, 0] else 0)
+            if magnitude:
+                b = 1 + bucket(abs(P) * self.u * single(2))
+                z = 3 + b if P > 0 else 3 - b if P < 0 else 3
+                q = [1 if v > 0 else 2 if v < 0 else 0 for v in values]
+                negative = self.models.sign[(7 * self.B + z) * 9 + 3 * q[0] + q[1]].decode(self.coder)
+                values[c] = -magnitude if negative else magnitude
+        return values
+
+    def magnitude(self, c, around, colours, first):
+        contexts = self.magnitude_contexts(c, around, colours)
+        for i in range(first, 14):
+            if not self.models.magnitude.decode(self.coder, *contexts(min(i, 2))):
+                return i
+        return min(14 + self.models.large.decode(self.coder), 1 << 20)
 
     def some(self, around):
         """Whether any of the three channels is not 0."""
@@ -305,25 +299,34 @@ class DirectBand(BandDecoder):
         contexts = [(4 * o + beside) * 12 + c12(parent), ((3 * beside + o) * 8 + c8(siblings)) * 4 + few(parent)]
         return self.models.block.decode(self.coder, contexts)
 
-    def around(self, x, y):
+    def values(self, x, y, predictions):
         if self.has_blocks and not self.coded[x // 4]:
-            return None
+            return [0, 0, 0]
         around = [Near(self, x, y, field) for field in range(4)]
         total = around[3]
         siblings = sum(s[3][y + 2][x + 2] for s in self.siblings)
-        total.wide = 3 * total.near + 2 * total.far + 3 * total.parent + 2 * siblings
+        wide = 3 * total.near + 2 * total.far + 3 * total.parent + 2 * siblings
         contexts = [
             (12 * self.B + c12(total.near)) * 9 + self.h(total.hint),
-            (32 * self.B + log(2 * (total.wide + 4 * total.hint), 31)) * 4 + few(total.parent),
+            (32 * self.B + log(2 * (wide + 4 * total.hint), 31)) * 4 + few(around[1].near + around[2].near),
         ]
-        return around if self.models.any.decode(self.coder, contexts) else None
+        pattern = self.models.pattern.decode(self.coder, contexts)
+        magnitudes = [pattern % 4, pattern // 4 % 2, pattern // 8]
+        for c, most in enumerate([3, 1, 1]):
+            if magnitudes[c] == most:
+                magnitudes[c] += self.more(c, around[c], sum(min(m, 255) for m in magnitudes[:c]), wide)
+        self.M[3][y + 2][x + 2] = min(sum(min(m, 255) for m in magnitudes), 255)
+        signs = self.coder.equiprobable(sum(m > 0 for m in magnitudes))
+        values = [0, 0, 0]
+        for c in (2, 1, 0):
+            if magnitudes[c]:
+                values[c] = -magnitudes[c] if signs % 2 else magnitudes[c]
+                signs //= 2
+        return values
 
-    def magnitude_contexts(self, c, around, colours):
-        here, K = around[c], 3 * self.B + c
-        total = 3 * here.near + 3 * here.parent + 4 * colours + 2 * here.hint + around[3].wide // 4
-        first, second = 8 * c12(here.near) + c8(here.hint), 16 * c8(2 * colours) + log(total, 15)
-        return lambda kind: ([(3 * K + kind) * 96 + first, (3 * K + kind) * 128 + second],)
-
-    def remember(self, x, y, c, magnitude):
-        super().remember(x, y, c, magnitude)
-        self.M[3][y + 2][x + 2] = min(sum(self.M[k][y + 2][x + 2] for k in range(3)), 255)
+    def more(self, c, here, colours, wide):
+        K = 3 * self.B + c
+        total = 3 * here.near + 3 * here.parent + 4 * colours + 2 * here.hint + wide // 4
+        contexts = [(12 * K + c12(here.near)) * 8 + c8(here.hint), (8 * K + c8(2 * colours)) * 16 + log(total, 15)]
+        value = self.models.more.decode(self.coder, contexts)
+        return min(15 + self.models.large.decode(self.coder), 1 << 20) if value == 15 else value

@@ -11,6 +11,35 @@ class Damaged(Exception):
     """The file breaks a rule of the specification."""
 
 
+class States:
+    """Symbol decoder, section 7."""
+
+    def __init__(self, data):
+        self.data, self.position = bytes(data), 0
+        low = self.word()
+        self.x = low | self.word() << 32
+
+    def word(self):
+        word = self.data[self.position : self.position + 4]
+        self.position += 4
+        return int.from_bytes(word, "little") if len(word) == 4 else 0
+
+    def take(self, start, size):
+        self.x = size * (self.x >> 16) + self.x % 65536 - start
+        if self.x < 1 << 32:
+            self.x = self.x << 32 | self.word()
+
+    def bit(self, p):
+        bit = self.x % 65536 < p
+        self.take(*((0, p) if bit else (p, 65536 - p)))
+        return int(bit)
+
+    def equiprobable(self, count):
+        value = self.x % 65536 >> 16 - count
+        self.take(value << 16 - count, 1 << 16 - count)
+        return value
+
+
 class Range:
     """Range decoder, section 1."""
 
@@ -184,6 +213,35 @@ class Mixer:
             self.p[k][c] = p + ((top - p) * RECIPROCAL[n] >> 16)
             self.n[k][c] = min(n + 1, 250)
         return bit
+
+
+class Symbols:
+    """Symbols, section 8."""
+
+    BOUNDS = (1, 4, 9, 19, 39, 79)
+
+    def __init__(self, counts):
+        self.starts = [[[2048 * i for i in range(16)] for _ in range(n)] for n in counts]
+        self.n = [[0] * n for n in counts]
+
+    def copy(self):
+        other = Symbols.__new__(Symbols)
+        # Starts are never changed in place.
+        other.starts, other.n = [list(x) for x in self.starts], [list(x) for x in self.n]
+        return other
+
+    def decode(self, coder, contexts):
+        a, b = (self.starts[k][c] for k, c in enumerate(contexts))
+        total = [x + y for x, y in zip(a, b)] + [65536]
+        place = coder.x % 65536
+        value = max(v for v in range(16) if total[v] <= place)
+        coder.take(total[value], total[value + 1] - total[value])
+        targets = [2 * i if i <= value else 32768 - 2 * (16 - i) for i in range(16)]
+        for k, c in enumerate(contexts):
+            rate = 1 + sum(self.n[k][c] >= bound for bound in self.BOUNDS)
+            self.starts[k][c] = [s + (t - s >> rate) for s, t in zip(self.starts[k][c], targets)]
+            self.n[k][c] += 1
+        return value
 
 
 class Average:

@@ -7,7 +7,7 @@ import numpy as np
 
 import geometry
 from container import varint
-from entropy import Bit, Damaged, Mixer, Number, Range
+from entropy import Bit, Damaged, Mixer, Number, Range, States
 
 single = np.float32
 
@@ -179,8 +179,9 @@ class Planes:
                 sources = [(r.filled[k], f, share) for (r, share), f in zip(references, found)]
                 predicted = transform.forward(geometry.predict(low, sources, component.shaded), level)
             step_size = component.step * single(step.scale / 64)
+            coder = (States if self.head.direct else Range)(step.streams[k + 1])
             bands = self.decode_coefficients(
-                Range(step.streams[k + 1]), models, transform.bands, step_size, component.shrink, predicted
+                coder, models, transform.bands, step_size, component.shrink, predicted
             )
             lows = transform.lows(bands)
             filled, known = lows[level].copy(), low.copy()
