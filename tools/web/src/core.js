@@ -60,13 +60,16 @@ export class Core {
     this.#call("tsuya_end", length);
   }
 
-  /** Runs an operation: `{ status, value }`; `value` is the result or the missing ranges `[start, end]`. */
-  run(operation, argument = 0, flags = 0) {
+  /**
+   * Runs an operation: `{ status, value }`; `value` is the result or the missing ranges `[start, end]`. `spare` are buffers that the
+   * arrays of the result may lie in.
+   */
+  run(operation, argument = 0, flags = 0, spare = []) {
     const status = this.#call("tsuya_run", operation, argument, flags);
     if (status === STATUS.error) throw this.#error();
     if (status === STATUS.again) return { status, value: null };
     const value = JSON.parse(this.#text(0));
-    return { status, value: status === STATUS.here ? this.#withArrays(value) : value };
+    return { status, value: status === STATUS.here ? this.#withArrays(value, spare) : value };
   }
 
   #call(name, ...numbers) {
@@ -105,11 +108,15 @@ export class Core {
   }
 
   /** Puts copies of the outputs where the description says. */
-  #withArrays(value) {
+  #withArrays(value, spare) {
     value?.arrays?.forEach(([path, kind], index) => {
       const keys = Array.isArray(path) ? path : [path];
       const holder = keys.slice(0, -1).reduce((object, key) => object[key], value);
-      holder[keys.at(-1)] = new ARRAYS[kind](this.#bytes(index + 1).slice().buffer);
+      const bytes = this.#bytes(index + 1);
+      const fitting = spare.findIndex((buffer) => buffer.byteLength === bytes.length);
+      const [buffer] = fitting < 0 ? [new ArrayBuffer(bytes.length)] : spare.splice(fitting, 1);
+      new Uint8Array(buffer).set(bytes);
+      holder[keys.at(-1)] = new ARRAYS[kind](buffer);
     });
     if (value) delete value.arrays;
     return value;

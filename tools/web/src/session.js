@@ -46,10 +46,12 @@ export class Session {
     return this.#core.run(OPERATION.sections).value;
   }
 
-  /** Runs an operation by its name. `index`, `format`, `components` and `next` (views to fetch ahead) are for views. */
-  async run(name, { index = 0, format = "float32", components = Object.keys(COMPONENTS), next = [] }, signal) {
+  /**
+   * Runs an operation by its name. The options are for views: `next` are those to fetch ahead, `spare` buffers that nobody needs any more.
+   */
+  async run(name, { index = 0, format = "float32", components = Object.keys(COMPONENTS), next = [], spare = [] }, signal) {
     const both = AbortSignal.any([signal, this.#closing.signal]);
-    if (name !== "view") return (await this.#complete(OPERATION[name], 0, 0, both)).value;
+    if (name !== "view") return (await this.#complete([OPERATION[name]], both)).value;
     const flags = components.reduce((sum, component) => sum | (COMPONENTS[component] ?? 0), format === "half" ? 1 : 0);
     this.#ahead([index]);
     const before = this.#lastView;
@@ -57,7 +59,7 @@ export class Session {
     this.#lastView = new Promise((resolve) => (done = resolve));
     try {
       await aborting(before, both);
-      const running = this.#complete(OPERATION.view, index, flags, both);
+      const running = this.#complete([OPERATION.view, index, flags, spare], both);
       this.#ahead(next.slice(0, AHEAD));
       const { value, milliseconds } = await running;
       return { ...value, milliseconds };
@@ -72,14 +74,15 @@ export class Session {
     this.#source?.close();
   }
 
-  async #complete(operation, argument, flags, signal) {
+  /** Runs `what`, the arguments of `Core.run`, until it is done. */
+  async #complete(what, signal) {
     const owner = {};
     let milliseconds = 0;
     try {
       for (;;) {
         signal.throwIfAborted();
         const began = performance.now();
-        const { status, value } = this.#core.run(operation, argument, flags);
+        const { status, value } = this.#core.run(...what);
         milliseconds += performance.now() - began;
         if (status === STATUS.here) return { value, milliseconds };
         if (status === STATUS.missing) {

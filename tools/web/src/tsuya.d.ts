@@ -66,9 +66,9 @@ export interface TsuyaFile {
    * Decodes a view, with those it is predicted from where they are not decoded yet. Views asked for side by side are decoded in the
    * order in which they were asked for.
    */
-  view(index: number, options?: ViewOptions): Promise<DecodedView>;
+  view(index: number, options?: OneViewOptions): Promise<DecodedView>;
   /** All views (or those asked for) one after the other, in coding order, each as soon as its bytes have arrived. */
-  decodeViews(options?: ViewOptions & { views?: Iterable<number> }): AsyncIterableIterator<DecodedView>;
+  decodeViews(options?: AllViewsOptions): AsyncIterableIterator<DecodedView>;
 
   /** Fetches the rest of the file and compares every checksum. */
   verify(options?: Options): Promise<void>;
@@ -234,6 +234,20 @@ export interface ViewOptions extends Options {
   format?: "float32" | "half";
   /** The components wanted; default all. All are decoded, but only these are handed out. */
   components?: Component[];
+}
+
+export interface OneViewOptions extends ViewOptions {
+  /** A view of this file that is not needed any more: its arrays are used again and must not be read then. */
+  reuse?: DecodedView | null;
+}
+
+export interface AllViewsOptions extends ViewOptions {
+  /** The views wanted; default all. */
+  views?: Iterable<number>;
+  /**
+   * A view's arrays are used again as soon as the next one is asked for, which saves time, and must not be read then. Default false.
+   */
+  reuse?: boolean;
 }
 
 export interface DecodedView {

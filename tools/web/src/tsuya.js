@@ -1,5 +1,5 @@
 // The interface; described in tsuya.d.ts.
-import { compile, COMPONENTS } from "./core.js";
+import { buffers, compile, COMPONENTS } from "./core.js";
 import { fromPlain, TsuyaError } from "./errors.js";
 import { Session } from "./session.js";
 
@@ -107,16 +107,21 @@ class File {
     const wanted = options.views ? new Set(options.views) : null;
     const ordered = this.order.length > 0 ? this.order.map((step) => step.view) : this.views.keys();
     const list = [...ordered].filter((view) => wanted?.has(view) ?? true);
+    let reuse = null;
     for (const [place, index] of list.entries()) {
-      yield await this.#view(index, list.slice(place + 1), options);
+      const view = await this.#view(index, list.slice(place + 1), { ...options, reuse });
+      reuse = options.reuse ? view : null;
+      yield view;
     }
   }
 
-  #view(index, next, { format = "float32", components, signal }) {
+  #view(index, next, { format = "float32", components, reuse, signal }) {
     for (const component of components ?? []) {
       if (!(component in COMPONENTS)) throw new TsuyaError("parameter", `there is no component '${component}'`);
     }
-    return this.#run("view", { index, next, format, components }, { signal });
+    // Those given away before are empty.
+    const spare = buffers(reuse).filter((buffer) => buffer.byteLength > 0);
+    return this.#run("view", { index, next, format, components, spare }, { signal });
   }
 
   close() {
@@ -196,7 +201,7 @@ class WorkerLink {
       };
       this.#pending.set(id, { resolve: settled(resolve), reject: settled(reject) });
       signal?.addEventListener("abort", onAbort, { once: true });
-      this.#worker.postMessage({ id, name, source, options: options ?? others });
+      this.#worker.postMessage({ id, name, source, options: options ?? others }, others.spare ?? []);
     });
   }
 

@@ -188,13 +188,32 @@ test("half floats, single components, one view again, and all ways to hand a fil
       error = Math.max(error, Math.abs(value(h) - right) / Math.max(Math.abs(right), 6.2e-5));
     });
     const same = (await sha(exact.images.specular)) === (await sha(again.images.specular));
+    // The views are the same where arrays are used again, and only then empty.
+    const listed = async (options) => {
+      const views = [];
+      const sums = [];
+      for await (const view of file.decodeViews({ format: "half", ...options })) {
+        sums.push(await sha(view.images.diffuse), await sha(view.images.specular), await sha(view.mask));
+        views.push(view);
+      }
+      return { sums: sums.join(), empty: views.filter((view) => view.images.diffuse.length + view.mask.length === 0).length };
+    };
+    const [kept, reused] = [await listed({}), await listed({ reuse: true })];
+    const into = await file.view(5, { reuse: exact });
+    const reuse = {
+      same: kept.sums === reused.sums && (await sha(into.images.specular)) === (await sha(again.images.specular)),
+      empty: [kept.empty, reused.empty, exact.mask.length],
+      views: file.views.length,
+    };
     file.close();
-    return { sums, received, length: whole.byteLength, error, same, kinds: [Object.keys(half.images), Object.keys(again.images)] };
+    return { reuse, sums, received, length: whole.byteLength, error, same, kinds: [Object.keys(half.images), Object.keys(again.images)] };
   });
   assert.equal(new Set(found.sums).size, 1);
   assert.ok(found.received <= found.length, `${found.received} bytes read of ${found.length}`);
   assert.ok(found.error < 2 ** -11 + 1e-9, `half floats are off by ${found.error}`);
   assert.ok(found.same);
+  assert.ok(found.reuse.same);
+  assert.deepEqual(found.reuse.empty, [0, found.reuse.views - 1, 0]);
   assert.deepEqual(found.kinds, [["diffuse"], ["specular"]]);
 });
 

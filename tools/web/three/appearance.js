@@ -110,6 +110,8 @@ export class Appearance extends EventDispatcher {
     this.material = this.makeMaterial(0);
     this.bound = [];
     this.arrived = [];
+    /** A view that is on the card: its memory is used again. */
+    this.spare = null;
     this.wanted = [];
     this.failed = new Set();
     this.closed = false;
@@ -313,7 +315,9 @@ export class Appearance extends EventDispatcher {
         continue;
       }
       try {
-        const view = await file.view(next);
+        const { spare: reuse } = this;
+        this.spare = null;
+        const view = await file.view(next, { reuse });
         done.add(next);
         if (this.closed) return;
         this.decoded++;
@@ -331,6 +335,7 @@ export class Appearance extends EventDispatcher {
   upload(renderer) {
     for (const view of this.arrived.splice(0)) {
       if (!this.captured.has(view.index)) this.captured.put(renderer, view, this.components, this.wanted);
+      this.spare = view;
     }
     const wake = this.wake;
     this.wake = null;

@@ -242,8 +242,14 @@ fn pixels<T: Copy + Default>(
     component: usize,
     convert: impl Fn(&[[f32; 4]], &mut [[T; 4]]),
 ) -> Vec<[T; 4]> {
-    let mut pixels = vec![[T::default(); 4]; picture.mask().data.len()];
-    picture.for_each_row(component, |first, row| convert(row, &mut pixels[first..first + row.len()]));
+    let count = picture.mask().data.len();
+    let mut pixels = Vec::with_capacity(count);
+    picture.for_each_row(component, |first, row| {
+        // What lies between rows is outside the mask.
+        pixels.resize(first + row.len(), [T::default(); 4]);
+        convert(row, &mut pixels[first..]);
+    });
+    pixels.resize(count, [T::default(); 4]);
     pixels
 }
 
