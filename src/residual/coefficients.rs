@@ -175,7 +175,7 @@ fn code_with<C: BitCoder, K: Codes<C>>(
             band,
             predicted: predicted.and_then(|predicted| predicted.get(index)).map(Vec::as_slice),
             gains: &gains[gains::band_class(band)],
-            target: target.filter(|_| !C::DECODES).map(|(target, choice)| (&target[index][..], choice)),
+            target: target.map(|(target, choice)| (&target[index][..], choice)),
             step,
             inverse: 1.0 / step,
         };
@@ -225,13 +225,13 @@ impl BandTask<'_> {
     }
     /// In encoding: what the values should be, in steps.
     #[inline(always)]
-    fn wanted(&self, flat: usize, prediction: &[f32; 3]) -> Option<([f32; 3], Choice)> {
-        let (target, choice) = self.target?;
+    fn wanted<C: BitCoder>(&self, flat: usize, prediction: &[f32; 3]) -> Option<([f32; 3], Choice)> {
+        let (target, choice) = self.target.filter(|_| !C::DECODES)?;
         Some((std::array::from_fn(|k| (target[flat][k] - prediction[k]) * self.inverse), choice))
     }
     /// In encoding: whether positions are worth being coded.
-    fn is_worth(&self, places: &[usize], out: &[Pixel]) -> bool {
-        let wanted = places.iter().filter_map(|&flat| self.wanted(flat, &self.prediction(flat, out)));
+    fn is_worth<C: BitCoder>(&self, places: &[usize], out: &[Pixel]) -> bool {
+        let wanted = places.iter().filter_map(|&flat| self.wanted::<C>(flat, &self.prediction(flat, out)));
         self.target.is_some_and(|(_, choice)| is_worth(wanted.map(|(wanted, _)| wanted), choice))
     }
     fn place(&self) -> Place {
@@ -267,7 +267,7 @@ fn code_band<C: BitCoder, K: Codes<C>>(
     let mut occupied = vec![true; width.div_ceil(BLOCK)];
     for y in 0..band.mask.height {
         if y % BLOCK == 0 && place.level == 1 {
-            let is_wanted = |places: &[usize]| task.is_worth(places, out);
+            let is_wanted = |places: &[usize]| task.is_worth::<C>(places, out);
             let bands = Bands { here: &here, parent, siblings };
             models.code_blocks(coder, &bands, &band.mask, y, &mut occupied, is_wanted);
         }
@@ -287,7 +287,7 @@ fn code_band<C: BitCoder, K: Codes<C>>(
             let mut decoded = [prediction[0], prediction[1], prediction[2], 0.0];
             if !is_empty {
                 let around = K::around(&Bands { here: &here, parent, siblings }, x, y);
-                let wanted = match task.wanted(flat, &prediction) {
+                let wanted = match task.wanted::<C>(flat, &prediction) {
                     Some((wanted, choice)) => models.choose(wanted, quantiser, choice, &place, &around),
                     None => [0; 3],
                 };
@@ -305,6 +305,12 @@ fn code_band<C: BitCoder, K: Codes<C>>(
         }
     }
     here
+}
+
+/// Magnitudes to choose from for a coefficient of `magnitude` steps: the nearest, and one or two nearer to zero.
+pub(super) fn candidates(magnitude: f32) -> std::ops::RangeInclusive<u32> {
+    let nearest = (magnitude + 0.5) as u32;
+    nearest.saturating_sub(if nearest <= 2 { 2 } else { 1 })..=nearest
 }
 
 /// Whether what coding a block takes off its squared error is worth the bits, as far as can be told before it is coded.

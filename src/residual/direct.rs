@@ -3,7 +3,7 @@
 //!
 //! All numbers here are part of the format (`spec/planes.md`).
 
-use super::coefficients::{Choice, LARGEST, Quantiser};
+use super::coefficients::{Choice, LARGEST, Quantiser, candidates};
 use super::contexts::{BLOCK, Bands, CLASSES, Codes, Contexts, Known, Place, class_8, class_12, few, logarithmic};
 use crate::entropy::average::Average;
 use crate::entropy::mixer::cost;
@@ -146,8 +146,6 @@ impl Contexts for Direct {
             return [0; 3];
         }
         let patterns = self.pattern.starts(Self::pattern_contexts(place, around));
-        let nearest = wanted_magnitudes.map(|w| (w + 0.5) as u32);
-        let lowest = nearest.map(|nearest| nearest.saturating_sub(if nearest <= 2 { 2 } else { 1 }));
         let value_of = |colour: usize, magnitude: u32, before: u32| {
             let error = wanted_magnitudes[colour] - quantiser.dequantise(magnitude as i32, 1.0);
             let mut bits = (magnitude > 0) as u32 as f32;
@@ -166,11 +164,11 @@ impl Contexts for Direct {
         };
         // None at all is always worth a thought.
         consider([0; 3], wanted_magnitudes.iter().map(|w| w * w).sum());
-        for first in lowest[0]..=nearest[0] {
+        for first in candidates(wanted_magnitudes[0]) {
             let of_first = value_of(0, first, 0);
-            for second in lowest[1]..=nearest[1] {
+            for second in candidates(wanted_magnitudes[1]) {
                 let of_second = of_first + value_of(1, second, first.min(255));
-                for third in lowest[2]..=nearest[2] {
+                for third in candidates(wanted_magnitudes[2]) {
                     let before = first.min(255) + second.min(255);
                     consider([first, second, third], of_second + value_of(2, third, before));
                 }

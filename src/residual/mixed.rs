@@ -2,7 +2,7 @@
 //!
 //! All numbers here are part of the format (`spec/planes.md`).
 
-use super::coefficients::{Choice, LARGEST, Quantiser};
+use super::coefficients::{Choice, LARGEST, Quantiser, candidates};
 use super::contexts::{Bands, CLASSES, Codes, Contexts, Known, Place, class_8, class_12, few, logarithmic};
 use super::gains;
 use crate::entropy::mixer::{Context, INPUTS, Mixer, cost};
@@ -96,8 +96,7 @@ impl Contexts for Mixed {
         for colour in 0..3 {
             let magnitude = wanted[colour].abs().min(LARGEST as f32 - 1.0);
             none += magnitude * magnitude;
-            let nearest = (magnitude + 0.5) as u32;
-            let lowest = nearest.saturating_sub(if nearest <= 2 { 2 } else { 1 });
+            let (lowest, nearest) = candidates(magnitude).into_inner();
             let context = magnitude_context(place, around, colour, &values);
             let implied = colour == 2 && values[0] == 0 && values[1] == 0;
             let mut bits = 0.0;
