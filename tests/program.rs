@@ -186,6 +186,11 @@ fn views_between_are_interpolated_and_one_view_is_read_alone() {
     tsuya(&["render", file, "-o", text(&path("o.png")), "--orbit", "2", "--size", "32x32"]).code(0);
     assert!(path("o-000.png").exists() && path("o-001.png").exists());
     assert!(complaint(2, &["render", file, "-o", text(&path("relit.png"))]).contains("--force"));
+    // What would be left aside is refused.
+    let refused = |more: &[&str]| complaint(1, &[&["render", file, "-o", text(&path("no.png"))], more].concat());
+    assert!(refused(&["--env", "sky.hdr", "--layers", "diffuse"]).contains("both reflections"));
+    assert!(refused(&["--env", "sky.hdr", "--nearest"]).contains("--nearest"));
+    assert!(refused(&["--samples", "3"]).contains("--env"));
 }
 
 #[test]

@@ -21,7 +21,7 @@ pub struct Render {
     #[arg(required_unless_present = "job", conflicts_with = "job")]
     file: Option<PathBuf>,
     /// Takes everything from this file, JSON: mesh and material, or asset; environment, camera, size. The picture is linear, Rec. 709.
-    #[arg(long, value_name = "JOB.json")]
+    #[arg(long, value_name = "JOB.json", group = "around")]
     job: Option<PathBuf>,
     #[command(flatten)]
     surround: Surround,
@@ -50,7 +50,7 @@ pub struct Render {
     #[arg(long, value_name = "LAYER,...", value_delimiter = ',', value_enum)]
     layers: Vec<Layer>,
     /// Takes the nearest captured view's residual instead of interpolating.
-    #[arg(long)]
+    #[arg(long, conflicts_with = "around")]
     nearest: bool,
     /// Light that the object keeps from itself is not taken away.
     #[arg(long)]
@@ -66,7 +66,7 @@ pub struct Render {
 #[derive(Args)]
 struct Surround {
     /// Light from all around: EXR, HDR, PNG or JPEG, 2:1 latitude and longitude or a cube; or a .tsuya file with light (tsuya light fit).
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["light", "capture_light", "job"])]
+    #[arg(long, value_name = "FILE", group = "around", conflicts_with_all = ["light", "capture_light"])]
     env: Option<PathBuf>,
     /// Factor of the environment's radiance.
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0, requires = "env")]
@@ -75,13 +75,13 @@ struct Surround {
     #[arg(long, value_name = "DEG", default_value_t = 0.0, allow_hyphen_values = true, requires = "env")]
     env_rotation: f64,
     /// How the environment's light is summed [default: better, or what the job says].
-    #[arg(long, value_name = "NAME", value_enum)]
+    #[arg(long, value_name = "NAME", value_enum, requires = "around")]
     evaluator: Option<EvaluatorName>,
     /// Sums direct light by brute force: slow, exact.
-    #[arg(long, conflicts_with = "evaluator")]
+    #[arg(long, conflicts_with = "evaluator", requires = "around")]
     reference: bool,
     /// Samples of a pixel along each side, 1 to 8, under an environment [default: 2].
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=8))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=8), requires = "around")]
     samples: Option<u32>,
 }
 
@@ -125,10 +125,16 @@ impl Render {
         if !(1.0..=170.0).contains(&self.fov) {
             return Err(Error::parameter("--fov goes from 1 to 170 degrees").into());
         }
+        let layers = self.layers();
+        if (self.job.is_some() || self.surround.env.is_some())
+            && layers != (Layers { residual: layers.residual, ..Layers::default() })
+        {
+            let message = "under an environment both reflections are shown: --layers can only be model, to leave the residual out";
+            return Err(Error::parameter(message).into());
+        }
         if let Some(job) = &self.job {
             return self.run_job(job, is_exr);
         }
-        let layers = self.layers();
         let file = self.file.as_deref().unwrap_or(Path::new("-"));
         let asset = {
             let _busy = progress::busy("decoding");
