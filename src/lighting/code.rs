@@ -7,7 +7,8 @@ use crate::entropy::{BitCoder, RangeDecoder, code_end};
 use crate::error::{Error, Result};
 use crate::image::Mask;
 use crate::limits::Budget;
-use crate::residual::coefficients::{self, Quantiser};
+use crate::quantise::bands::{Choice, Quantiser};
+use crate::residual::coefficients;
 use crate::transform::shape_adaptive::{Pixel, Plan};
 
 const VERSION: u8 = 0;
@@ -180,7 +181,7 @@ fn parse_head(bytes: &[u8]) -> Option<Head> {
 fn code_level<C: BitCoder>(coder: &mut C, head: &Head, pixels: Option<&[Pixel]>) -> Vec<Pixel> {
     let plan = Plan::new(&Mask::filled(head.size, head.size, true));
     let target = pixels.map(|pixels| plan.forward(pixels.to_vec()));
-    let target = target.as_ref().map(|target| (&target[..], coefficients::Choice { lambda: LAMBDA }));
+    let target = target.as_ref().map(|target| (&target[..], Choice { lambda: LAMBDA }));
     let quantiser = Quantiser { step: head.step, shrink: SHRINK };
     let coefficients = coefficients::code_alone(coder, &plan, &quantiser, target);
     plan.inverse(&coefficients)

@@ -1,3 +1,4 @@
 //! Quantisers.
 
+pub mod bands;
 pub mod dead_zone;

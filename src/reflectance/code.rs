@@ -10,7 +10,10 @@ use crate::entropy::RangeDecoder;
 use crate::error::{Error, Result};
 use crate::image::{Grid, Mask};
 use crate::limits::Budget;
-use crate::residual::coefficients::{self, Quantiser};
+#[cfg(feature = "encode")]
+use crate::quantise::bands::Choice;
+use crate::quantise::bands::Quantiser;
+use crate::residual::coefficients;
 use crate::surface::atlas::rasterise_atlas;
 use crate::transform::shape_adaptive::{Pixel, Plan};
 
@@ -66,7 +69,7 @@ pub fn encode(
             .map(|i| std::array::from_fn(|k| planes.get(k).map_or(0.0, |plane: &Grid<i32>| plane.data[i] as f32)))
             .collect();
         let target = plan.forward(pixels);
-        let target = Some((&target[..], coefficients::Choice { lambda }));
+        let target = Some((&target[..], Choice { lambda }));
         let quantiser = Quantiser { step, shrink: SHRINK };
         let coefficients = coefficients::code_alone(&mut coder, &plan, &quantiser, target);
         decoded.extend(to_grids(&plan.inverse(&coefficients), &mask, planes.len()));

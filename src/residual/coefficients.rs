@@ -9,44 +9,8 @@ use super::mixed::Mixed;
 use crate::entropy::{BitCoder, RangeDecoder, RansDecoder};
 #[cfg(feature = "encode")]
 use crate::entropy::{RangeEncoder, RansEncoder};
+use crate::quantise::bands::{Choice, Quantiser, is_worth};
 use crate::transform::shape_adaptive::{Band, Orientation, Pixel, Plan};
-
-/// Largest magnitude of a quantised coefficient.
-pub(super) const LARGEST: u32 = 1 << 20;
-
-/// Quantiser of one picture.
-#[derive(Debug, Clone, Copy)]
-pub struct Quantiser {
-    /// Step of each band class of level 1, 2 and coarser is `step * LEVEL_STEPS`.
-    pub step: f32,
-    /// Reconstruction of magnitude 1 and of larger ones lies this far below the middle of its interval, in steps.
-    pub shrink: [f32; 2],
-}
-
-/// Steps by level, finest first, relative to the picture's step. Part of the format.
-const LEVEL_STEPS: [f32; 5] = [1.08, 0.95, 0.9, 0.85, 0.85];
-
-impl Quantiser {
-    fn band_step(&self, band: &Band) -> f32 {
-        let level = if band.orientation == Orientation::Low { 5 } else { band.level.max(1) };
-        self.step * LEVEL_STEPS[level - 1]
-    }
-    /// Middle of a value's interval, or what lies nearer to zero.
-    #[inline(always)]
-    pub(super) fn dequantise(&self, value: i32, step: f32) -> f32 {
-        let magnitude = value.unsigned_abs();
-        let shrink = [0.0, self.shrink[0], self.shrink[1]][magnitude.min(2) as usize];
-        let size = (magnitude as f32 - shrink) * step;
-        if value < 0 { -size } else { size }
-    }
-}
-
-/// What the encoder wants.
-#[derive(Debug, Clone, Copy)]
-pub struct Choice {
-    /// Value of a bit in squared steps.
-    pub lambda: f32,
-}
 
 /// How a picture's decisions are predicted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -306,26 +270,6 @@ fn code_band<C: BitCoder, K: Codes<C>>(
     }
     here
 }
-
-/// Magnitudes to choose from for a coefficient of `magnitude` steps: the nearest, and one or two nearer to zero.
-pub(super) fn candidates(magnitude: f32) -> std::ops::RangeInclusive<u32> {
-    let nearest = (magnitude + 0.5) as u32;
-    nearest.saturating_sub(if nearest <= 2 { 2 } else { 1 })..=nearest
-}
-
-/// Whether what coding a block takes off its squared error is worth the bits, as far as can be told before it is coded.
-fn is_worth(wanted: impl Iterator<Item = [f32; 3]>, choice: Choice) -> bool {
-    let (mut gain, mut bits) = (0.0, 2.0);
-    for wanted in wanted.flatten().map(f32::abs).filter(|wanted| *wanted >= 0.5) {
-        let left = wanted - (wanted + 0.5).floor();
-        gain += wanted * wanted - left * left;
-        bits += BITS_OF_A_COEFFICIENT;
-    }
-    gain > choice.lambda * bits
-}
-
-/// What a coefficient that is not zero costs about, in [`is_worth`]. The encoder's choice.
-const BITS_OF_A_COEFFICIENT: f32 = 6.0;
 
 /// Mean of the decoded neighbours left and above, for the low band of a picture coded alone.
 fn neighbour_mean(out: &[Pixel], band: &Band, x: usize, y: usize, colour: usize) -> f32 {

@@ -2,9 +2,9 @@
 //!
 //! All numbers here are part of the format (`spec/planes.md`).
 
-use super::coefficients::{Choice, Quantiser};
 use crate::entropy::BitCoder;
 use crate::image::Mask;
+use crate::quantise::bands::{Choice, Quantiser};
 use crate::transform::shape_adaptive::{Band, Pixel};
 
 /// Side of a block, in positions.

@@ -3,13 +3,13 @@
 //!
 //! All numbers here are part of the format (`spec/planes.md`).
 
-use super::coefficients::{Choice, LARGEST, Quantiser, candidates};
 use super::contexts::{BLOCK, Bands, CLASSES, Codes, Contexts, Known, Place, class_8, class_12, few, logarithmic};
 use crate::entropy::average::Average;
 use crate::entropy::mixer::cost;
 use crate::entropy::symbol::{Symbols, VALUES, interval};
 use crate::entropy::{Number, SymbolCoder};
 use crate::image::Mask;
+use crate::quantise::bands::{Choice, LARGEST, Quantiser, candidates};
 use crate::transform::shape_adaptive::Pixel;
 
 /// Magnitudes of the three colours and their sum, each at most 255, in 16 bits each, the first lowest; of the prediction in half steps.

@@ -2,11 +2,11 @@
 //!
 //! All numbers here are part of the format (`spec/planes.md`).
 
-use super::coefficients::{Choice, LARGEST, Quantiser, candidates};
 use super::contexts::{Bands, CLASSES, Codes, Contexts, Known, Place, class_8, class_12, few, logarithmic};
 use super::gains;
 use crate::entropy::mixer::{Context, INPUTS, Mixer, cost};
 use crate::entropy::{BitCoder, BitModel, Number};
+use crate::quantise::bands::{Choice, LARGEST, Quantiser, candidates};
 use crate::transform::shape_adaptive::Pixel;
 
 /// Magnitudes of the three colours, at most 255 or, of the prediction in quarter steps, 8191; the fourth lane is unused.

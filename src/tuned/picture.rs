@@ -6,6 +6,8 @@ use super::{DecodedReference, DecodedView, MaskCoding, PlaneCoding, Scene, Sourc
 use crate::entropy::{BitCoder, RangeDecoder};
 use crate::image::Mask;
 use crate::parallel;
+#[cfg(feature = "encode")]
+use crate::quantise::bands::Choice;
 use crate::residual::coefficients::{self, Models};
 use crate::residual::mask;
 use crate::surface::find::Seen;
@@ -47,7 +49,7 @@ pub fn encode(
     let parts = code_components(&stage, step, coding, decoded, |index, predicted, mut models| {
         let component = &coding.components[index];
         let target = stage.plan.forward(signals(&stage.frame, index));
-        let (quantiser, choice) = (component.quantiser(scale), coefficients::Choice { lambda });
+        let (quantiser, choice) = (component.quantiser(scale), Choice { lambda });
         let (stream, decoded) = coefficients::encode(&mut models, &stage.plan, &quantiser, predicted, &target, choice);
         (models, (stream, stage.plan.inverse_keeping(&decoded, stage.level, &mut Work::default())))
     });
