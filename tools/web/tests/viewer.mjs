@@ -5,6 +5,9 @@ import { createHash } from "node:crypto";
 import { readFileSync, writeFileSync } from "node:fs";
 import { join } from "node:path";
 import { after, afterEach, before, test } from "node:test";
+import { NodeIO } from "@gltf-transform/core";
+import { EXTMeshoptCompression, KHRONOS_EXTENSIONS } from "@gltf-transform/extensions";
+import { MeshoptEncoder } from "meshoptimizer";
 import { serve } from "./support/server.mjs";
 import { at, closeAll, closeBrowser, drawn, drop, editGlb, messageOf, open, psnr, rendered, root, tsuya, view } from "./support/viewer.mjs";
 
@@ -67,10 +70,24 @@ test("a .tsuya file looks as the program renders it", async () => {
   server.end();
 });
 
-test("so does a GLB, and one with its stream beside it", async () => {
+/** What another program makes of the GLB: compressed and without the appearance, which is put into it again. */
+async function compressed() {
+  const [small, again] = [at("small.glb"), at("again.glb")];
+  await MeshoptEncoder.ready;
+  const extensions = [...KHRONOS_EXTENSIONS, EXTMeshoptCompression];
+  const io = new NodeIO().registerExtensions(extensions).registerDependencies({ "meshopt.encoder": MeshoptEncoder });
+  const document = await io.read(glb);
+  const { QUANTIZE: method } = EXTMeshoptCompression.EncoderMethod;
+  document.createExtension(EXTMeshoptCompression).setRequired(true).setEncoderOptions({ method });
+  await io.write(small, document);
+  tsuya("gltf", "inject", small, stream, "-o", again);
+  return again;
+}
+
+test("so does a GLB, one with its stream beside it, and one that was compressed", async () => {
   const external = at("beside.glb");
   tsuya("gltf", "export", stream, "-o", external, "--external");
-  for (const [name, file] of [["GLB", glb], ["GLB, stream beside", external]]) {
+  for (const [name, file] of [["GLB", glb], ["GLB, stream beside", external], ["GLB, compressed", await compressed()]]) {
     const server = await view(file);
     const { page, complaints } = await open(server.address);
     await page.waitForFunction(() => window.tsuyaViewer.state.model?.appearance);

@@ -1,6 +1,7 @@
 // Files that can be shown: .tsuya, and glTF with or without an appearance.
 
 import { Box3, Group, MeshStandardMaterial, Sphere, Vector3 } from "three";
+import { MeshoptDecoder } from "three/addons/libs/meshopt_decoder.module.js";
 import { GLTFLoader } from "three/addons/loaders/GLTFLoader.js";
 import { openTsuya } from "tsuya";
 import { Appearance, TsuyaAppearance } from "tsuya/three";
@@ -53,7 +54,7 @@ async function openGltf(source, name, { onStatus, onProgress, signal }) {
   if (!isFile && !answer.ok) throw new Error(`the server answers ${answer.status}`);
   const data = await answer.arrayBuffer();
   onProgress?.(1);
-  const loader = new GLTFLoader();
+  const loader = new GLTFLoader().setMeshoptDecoder(MeshoptDecoder);
   const model = { name, kind: "glb", appearance: null, reason: null, bytes: data.byteLength };
   const appearances = [];
   const told = (status) => {
