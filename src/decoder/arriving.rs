@@ -108,15 +108,10 @@ impl ViewPicture<'_> {
                 let Some(image) = images.get(component) else { return };
                 let mut row = Vec::with_capacity(image.width);
                 for y in 0..image.height {
-                    let first = y * image.width;
+                    let pixels = image.row(y).iter().zip(mask.row(y));
                     row.clear();
-                    row.extend(
-                        image.data[first..][..image.width]
-                            .iter()
-                            .zip(mask.row(y))
-                            .map(|([r, g, b], &inside)| if inside { [*r, *g, *b, 1.0] } else { [0.0; 4] }),
-                    );
-                    visit(first, &row);
+                    row.extend(pixels.map(|([r, g, b], &inside)| if inside { [*r, *g, *b, 1.0] } else { [0.0; 4] }));
+                    visit(y * image.width, &row);
                 }
             }
         }

@@ -2,9 +2,9 @@
 //!
 //! All numbers here are part of the format (`spec/planes.md`).
 
-use crate::entropy::BitCoder;
+use crate::entropy::{BitCoder, Number};
 use crate::image::Mask;
-use crate::quantise::bands::{Choice, Quantiser};
+use crate::quantise::bands::{Choice, LARGEST, Quantiser};
 use crate::transform::shape_adaptive::{Band, Pixel};
 
 /// Side of a block, in positions.
@@ -112,6 +112,11 @@ impl<T: Copy + Default> Known<T> {
 
 /// Classes of bands by level and direction, for each colour.
 pub(super) const CLASSES: usize = 8 * 3;
+
+/// Codes a magnitude that is at least `least`, and at most [`LARGEST`].
+pub(super) fn code_large<C: BitCoder>(coder: &mut C, number: &mut Number, least: u32, goal: u32) -> u32 {
+    least.saturating_add(number.code(coder, goal.wrapping_sub(least))).min(LARGEST)
+}
 
 /// What is the same for a whole band.
 pub(super) struct Place {

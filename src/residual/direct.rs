@@ -3,10 +3,12 @@
 //!
 //! All numbers here are part of the format (`spec/planes.md`).
 
-use super::contexts::{BLOCK, Bands, CLASSES, Codes, Contexts, Known, Place, class_8, class_12, few, logarithmic};
+use super::contexts::{
+    BLOCK, Bands, CLASSES, Codes, Contexts, Known, Place, class_8, class_12, code_large, few, logarithmic,
+};
 use crate::entropy::average::Average;
 use crate::entropy::mixer::cost;
-use crate::entropy::symbol::{Symbols, VALUES, interval};
+use crate::entropy::symbol::{Starts, Symbols, VALUES, interval};
 use crate::entropy::{Number, SymbolCoder};
 use crate::image::Mask;
 use crate::quantise::bands::{Choice, LARGEST, Quantiser, candidates};
@@ -62,6 +64,12 @@ fn lane(lanes: Lanes, k: usize) -> u32 {
 #[inline(always)]
 fn pattern(magnitudes: [u32; 3]) -> u32 {
     (0..3).map(|k| magnitudes[k].min(MOST[k]) * WEIGHTS[k]).sum()
+}
+
+/// What a symbol costs.
+fn bits_of(starts: &Starts, symbol: u32) -> f32 {
+    let [_, size] = interval(starts, symbol as usize);
+    cost(size as u32, true)
 }
 
 impl Direct {
@@ -151,13 +159,13 @@ impl Contexts for Direct {
             let mut bits = (magnitude > 0) as u32 as f32;
             if magnitude >= MOST[colour] {
                 let more = self.more.starts(Self::more_contexts(place, around, colour, before));
-                bits += cost(interval(&more, (magnitude - MOST[colour]).min(ESCAPE) as usize)[1] as u32, true);
+                bits += bits_of(&more, (magnitude - MOST[colour]).min(ESCAPE));
             }
             error * error + choice.lambda * bits
         };
         let mut best = (f32::INFINITY, [0; 3]);
         let mut consider = |magnitudes: [u32; 3], value: f32| {
-            let value = value + choice.lambda * cost(interval(&patterns, pattern(magnitudes) as usize)[1] as u32, true);
+            let value = value + choice.lambda * bits_of(&patterns, pattern(magnitudes));
             if value < best.0 {
                 best = (value, magnitudes);
             }
@@ -202,7 +210,7 @@ impl<C: SymbolCoder> Codes<C> for Direct {
                 let goal = goals[colour].wrapping_sub(MOST[colour]);
                 let mut more = self.more.code(coder, contexts, goal.min(ESCAPE) as usize) as u32;
                 if more == ESCAPE {
-                    more = ESCAPE.saturating_add(self.escape.code(coder, goal.wrapping_sub(ESCAPE))).min(LARGEST);
+                    more = code_large(coder, &mut self.escape, ESCAPE, goal);
                 }
                 magnitudes[colour] += more;
             }

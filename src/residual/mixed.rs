@@ -2,7 +2,7 @@
 //!
 //! All numbers here are part of the format (`spec/planes.md`).
 
-use super::contexts::{Bands, CLASSES, Codes, Contexts, Known, Place, class_8, class_12, few, logarithmic};
+use super::contexts::{Bands, CLASSES, Codes, Contexts, Known, Place, class_8, class_12, code_large, few, logarithmic};
 use super::gains;
 use crate::entropy::mixer::{Context, INPUTS, Mixer, cost};
 use crate::entropy::{BitCoder, BitModel, Number};
@@ -152,7 +152,7 @@ impl<C: BitCoder> Codes<C> for Mixed {
                 magnitude += 1;
             }
             if magnitude == ESCAPE {
-                magnitude = ESCAPE.saturating_add(self.escape.code(coder, goal.wrapping_sub(ESCAPE))).min(LARGEST);
+                magnitude = code_large(coder, &mut self.escape, ESCAPE, goal);
             }
             if magnitude > 0 {
                 let sign = sign_context(place, colour, &values, prediction[colour], inverse);
