@@ -49,6 +49,18 @@ pub enum Error {
         /// What is left of the limit.
         allowed: u64,
     },
+    /// An input file asks for more memory than its [`crate::Limits`] allow.
+    #[error("{path}: {what} needs {asked} bytes of memory, {allowed} are left; if the file is trusted, raise --max-memory", path = path.display())]
+    InputMemory {
+        /// The file.
+        path: PathBuf,
+        /// What is charged.
+        what: &'static str,
+        /// Bytes that it asked for.
+        asked: u64,
+        /// Bytes that are left.
+        allowed: u64,
+    },
     /// The caller asked for something impossible.
     #[error("{0}")]
     Parameter(String),
@@ -70,6 +82,15 @@ impl Error {
     /// An error in an input file.
     pub fn input(path: impl AsRef<Path>, message: impl Into<String>) -> Self {
         Error::Input { path: path.as_ref().to_owned(), message: message.into() }
+    }
+    /// The same error, with the input file that asked for too much.
+    pub(crate) fn in_file(self, path: &Path) -> Self {
+        match self {
+            Error::Limits { what, asked, allowed } => {
+                Error::InputMemory { path: path.to_owned(), what, asked, allowed }
+            }
+            other => other,
+        }
     }
     /// An error of the caller.
     pub fn parameter(message: impl Into<String>) -> Self {

@@ -17,6 +17,7 @@ pub mod error;
 #[cfg(feature = "gltf")]
 pub mod gltf;
 pub mod image;
+pub mod input;
 pub mod lighting;
 pub mod limits;
 #[cfg(feature = "encode")]

@@ -50,6 +50,11 @@ impl Budget {
         let bytes = count.saturating_mul(size as u64);
         self.charge(what, bytes)
     }
+    /// Charges `bytes` for `what` until the result is dropped.
+    pub fn hold(&self, what: &'static str, bytes: u64) -> Result<Held<'_>> {
+        self.charge(what, bytes)?;
+        Ok(Held { budget: self, bytes })
+    }
     /// Bytes that are left.
     pub fn left(&self) -> u64 {
         self.left.load(Ordering::Relaxed)
@@ -57,6 +62,33 @@ impl Budget {
     /// Gives back what was charged for something that is freed again.
     pub fn release(&self, bytes: u64) {
         self.left.fetch_add(bytes, Ordering::Relaxed);
+    }
+}
+
+/// What is charged for something that lives as long as this does.
+#[derive(Debug)]
+#[must_use = "what is charged is given back when this is dropped"]
+pub struct Held<'a> {
+    budget: &'a Budget,
+    bytes: u64,
+}
+
+impl Held<'_> {
+    /// Charges more for the same.
+    pub fn grow(&mut self, what: &'static str, bytes: u64) -> Result<()> {
+        self.budget.charge(what, bytes)?;
+        self.bytes += bytes;
+        Ok(())
+    }
+    /// Leaves it charged for good.
+    pub fn keep(mut self) {
+        self.bytes = 0;
+    }
+}
+
+impl Drop for Held<'_> {
+    fn drop(&mut self) {
+        self.budget.release(self.bytes);
     }
 }
 

@@ -1,0 +1,235 @@
+//! The door through which files from outside come in: photographs, meshes, descriptions, tables.
+//!
+//! Only regular files are opened, so that no read can block or go on for ever. Bytes are charged to the caller's [`Budget`] before they
+//! are read, and what is read is what is there, whatever was claimed. Paths that a file names stay in its folder ([`Folder`]).
+
+mod folder;
+
+pub use folder::Folder;
+
+use crate::error::{Error, Result};
+use crate::limits::{Budget, Held, Limits};
+use std::fs::{File, Metadata};
+use std::io::{Error as IoError, ErrorKind, Read};
+use std::ops::Deref;
+use std::path::Path;
+
+/// What reading may use and where it may go: one account for all the files of one job, and whether they may lie outside their folder.
+#[derive(Debug)]
+pub struct FileAccess {
+    budget: Budget,
+    allow_outside: bool,
+}
+
+impl Default for FileAccess {
+    fn default() -> Self {
+        FileAccess::new(Limits::default())
+    }
+}
+
+impl FileAccess {
+    /// A fresh account of these limits. Paths that files name must stay in their folders.
+    pub fn new(limits: Limits) -> Self {
+        FileAccess { budget: Budget::new(limits), allow_outside: false }
+    }
+
+    /// The same, and files may name hidden files and such outside their folders where `allowed`.
+    pub fn allow_outside(self, allowed: bool) -> Self {
+        FileAccess { allow_outside: allowed, ..self }
+    }
+
+    /// Whether files may name others outside their folders.
+    pub fn allows_outside(&self) -> bool {
+        self.allow_outside
+    }
+
+    /// The account that everything is charged to.
+    pub fn budget(&self) -> &Budget {
+        &self.budget
+    }
+
+    /// Charges memory that a file asks for until the result is dropped; the error names the file.
+    pub fn hold(&self, path: &Path, what: &'static str, bytes: u64) -> Result<Held<'_>> {
+        self.budget.hold(what, bytes).map_err(|e| e.in_file(path))
+    }
+
+    /// Charges memory that a file asks for and that stays; the error names the file.
+    pub fn charge(&self, path: &Path, what: &'static str, bytes: u64) -> Result<()> {
+        self.hold(path, what, bytes).map(Held::keep)
+    }
+
+    /// The bytes of a regular file of at most `max_bytes`, charged while they are held.
+    pub fn read(&self, path: &Path, what: &'static str, max_bytes: u64) -> Result<FileBytes<'_>> {
+        let (mut file, size) = open(path)?;
+        if size > max_bytes {
+            return Err(Error::input(path, format!("{size} bytes: a {what} has {max_bytes} at most")));
+        }
+        let held = self.hold(path, what, size)?;
+        let mut bytes = Vec::new();
+        // The size is the system's word for a file that is there, not a claim of its content.
+        bytes.try_reserve_exact(size as usize).map_err(|e| Error::io(path, IoError::new(ErrorKind::OutOfMemory, e)))?;
+        (&mut file).take(size).read_to_end(&mut bytes).map_err(|e| Error::io(path, e))?;
+        if file.read(&mut [0]).map_err(|e| Error::io(path, e))? > 0 {
+            return Err(Error::input(
+                path,
+                format!("the file goes on after its {size} bytes: is it still being written?"),
+            ));
+        }
+        Ok(FileBytes { bytes, held })
+    }
+
+    /// As [`FileAccess::read`] for UTF-8 text.
+    pub fn read_text(&self, path: &Path, what: &'static str, max_bytes: u64) -> Result<FileText<'_>> {
+        let FileBytes { bytes, held } = self.read(path, what, max_bytes)?;
+        let text = String::from_utf8(bytes).map_err(|e| {
+            let at = e.utf8_error().valid_up_to();
+            Error::input(path, format!("not UTF-8 text at byte {at}; a {what} is text"))
+        })?;
+        Ok(FileText { text, _held: held })
+    }
+
+    /// The bytes of a stream such as standard input, of at most `max_bytes`, charged as they come.
+    pub fn read_stream(
+        &self,
+        path: &Path,
+        what: &'static str,
+        stream: impl Read,
+        max_bytes: u64,
+    ) -> Result<FileBytes<'_>> {
+        let mut held = self.hold(path, what, 0)?;
+        let mut bytes = Vec::new();
+        let mut stream = stream.take(max_bytes.saturating_add(1));
+        loop {
+            // Grows with the bytes received: by an eighth, so that little is copied and little is asked for in vain.
+            let step = (bytes.len() / 8).clamp(1 << 16, 1 << 26);
+            held.grow(what, step as u64).map_err(|e| e.in_file(path))?;
+            bytes.reserve_exact(step);
+            let got = (&mut stream).take(step as u64).read_to_end(&mut bytes).map_err(|e| Error::io(path, e))?;
+            if bytes.len() as u64 > max_bytes {
+                return Err(Error::input(path, format!("more than {max_bytes} bytes, which a {what} has at most")));
+            }
+            if got < step {
+                return Ok(FileBytes { bytes, held });
+            }
+        }
+    }
+}
+
+/// The bytes of a file, charged until they are dropped.
+#[derive(Debug)]
+pub struct FileBytes<'a> {
+    bytes: Vec<u8>,
+    held: Held<'a>,
+}
+
+impl FileBytes<'_> {
+    /// The bytes, which stay charged.
+    pub fn keep(self) -> Vec<u8> {
+        self.held.keep();
+        self.bytes
+    }
+}
+
+impl Deref for FileBytes<'_> {
+    type Target = [u8];
+    fn deref(&self) -> &[u8] {
+        &self.bytes
+    }
+}
+
+/// The text of a file, charged until it is dropped.
+#[derive(Debug)]
+pub struct FileText<'a> {
+    text: String,
+    _held: Held<'a>,
+}
+
+impl Deref for FileText<'_> {
+    type Target = str;
+    fn deref(&self) -> &str {
+        &self.text
+    }
+}
+
+/// Opens a regular file and says its size. Folders, pipes, devices and sockets are refused before an open or a read can block.
+pub fn open(path: &Path) -> Result<(File, u64)> {
+    let failed = |e| Error::io(path, e);
+    check_regular(path, &std::fs::metadata(path).map_err(failed)?)?;
+    let file = File::open(path).map_err(failed)?;
+    // Asked again of what was opened: the name may lead elsewhere by now.
+    let metadata = file.metadata().map_err(failed)?;
+    check_regular(path, &metadata)?;
+    Ok((file, metadata.len()))
+}
+
+fn check_regular(path: &Path, metadata: &Metadata) -> Result<()> {
+    if metadata.is_file() {
+        return Ok(());
+    }
+    let (kind, message) = if metadata.is_dir() {
+        (ErrorKind::IsADirectory, "is a folder, not a file")
+    } else {
+        (ErrorKind::InvalidInput, "is a pipe, a device or a socket; only regular files are read")
+    };
+    Err(Error::io(path, IoError::new(kind, message)))
+}
+
+/// A text out of a file as messages show it: in quotes, control characters escaped, cut after 80 characters.
+pub fn quoted(text: &str) -> String {
+    match text.char_indices().nth(80) {
+        Some((end, _)) => format!("{:?}...", &text[..end]),
+        None => format!("{text:?}"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bytes_are_charged_while_they_are_held() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a");
+        std::fs::write(&path, [7; 1000]).unwrap();
+        let access = FileAccess::new(Limits { memory_bytes: 1500, ..Limits::default() });
+        let bytes = access.read(&path, "table", 1000).unwrap();
+        assert_eq!((bytes.len(), access.budget().left()), (1000, 500));
+        let error = access.read(&path, "table", 1000).unwrap_err().to_string();
+        assert!(
+            error.ends_with(
+                "a: table needs 1000 bytes of memory, 500 are left; if the file is trusted, raise --max-memory"
+            ),
+            "{error}"
+        );
+        drop(bytes);
+        assert_eq!(access.budget().left(), 1500);
+        let error = access.read(&path, "table", 999).unwrap_err().to_string();
+        assert!(error.ends_with("a: 1000 bytes: a table has 999 at most"), "{error}");
+        assert_eq!(access.read(&path, "table", 1000).unwrap().keep(), [7; 1000]);
+        assert_eq!(access.budget().left(), 500);
+    }
+
+    #[test]
+    fn streams_grow_with_what_comes() {
+        let access = FileAccess::new(Limits { memory_bytes: 1 << 20, ..Limits::default() });
+        let read = |stream: &mut dyn Read, most| access.read_stream(Path::new("-"), "table", stream, most);
+        assert_eq!(read(&mut &[5; 200_000][..], 1 << 20).unwrap().len(), 200_000);
+        assert_eq!(access.budget().left(), 1 << 20);
+        let endless = read(&mut std::io::repeat(1), u64::MAX).unwrap_err().to_string();
+        assert!(endless.contains("raise --max-memory"), "{endless}");
+        let long = read(&mut std::io::repeat(1), 100).unwrap_err().to_string();
+        assert_eq!(long, "-: more than 100 bytes, which a table has at most");
+    }
+
+    #[test]
+    fn folders_and_devices_are_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let error = open(folder.path()).unwrap_err().to_string();
+        assert!(error.ends_with("is a folder, not a file"), "{error}");
+        #[cfg(unix)]
+        for device in ["/dev/zero", "/dev/null"] {
+            let error = open(Path::new(device)).unwrap_err().to_string();
+            assert_eq!(error, format!("{device}: is a pipe, a device or a socket; only regular files are read"));
+        }
+    }
+}
