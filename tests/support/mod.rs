@@ -10,9 +10,16 @@ use tsuya::capture::{self, Capture, ReadOptions};
 use tsuya::encoder::{Encoded, encode};
 use tsuya::options::EncodeOptions;
 
-/// The bundled capture.
+/// The folder of a bundled capture: `sample-spot`, or one that `tools/captures/make.py` makes: `dome`, `unpolarised`, `lens`, `sizes`.
+pub fn bundled(name: &str) -> PathBuf {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data").join(name);
+    assert!(path.is_dir(), "there is no bundled capture {name}");
+    path
+}
+
+/// The largest of the bundled captures: a ring of 36 views.
 pub fn sample() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/sample-spot")
+    bundled("sample-spot")
 }
 
 /// A capture of the shared test data; `None`, after saying so, where it is not there.

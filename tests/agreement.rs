@@ -1,0 +1,218 @@
+//! Every way of decoding a file gives the same bits, and the error that the file states is the one that they have: for each kind of
+//! capture, both profiles and all decoding modes.
+#![cfg(all(feature = "encode", feature = "parallel"))]
+
+mod support;
+
+use tsuya::asset::{Asset, Photograph};
+use tsuya::capture::Capture;
+use tsuya::container::metadata::Metadata;
+use tsuya::container::{Arrival, Container};
+use tsuya::decoder::arriving::{ArrivingFile, ViewProgress};
+use tsuya::decoder::{DecodeOptions, Selection, decode, decode_from};
+use tsuya::encoder::{Encoded, encode};
+use tsuya::measure::FrameError;
+use tsuya::options::{Decoding, EncodeOptions, Profile};
+use tsuya::separate::separate;
+use tsuya::surface::raster::rasterise;
+use tsuya::{Limits, Result};
+
+const CODINGS: [(Profile, Decoding); 4] = [
+    (Profile::Tuned, Decoding::Small),
+    (Profile::Tuned, Decoding::Fast),
+    (Profile::Tuned, Decoding::Fastest),
+    (Profile::Paper, Decoding::Small),
+];
+
+#[test]
+fn sample_spot() {
+    let mut capture = support::read(&support::sample()).unwrap();
+    capture.frames.truncate(4);
+    agree(capture, 0.95, &CODINGS);
+}
+
+/// Masks that are not what the mesh covers, two lights, views of nothing.
+#[test]
+fn dome() {
+    let capture = support::read(&support::bundled("dome")).unwrap();
+    assert_eq!((capture.frames.len(), capture.skipped_frames), (18, 1), "one of 19 masks is empty");
+    assert!(capture.warnings[0].ends_with("16.png: the mask is empty: no pixel shows the object"));
+    agree(capture, 0.6, &CODINGS[1..]);
+}
+
+/// One component; a mask in every second photograph's alpha.
+#[test]
+fn unpolarised() {
+    let capture = support::read(&support::bundled("unpolarised")).unwrap();
+    assert_eq!(capture.frames.iter().filter(|frame| frame.mask.is_some()).count(), 5);
+    agree(capture, 0.99, &CODINGS);
+}
+
+/// Photographs and masks taken through lenses meet the mesh once they are straight.
+#[test]
+fn lens() {
+    let capture = support::read(&support::bundled("lens")).unwrap();
+    let bent = |frame: &tsuya::capture::Frame| frame.photograph.data.iter().any(|pixel| pixel[0].is_nan());
+    assert!(capture.frames.iter().any(bent), "straight pictures reach beyond some of the photographs");
+    agree(capture, 0.98, &CODINGS);
+}
+
+/// A COLMAP model with pictures of nine sizes, down to 5 x 4 pixels.
+#[test]
+fn sizes() {
+    let capture = support::read(&support::bundled("sizes")).unwrap();
+    assert_eq!((capture.frames[4].photograph.width, capture.frames[4].photograph.height), (5, 4));
+    agree(capture, 0.85, &CODINGS);
+}
+
+/// Encodes a capture in every way, decodes each file in every way and compares. Masks are of pixels that the mesh covers, at least
+/// by the share `coverage`.
+fn agree(capture: Capture, coverage: f64, codings: &[(Profile, Decoding)]) {
+    for &(profile, decoding) in codings {
+        let what = format!("{profile:?} {decoding:?}");
+        let options = EncodeOptions { profile, decoding, ..Default::default() };
+        let encoded = encode(capture.clone(), &options).unwrap();
+        assert!(encoded.coverage > coverage, "{what}: the mesh covers {} of the masks", encoded.coverage);
+        let [first, rest @ ..] = [1, 2, 5].map(|threads| with_threads(threads, || whole(&encoded.bytes)));
+        for (other, threads) in rest.iter().zip([2, 5]) {
+            assert_same(&first.photographs, &other.photographs, &format!("{what}, {threads} threads"));
+        }
+        let mut random = Random(0x5eed);
+        for way in [by_selection, by_ranges, from_a_stream] {
+            let photographs = way(&encoded.bytes, first.views.len(), &mut random);
+            assert_same(&first.photographs, &photographs, &what);
+        }
+        check_error(capture.clone(), &first, &encoded, &what);
+    }
+}
+
+fn with_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> T {
+    rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap().install(work)
+}
+
+fn whole(bytes: &[u8]) -> Asset {
+    decode(bytes, &DecodeOptions::default()).unwrap()
+}
+
+/// Each view by itself out of one open file.
+fn by_selection(bytes: &[u8], count: usize, random: &mut Random) -> Vec<Option<Photograph>> {
+    let mut photographs = vec![None; count];
+    let mut file = Container::open_slice(bytes, Limits::default()).unwrap();
+    for view in random.order(count) {
+        let options = DecodeOptions { selection: Selection::Views(vec![view]), ..Default::default() };
+        let mut asset = decode_from(&mut file, &options).unwrap();
+        assert_eq!(asset.photographs.iter().flatten().count(), 1, "only the view that was asked for");
+        photographs[view] = asset.photographs[view].take();
+    }
+    photographs
+}
+
+/// One decoder of a file of which any range can be had; what is asked for comes in pieces, the last one first.
+fn by_ranges(bytes: &[u8], count: usize, random: &mut Random) -> Vec<Option<Photograph>> {
+    let mut file = ArrivingFile::new(Some(bytes.len() as u64), true, Limits::default());
+    let mut cuts = random.clone();
+    view_by_view(&mut file, random.order(count), |file, wanted| {
+        for range in wanted.iter().rev() {
+            let (start, end) = (range.start as usize, range.end as usize);
+            let cut = start + cuts.below(end - start + 1);
+            file.give(cut as u64, &bytes[cut..end])?;
+            file.give(start as u64, &bytes[start..cut])?;
+        }
+        Ok(())
+    })
+}
+
+/// One decoder of a file that comes from its start, in pieces of any size, and whose length is known at its end.
+fn from_a_stream(bytes: &[u8], count: usize, random: &mut Random) -> Vec<Option<Photograph>> {
+    let mut file = ArrivingFile::new(None, false, Limits::default());
+    let (mut cuts, mut at) = (random.clone(), 0);
+    view_by_view(&mut file, random.order(count), |file, _| {
+        let next = bytes.len().min(at + 1 + cuts.below(400));
+        file.give(at as u64, &bytes[at..next])?;
+        at = next;
+        if at == bytes.len() {
+            file.end(at as u64);
+        }
+        Ok(())
+    })
+}
+
+/// Asks for views in an order, each twice; `fetch` hands over some of what is missing.
+fn view_by_view(
+    file: &mut ArrivingFile,
+    order: Vec<usize>,
+    mut fetch: impl FnMut(&mut ArrivingFile, Vec<std::ops::Range<u64>>) -> Result<()>,
+) -> Vec<Option<Photograph>> {
+    let mut photographs = vec![None; order.len()];
+    for view in order.iter().chain(&order).copied() {
+        let photograph = loop {
+            match file.view(view).unwrap() {
+                Arrival::Missing(wanted) => fetch(file, wanted).unwrap(),
+                Arrival::Here(ViewProgress::Again) => {}
+                Arrival::Here(ViewProgress::Done(photograph)) => break photograph,
+                Arrival::Here(ViewProgress::NoPictures) => panic!("the file holds photographs"),
+            }
+        };
+        if let Some(before) = photographs[view].replace(photograph) {
+            assert_same(&[Some(before)], &photographs[view..=view], &format!("view {view} again"));
+        }
+    }
+    photographs
+}
+
+fn assert_same(expected: &[Option<Photograph>], found: &[Option<Photograph>], what: &str) {
+    assert_eq!(expected.len(), found.len(), "{what}");
+    for (view, pair) in expected.iter().zip(found).enumerate() {
+        let (Some(expected), Some(found)) = pair else { panic!("{what}: view {view} is missing") };
+        assert!(expected.mask == found.mask, "{what}: view {view} has another mask");
+        assert_eq!(expected.images.len(), found.images.len(), "{what}: view {view}");
+        for (component, (expected, found)) in expected.images.iter().zip(&found.images).enumerate() {
+            let bits = |pixel: &[f32; 3]| pixel.map(f32::to_bits);
+            let differ = expected.data.iter().zip(&found.data).filter(|(a, b)| bits(a) != bits(b)).count();
+            assert_eq!(differ, 0, "{what}: pixels that differ in view {view}, component {component}");
+        }
+    }
+}
+
+/// The decoded photographs are as far from the captured ones as the encoder found and the file states.
+fn check_error(mut capture: Capture, asset: &Asset, encoded: &Encoded, what: &str) {
+    let observations = separate(&mut capture).unwrap();
+    let mut total = FrameError::default();
+    for ((frame, view), decoded) in observations.frames.into_iter().zip(&asset.views).zip(&asset.photographs) {
+        let covered = rasterise(&asset.mesh, &view.camera).coverage();
+        let mask = frame.mask.unwrap_or_else(|| covered.clone());
+        let original = Photograph { mask, images: frame.images };
+        let decoded = decoded.as_ref().unwrap();
+        total.join(&FrameError::of(&original, decoded, &asset.components, &covered, asset.white));
+    }
+    let measured = total.psnr();
+    assert_eq!(measured, encoded.image_psnr, "{what}: the encoder found another error");
+    let stated = Metadata(asset.metadata.clone()).achieved_error().unwrap();
+    let figures = [
+        (stated.diffuse_psnr_db, measured.diffuse),
+        (stated.specular_psnr_db, measured.specular),
+        (stated.sum_psnr_db, measured.sum),
+    ];
+    let rounded = |db: Option<f64>| db.map(|db| (db * 100.0).round() / 100.0);
+    for (stated, measured) in figures {
+        assert_eq!(stated, rounded(measured), "{what}: dB stated in the file, and measured");
+    }
+    assert!(measured.sum.unwrap() > 20.0, "{what}: {measured:?}");
+}
+
+/// A linear congruential generator (Knuth's MMIX), so that every run is the same.
+#[derive(Clone)]
+struct Random(u64);
+
+impl Random {
+    fn below(&mut self, count: usize) -> usize {
+        self.0 = self.0.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        ((self.0 >> 33) % count as u64) as usize
+    }
+    /// The numbers below `count`, shuffled (Fisher and Yates).
+    fn order(&mut self, count: usize) -> Vec<usize> {
+        let mut order: Vec<usize> = (0..count).collect();
+        (1..count).rev().for_each(|last| order.swap(last, self.below(last + 1)));
+        order
+    }
+}
