@@ -2,83 +2,63 @@
 
 mod support;
 
-use std::io::{BufRead, BufReader, Read, Write};
-use std::net::TcpStream;
-use std::path::Path;
-use std::process::{Child, Command, Stdio};
+#[path = "support/viewer.rs"]
+mod viewer;
+
+use std::io::{Read, Write};
+use std::path::PathBuf;
+use std::time::{Duration, SystemTime};
 use support::{complaint, encoded_sample, output, text};
+use tempfile::TempDir;
+use viewer::{Answer, Viewer};
 
-/// A running server, ended when dropped.
-struct Viewer {
-    child: Child,
-    address: String,
+/// A folder with a page of two files, and files beside it: names and contents.
+fn folder_of(files: &[(&str, &[u8])]) -> (TempDir, PathBuf) {
+    let folder = tempfile::tempdir().unwrap();
+    let page = folder.path().join("page");
+    std::fs::create_dir_all(page.join("three")).unwrap();
+    std::fs::write(page.join("index.html"), PAGE).unwrap();
+    std::fs::write(page.join("three/index.js"), "export {}").unwrap();
+    for (name, content) in files {
+        let path = folder.path().join(name);
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        std::fs::write(path, content).unwrap();
+    }
+    (folder, page)
 }
 
-impl Drop for Viewer {
-    fn drop(&mut self) {
-        let _ = self.child.kill();
-        let _ = self.child.wait();
-    }
-}
-
-impl Viewer {
-    fn new(file: &Path, assets: &Path) -> Self {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_tsuya"));
-        command.args(["view", text(file), "--no-open", "--assets", text(assets)]).stdout(Stdio::piped());
-        let mut child = command.spawn().unwrap();
-        let mut line = String::new();
-        BufReader::new(child.stdout.as_mut().unwrap()).read_line(&mut line).unwrap();
-        let address = line.strip_prefix("http://").and_then(|rest| rest.split('/').next()).unwrap().to_owned();
-        Viewer { child, address }
-    }
-
-    /// Head and body of the answer to a request; `headers` end with line ends, `Host` is put before them unless they have it.
-    fn ask(&self, request: &str, headers: &str) -> (String, Vec<u8>) {
-        let mut stream = TcpStream::connect(&self.address).unwrap();
-        let host = if headers.contains("Host:") { String::new() } else { format!("Host: {}\r\n", self.address) };
-        write!(stream, "{request} HTTP/1.1\r\n{host}{headers}Connection: close\r\n\r\n").unwrap();
-        let mut answer = Vec::new();
-        stream.read_to_end(&mut answer).unwrap();
-        let end = answer.windows(4).position(|w| w == b"\r\n\r\n").unwrap();
-        (String::from_utf8(answer[..end].to_vec()).unwrap(), answer[end + 4..].to_vec())
-    }
-
-    fn status(&self, request: &str, headers: &str) -> u16 {
-        self.ask(request, headers).0.split(' ').nth(1).unwrap().parse().unwrap()
-    }
-}
+const PAGE: &str = "<!doctype html><script type=\"importmap\">{}</script>";
 
 #[test]
 fn the_file_is_served_in_parts_and_nothing_else() {
-    let folder = tempfile::tempdir().unwrap();
-    let (assets, file) = (folder.path().join("page"), folder.path().join("a vase.tsuya"));
-    std::fs::create_dir_all(assets.join("three")).unwrap();
-    std::fs::write(assets.join("index.html"), "<!doctype html>").unwrap();
-    std::fs::write(assets.join("three/index.js"), "export {}").unwrap();
-    std::fs::write(folder.path().join("secret.tsuya"), "secret").unwrap();
     let bytes = &encoded_sample().bytes;
-    std::fs::write(&file, bytes).unwrap();
-    let viewer = Viewer::new(&file, &assets);
+    let (folder, page) = folder_of(&[("a vase.tsuya", bytes), ("secret.tsuya", b"secret")]);
+    let viewer = Viewer::new(&folder.path().join("a vase.tsuya"), &page, &[]);
 
-    let (head, body) = viewer.ask("GET /", "");
-    assert!(head.starts_with("HTTP/1.1 200") && head.contains("text/html") && body == b"<!doctype html>", "{head}");
-    let (head, body) = viewer.ask("GET /viewer.json", "");
-    assert!(head.contains("application/json"), "{head}");
-    let description: serde_json::Value = serde_json::from_slice(&body).unwrap();
+    let answer = viewer.ask("GET /", "");
+    assert_eq!((answer.status(), answer.body.as_slice()), (200, PAGE.as_bytes()), "{}", answer.head);
+    assert_eq!(answer.field("content-type"), Some("text/html; charset=utf-8"));
+    let answer = viewer.ask("GET /viewer.json", "");
+    assert_eq!(answer.field("content-type"), Some("application/json"));
+    let description: serde_json::Value = serde_json::from_slice(&answer.body).unwrap();
     assert_eq!((&description["file"], &description["name"]), (&"shown/a%20vase.tsuya".into(), &"a vase.tsuya".into()));
     let place = "GET /shown/a%20vase.tsuya";
-    let (head, body) = viewer.ask(place, "");
-    assert!(head.contains("model/vnd.tsuya") && head.contains(&format!("Content-Length: {}", bytes.len())), "{head}");
-    assert_eq!(&body, bytes);
-    let (head, body) = viewer.ask(place, "Range: bytes=100-299\r\n");
-    assert!(head.starts_with("HTTP/1.1 206"), "{head}");
-    assert!(head.contains(&format!("Content-Range: bytes 100-299/{}", bytes.len())), "{head}");
-    assert_eq!(body, bytes[100..300]);
-    assert_eq!(viewer.ask(place, "Range: bytes=-8\r\n").1, bytes[bytes.len() - 8..]);
-    let (head, _) = viewer.ask(place, "Range: bytes=99999999-\r\n");
-    assert!(head.starts_with("HTTP/1.1 416") && head.contains("bytes */"), "{head}");
-    let (head, body) = viewer.ask("HEAD /shown/a%20vase.tsuya", "");
-    assert!(head.contains(&format!("Content-Length: {}", bytes.len())) && body.is_empty(), "{head}");
+    let whole = viewer.ask(place, "");
+    assert_eq!(whole.field("content-type"), Some("model/vnd.tsuya"));
+    assert_eq!(whole.field("content-length"), Some(bytes.len().to_string().as_str()));
+    assert_eq!(&whole.body, bytes);
+    let part = viewer.ask(place, "Range: bytes=100-299\r\n");
+    let range = format!("bytes 100-299/{}", bytes.len());
+    assert_eq!((part.status(), part.field("content-range")), (206, Some(range.as_str())));
+    assert_eq!(part.body, bytes[100..300]);
+    assert_eq!(viewer.ask(place, "Range: bytes=-8\r\n").body, bytes[bytes.len() - 8..]);
+    assert_eq!(viewer.ask(place, "Range: bytes=0-1,5-6\r\n").body.len(), bytes.len());
+    let beyond = viewer.ask(place, "Range: bytes=99999999-\r\n");
+    let range = format!("bytes */{}", bytes.len());
+    assert_eq!((beyond.status(), beyond.field("content-range")), (416, Some(range.as_str())));
+    let head = viewer.ask("HEAD /shown/a%20vase.tsuya", "");
+    assert_eq!(head.field("content-length"), Some(bytes.len().to_string().as_str()));
+    assert!(head.body.is_empty());
 
     for path in [
         "/shown/secret.tsuya",
@@ -93,6 +73,57 @@ fn the_file_is_served_in_parts_and_nothing_else() {
     }
     assert_eq!(viewer.status("GET /", "Host: elsewhere.example\r\n"), 403);
     assert_eq!(viewer.status("POST /", "Content-Length: 0\r\n"), 405);
+}
+
+#[test]
+fn answers_say_what_a_browser_may_do_with_them() {
+    let (folder, page) = folder_of(&[("a.tsuya", b"bytes")]);
+    let viewer = Viewer::new(&folder.path().join("a.tsuya"), &page, &[]);
+    for path in ["/", "/three/index.js", "/viewer.json", "/shown/a.tsuya", "/absent"] {
+        let answer = viewer.ask(&format!("GET {path}"), "");
+        assert_eq!(answer.field("x-content-type-options"), Some("nosniff"), "{path}");
+        assert_eq!(answer.field("referrer-policy"), Some("no-referrer"), "{path}");
+        assert_eq!(answer.field("cross-origin-resource-policy"), Some("same-origin"), "{path}");
+        let policy = answer.field("content-security-policy").unwrap();
+        assert!(
+            policy.starts_with("default-src 'none'") && policy.contains("frame-ancestors 'none'"),
+            "{path}: {policy}"
+        );
+        let is_page = !matches!(path, "/shown/a.tsuya" | "/absent");
+        assert_eq!(policy.contains("script-src 'self' 'wasm-unsafe-eval'"), is_page, "{path}: {policy}");
+        assert_eq!(policy.contains("sandbox"), !is_page, "{path}: {policy}");
+    }
+}
+
+#[test]
+fn a_file_that_changes_is_served_as_one_version_or_not_to_the_end() {
+    let (folder, page) = folder_of(&[("a.tsuya", b"the first version"), ("other", b"another one")]);
+    let path = folder.path().join("a.tsuya");
+    let viewer = Viewer::new(&path, &page, &[]);
+    let place = "GET /shown/a.tsuya";
+    let tag = viewer.ask(place, "").field("etag").unwrap().to_owned();
+    let part = |tag: &str| viewer.ask(place, &format!("Range: bytes=4-8\r\nIf-Range: {tag}\r\n"));
+    assert_eq!((part(&tag).status(), part(&tag).body.as_slice()), (206, &b"first"[..]));
+    // Replaced as programs do that write beside the file and rename.
+    std::fs::rename(folder.path().join("other"), &path).unwrap();
+    assert_eq!((part(&tag).status(), part(&tag).body.as_slice()), (200, &b"another one"[..]));
+    assert_ne!(part(&tag).field("etag"), Some(tag.as_str()));
+    std::fs::remove_file(&path).unwrap();
+    assert_eq!(viewer.status(place, ""), 404);
+
+    // Written to while it is sent: what arrives is short, never a mixture of its stated length.
+    let length = 64 << 20;
+    std::fs::write(&path, vec![b'1'; length]).unwrap();
+    std::fs::File::open(&path).unwrap().set_modified(SystemTime::now() - Duration::from_secs(9)).unwrap();
+    let mut stream = viewer.connect();
+    write!(stream, "{place} HTTP/1.1\r\nHost: {}\r\n\r\n", viewer.address).unwrap();
+    let mut bytes = vec![0; 4096];
+    stream.read_exact(&mut bytes).unwrap();
+    std::fs::write(&path, vec![b'2'; length]).unwrap();
+    let _ = stream.read_to_end(&mut bytes);
+    let answer = Answer::parse(&bytes).unwrap();
+    assert_eq!(answer.field("content-length"), Some(length.to_string().as_str()));
+    assert!(answer.body.len() < length && answer.body.iter().all(|&byte| byte == b'1'), "{}", answer.body.len());
 }
 
 #[test]

@@ -1,5 +1,9 @@
 //! `tsuya view`: a file in the browser, or as a page for any web server.
 
+mod answer;
+mod body;
+mod connections;
+mod policy;
 mod range;
 mod server;
 mod site;

@@ -1,167 +1,131 @@
-//! The page on a loopback address.
+//! HTTP server of the page, on a loopback address.
+//!
+//! Requests are read by hyper 1 on one thread of tokio. hyper is kept and widely used, bounds the head of a request by bytes, fields and
+//! time, reads no body that nobody asks for and refuses lengths that contradict each other. (tiny_http 0.12, which was here before, allocates
+//! the length that a request claims and waits for ever for those who stall.) hyper leaves to its user how many connections there are and for
+//! how long one may stand still; that is in [`connections`](super::connections).
 
-use super::range::{self, Wanted};
-use super::site::{Content, Site};
+use super::answer::Answers;
+use super::connections::{Connections, Watched};
+use super::site::Site;
 use anyhow::Result;
-use std::fs::File;
-use std::io::{Cursor, Read, Seek, SeekFrom, Write};
-use std::net::Ipv4Addr;
-use tiny_http::{Method, Request, StatusCode};
+use hyper::server::conn::http1;
+use hyper::service::service_fn;
+use hyper_util::rt::{TokioIo, TokioTimer};
+use std::convert::Infallible;
+use std::net::{Ipv4Addr, SocketAddr};
+use std::rc::Rc;
+use std::time::Duration;
+use tokio::net::{TcpListener, TcpSocket, TcpStream};
+use tokio::runtime::Runtime;
+use tokio::task::LocalSet;
 use tsuya::Error;
-use tsuya::gltf;
 
-/// Requests answered side by side: browsers ask for six at once.
-const THREADS: usize = 6;
+/// Bytes of a request's head: request line and header fields. Browsers send less than one KiB.
+const MAX_HEAD_BYTES: usize = 16 << 10;
+/// Header fields of a request.
+const MAX_HEADER_FIELDS: usize = 64;
+/// Time for a request's head to arrive, and for a connection to stay open without a request.
+const HEAD_TIME: Duration = Duration::from_secs(10);
+/// Connections that the system keeps until they are accepted.
+const BACKLOG: u32 = 1024;
+/// Bytes that the system keeps of an answer for a connection whose other side does not read.
+const SEND_BUFFER_BYTES: u32 = 256 << 10;
+/// Connections accepted before those that are open go on. Much less than may be open, so that a newcomer has been served before later ones
+/// take its place.
+const ACCEPTED_AT_ONCE: u32 = 8;
+/// Threads that read files.
+const READING_THREADS: usize = 4;
+/// Pause after the system refused a connection, for want of file descriptors mostly.
+const REFUSED_PAUSE: Duration = Duration::from_millis(20);
+/// How often connections that stand still are looked for.
+const SWEEP_INTERVAL: Duration = Duration::from_secs(5);
 
-/// A server of one site.
+/// HTTP server of one site.
 pub struct Server {
-    http: tiny_http::Server,
+    runtime: Runtime,
+    listener: TcpListener,
     site: Site,
     port: u16,
-}
-
-/// An answer's body, of known length.
-type Body = Box<dyn Read + Send>;
-
-/// What is answered to a request.
-struct Answer {
-    status: u16,
-    fields: Vec<(&'static str, String)>,
-    body: Body,
-    length: u64,
 }
 
 impl Server {
     /// Takes a port of 127.0.0.1; 0 is any that is free.
     pub fn bind(port: u16, site: Site) -> Result<Self> {
-        let failed = |e: Box<dyn std::error::Error + Send + Sync>| {
-            Error::io(format!("127.0.0.1:{port}"), std::io::Error::other(e))
-        };
-        let http = tiny_http::Server::http((Ipv4Addr::LOCALHOST, port)).map_err(failed)?;
-        let port = http.server_addr().to_ip().map_or(port, |address| address.port());
-        Ok(Server { http, site, port })
+        let failed = |e| Error::io(format!("127.0.0.1:{port}"), e);
+        let mut builder = tokio::runtime::Builder::new_current_thread();
+        let runtime = builder.enable_all().max_blocking_threads(READING_THREADS).build().map_err(failed)?;
+        let listener = runtime.block_on(async { listen(port) }).map_err(failed)?;
+        let port = listener.local_addr().map_err(failed)?.port();
+        Ok(Server { runtime, listener, site, port })
     }
 
-    /// Where the page is.
+    /// Address of the page.
     pub fn address(&self) -> String {
         format!("http://127.0.0.1:{}/", self.port)
     }
 
     /// Answers until the program is ended.
-    pub fn run(&self) {
-        std::thread::scope(|scope| {
-            for _ in 0..THREADS {
-                scope.spawn(|| {
-                    while let Ok(request) = self.http.recv() {
-                        let answer = self.answer(&request);
-                        // Who asked may be gone.
-                        let _ = send(request, answer);
-                    }
-                });
-            }
+    pub fn run(self) {
+        let answers = Rc::new(Answers::new(self.site, self.port));
+        LocalSet::new().block_on(&self.runtime, accept(self.listener, answers));
+    }
+}
+
+fn listen(port: u16) -> std::io::Result<TcpListener> {
+    let socket = TcpSocket::new_v4()?;
+    // Elsewhere than on Windows this only allows the port of a server that has just ended.
+    #[cfg(not(windows))]
+    socket.set_reuseaddr(true)?;
+    // Connections inherit it.
+    socket.set_send_buffer_size(SEND_BUFFER_BYTES)?;
+    socket.bind(SocketAddr::from((Ipv4Addr::LOCALHOST, port)))?;
+    socket.listen(BACKLOG)
+}
+
+/// Accepts connections and ends those that stand still.
+async fn accept(listener: TcpListener, answers: Rc<Answers>) {
+    let mut connections = Connections::default();
+    let mut sweep = tokio::time::interval(SWEEP_INTERVAL);
+    let mut accepted_at_once = 0;
+    loop {
+        let accepted = std::future::poll_fn(|context| match listener.poll_accept(context) {
+            std::task::Poll::Pending => sweep.poll_tick(context).map(|_| None),
+            accepted => accepted.map(Some),
         });
-    }
-
-    fn answer(&self, request: &Request) -> Answer {
-        let header =
-            |name: &'static str| request.headers().iter().find(|h| h.field.equiv(name)).map(|h| h.value.as_str());
-        // Pages of other names that lead to this address must not read what is shown.
-        let own = |host: &str| {
-            [format!("127.0.0.1:{}", self.port), format!("localhost:{}", self.port)].iter().any(|h| h == host)
-        };
-        if !header("Host").is_some_and(own) {
-            return words(403, "This server answers to its own address only.");
-        }
-        if !matches!(request.method(), Method::Get | Method::Head) {
-            return words(405, "GET and HEAD only.");
-        }
-        let path = request.url().split(['?', '#']).next().unwrap_or_default();
-        let path = path.strip_prefix('/').and_then(gltf::path_of);
-        let Some((path, content)) = path.and_then(|path| self.site.get(&path).map(|content| (path, content))) else {
-            return words(404, "There is no such file here.");
-        };
-        match body(content, header("Range")) {
-            Ok((status, body, length, range)) => {
-                let mut fields = vec![
-                    ("Content-Type", media_type(&path).to_string()),
-                    ("Accept-Ranges", "bytes".into()),
-                    // The file may be another one at the next call.
-                    ("Cache-Control", "no-store".into()),
-                    ("X-Content-Type-Options", "nosniff".into()),
-                ];
-                fields.extend(range.map(|range| ("Content-Range", range)));
-                Answer { status, fields, body, length }
+        match accepted.await {
+            None => connections.end_stalled(),
+            Some(Ok((stream, _))) => {
+                connections.make_room().await;
+                connections.open(stream, |stream| serve(stream, answers.clone()));
+                accepted_at_once = (accepted_at_once + 1) % ACCEPTED_AT_ONCE;
+                if accepted_at_once == 0 {
+                    tokio::task::yield_now().await;
+                }
             }
-            Err(error) => words(404, &error.to_string()),
+            Some(Err(_)) => {
+                connections.end_oldest().await;
+                tokio::time::sleep(REFUSED_PAUSE).await;
+            }
         }
     }
 }
 
-/// Status, body, its length, and the header `Content-Range`.
-fn body(content: &Content, range: Option<&str>) -> std::io::Result<(u16, Body, u64, Option<String>)> {
-    let length = match content {
-        Content::Held(bytes) => bytes.len() as u64,
-        Content::File(path) => std::fs::metadata(path)?.len(),
-    };
-    let (status, first, end) = match range.map_or(Wanted::Whole, |header| range::parse(header, length)) {
-        Wanted::Whole => (200, 0, length),
-        Wanted::Part(first, end) => (206, first, end),
-        Wanted::Unsatisfiable => {
-            return Ok((416, Box::new(std::io::empty()), 0, Some(format!("bytes */{length}"))));
-        }
-    };
-    let count = end - first;
-    let body: Body = match content {
-        Content::Held(bytes) => {
-            let part = bytes.get(first as usize..end as usize).unwrap_or_default();
-            Box::new(Cursor::new(part.to_vec()))
-        }
-        Content::File(path) => {
-            let mut file = File::open(path)?;
-            file.seek(SeekFrom::Start(first))?;
-            Box::new(file.take(count))
-        }
-    };
-    let range = (status == 206).then(|| format!("bytes {first}-{}/{length}", end.saturating_sub(1)));
-    Ok((status, body, count, range))
-}
-
-fn words(status: u16, text: &str) -> Answer {
-    let bytes = text.as_bytes().to_vec();
-    let length = bytes.len() as u64;
-    let fields = vec![("Content-Type", "text/plain; charset=utf-8".to_string())];
-    Answer { status, fields, body: Box::new(Cursor::new(bytes)), length }
-}
-
-/// Writes an answer and ends the connection: tiny_http lets a connection that stays open keep its thread, and has only a
-/// few for more connections than browsers open.
-fn send(request: Request, answer: Answer) -> std::io::Result<()> {
-    let head_only = *request.method() == Method::Head;
-    let Answer { status, fields, mut body, length } = answer;
-    let mut writer = request.into_writer();
-    write!(writer, "HTTP/1.1 {status} {}\r\n", StatusCode(status).default_reason_phrase())?;
-    for (name, value) in fields {
-        write!(writer, "{name}: {value}\r\n")?;
-    }
-    write!(writer, "Content-Length: {length}\r\nConnection: close\r\n\r\n")?;
-    if !head_only {
-        std::io::copy(&mut body, &mut writer)?;
-    }
-    writer.flush()
-}
-
-fn media_type(path: &str) -> &'static str {
-    match path.rsplit('.').next() {
-        Some("js" | "mjs") => "text/javascript; charset=utf-8",
-        Some("css") => "text/css; charset=utf-8",
-        Some("json" | "gltf") => "application/json",
-        Some("wasm") => "application/wasm",
-        Some("glb") => "model/gltf-binary",
-        Some("tsuya") => gltf::MIME_TYPE,
-        Some("png") => "image/png",
-        Some("jpg" | "jpeg") => "image/jpeg",
-        Some("svg") => "image/svg+xml",
-        _ if path.is_empty() || path.ends_with(".html") => "text/html; charset=utf-8",
-        _ => "application/octet-stream",
-    }
+/// Answers one connection's requests.
+async fn serve(stream: Watched<TcpStream>, answers: Rc<Answers>) {
+    let service = service_fn(|request| {
+        let answers = answers.clone();
+        async move { Ok::<_, Infallible>(answers.answer(request).await) }
+    });
+    let connection = http1::Builder::new()
+        .timer(TokioTimer::new())
+        // Who has asked all and closes that side still hears the answer.
+        .half_close(true)
+        .header_read_timeout(HEAD_TIME)
+        .max_buf_size(MAX_HEAD_BYTES)
+        .max_header_size(MAX_HEAD_BYTES)
+        .max_headers(MAX_HEADER_FIELDS)
+        .serve_connection(TokioIo::new(stream), service);
+    // Whoever asked may be gone.
+    let _ = connection.await;
 }

@@ -2,6 +2,7 @@
 
 use crate::source::{self, has_extension, limits};
 use anyhow::Result;
+use hyper::body::Bytes;
 use serde_json::{Value, json};
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -23,17 +24,17 @@ const SHOWN: &str = "shown";
 /// One file's content.
 pub enum Content {
     /// Within the program.
-    Held(Cow<'static, [u8]>),
+    Held(Bytes),
     /// On disk.
     File(PathBuf),
 }
 
 impl Content {
     /// All of it.
-    pub fn read(&self) -> Result<Cow<'_, [u8]>> {
+    pub fn read(&self) -> Result<Bytes> {
         match self {
-            Content::Held(bytes) => Ok(Cow::Borrowed(bytes)),
-            Content::File(path) => Ok(Cow::Owned(std::fs::read(path).map_err(|e| Error::io(path, e))?)),
+            Content::Held(bytes) => Ok(bytes.clone()),
+            Content::File(path) => Ok(std::fs::read(path).map_err(|e| Error::io(path, e))?.into()),
         }
     }
 }
@@ -53,7 +54,7 @@ impl Site {
         let mut files = match assets {
             Some(folder) => folder_files(folder)?,
             None => Built::iter()
-                .filter_map(|path| Some((path.to_string(), Content::Held(Built::get(&path)?.data))))
+                .filter_map(|path| Some((path.to_string(), Content::Held(held(Built::get(&path)?.data)))))
                 .collect(),
         };
         if !files.contains_key(FIRST) {
@@ -79,7 +80,7 @@ impl Site {
             }
         }
         let description = json!({"file": format!("{SHOWN}/{}", gltf::reference(&name)), "name": name});
-        files.insert("viewer.json".into(), Content::Held(Cow::Owned(description.to_string().into_bytes())));
+        files.insert("viewer.json".into(), Content::Held(description.to_string().into()));
         Ok(Site(files))
     }
 
@@ -88,9 +89,21 @@ impl Site {
         self.0.get(if path.is_empty() { FIRST } else { path })
     }
 
+    /// True for the page's own files, false for what it shows.
+    pub fn is_page(&self, path: &str) -> bool {
+        !path.strip_prefix(SHOWN).is_some_and(|rest| rest.starts_with('/'))
+    }
+
     /// Paths and contents.
     pub fn files(&self) -> impl Iterator<Item = (&String, &Content)> {
         self.0.iter()
+    }
+}
+
+fn held(bytes: Cow<'static, [u8]>) -> Bytes {
+    match bytes {
+        Cow::Borrowed(bytes) => Bytes::from_static(bytes),
+        Cow::Owned(bytes) => bytes.into(),
     }
 }
 
