@@ -10,6 +10,7 @@ use crate::entropy::{BitCoder, RangeDecoder, RansDecoder};
 #[cfg(feature = "encode")]
 use crate::entropy::{RangeEncoder, RansEncoder};
 use crate::quantise::bands::{Choice, Quantiser, is_worth};
+use crate::transform::masked::Coefficients;
 use crate::transform::shape_adaptive::{Band, Orientation, Pixel, Plan};
 
 /// How a picture's decisions are predicted.
@@ -54,9 +55,6 @@ impl<K: Contexts> State<K> {
     }
 }
 
-/// Coefficients by band, row-major; outside the bands' masks anything.
-pub type Coefficients = Vec<Vec<Pixel>>;
-
 /// Writes the coefficients of one picture, three colours together, as a stream; returns them as the decoder has them, too.
 ///
 /// `predicted` are the coefficients of the prediction (none for a picture coded alone), `target` those of the picture. Bands are those of
@@ -74,29 +72,33 @@ pub fn encode(
     match &mut models.0 {
         Kind::Mixed(state) => {
             let mut coder = RangeEncoder::new();
-            let decoded = code_with(&mut coder, state, plan, quantiser, predicted, target, Vec::new());
+            let decoded = code_with(&mut coder, state, plan, quantiser, predicted, target, Coefficients::default());
             (coder.finish(), decoded)
         }
         Kind::Direct(state) => {
             let mut coder = RansEncoder::new();
-            let decoded = code_with(&mut coder, state, plan, quantiser, predicted, target, Vec::new());
+            let decoded = code_with(&mut coder, state, plan, quantiser, predicted, target, Coefficients::default());
             (coder.finish(), decoded)
         }
     }
 }
 
-/// Reads what [`encode`] has written. `room` is memory to use again: what an earlier call has returned.
+/// Reads what [`encode`] has written. `scratch` is memory to use again: what an earlier call has returned.
 pub fn decode(
     stream: &[u8],
     models: &mut Models,
     plan: &Plan,
     quantiser: &Quantiser,
     predicted: Option<&[Vec<Pixel>]>,
-    room: Coefficients,
+    scratch: Coefficients,
 ) -> Coefficients {
     match &mut models.0 {
-        Kind::Mixed(state) => code_with(&mut RangeDecoder::new(stream), state, plan, quantiser, predicted, None, room),
-        Kind::Direct(state) => code_with(&mut RansDecoder::new(stream), state, plan, quantiser, predicted, None, room),
+        Kind::Mixed(state) => {
+            code_with(&mut RangeDecoder::new(stream), state, plan, quantiser, predicted, None, scratch)
+        }
+        Kind::Direct(state) => {
+            code_with(&mut RansDecoder::new(stream), state, plan, quantiser, predicted, None, scratch)
+        }
     }
 }
 
@@ -107,7 +109,7 @@ pub fn code_alone<C: BitCoder>(
     quantiser: &Quantiser,
     target: Option<(&[Vec<Pixel>], Choice)>,
 ) -> Coefficients {
-    code_with(coder, &mut State::<Mixed>::new(), plan, quantiser, None, target, Vec::new())
+    code_with(coder, &mut State::<Mixed>::new(), plan, quantiser, None, target, Coefficients::default())
 }
 
 fn code_with<C: BitCoder, K: Codes<C>>(
@@ -117,7 +119,7 @@ fn code_with<C: BitCoder, K: Codes<C>>(
     quantiser: &Quantiser,
     predicted: Option<&[Vec<Pixel>]>,
     target: Option<(&[Vec<Pixel>], Choice)>,
-    mut room: Coefficients,
+    mut coefficients: Coefficients,
 ) -> Coefficients {
     let bands = plan.bands();
     let mut gains = *models.gains.last();
@@ -131,9 +133,9 @@ fn code_with<C: BitCoder, K: Codes<C>>(
         }
         models.gains.code(coder, &mut gains, &used);
     }
-    room.resize_with(bands.len(), Vec::new);
+    coefficients.reset(bands.len());
     let mut known: Vec<Known<K::Lanes>> = Vec::with_capacity(bands.len());
-    for (index, (band, out)) in bands.iter().zip(&mut room).enumerate() {
+    for (index, band) in bands.iter().enumerate() {
         let step = quantiser.band_step(band);
         let task = BandTask {
             band,
@@ -151,11 +153,11 @@ fn code_with<C: BitCoder, K: Codes<C>>(
             _ => 0,
         };
         let siblings = &known[index - siblings..];
-        out.resize(band.mask.data.len(), [0.0; 4]);
+        let out = coefficients.band_mut(index, band.mask.data.len());
         let here = code_band(coder, &mut models.values, quantiser, &task, (parent, siblings), out);
         known.push(here);
     }
-    room
+    coefficients
 }
 
 /// One band of a picture, as it is to be coded.

@@ -8,6 +8,7 @@ use super::raster::{self, Raster};
 use crate::asset::{Mesh, View};
 use crate::image::Mask;
 use crate::transform::frame::Frame;
+use crate::transform::masked::{self, MaskedPixels, Rows};
 use crate::transform::shape_adaptive::{Pixel, Run};
 use crate::vector::dot;
 use glam::Vec4;
@@ -116,12 +117,14 @@ fn for_neighbours(at: usize, width: usize, height: usize, mut visit: impl FnMut(
     }
 }
 
-/// A decoded picture in the sqrt domain, filled beyond its mask so that interpolation may read there.
+/// A decoded picture in the sqrt domain, filled beyond its mask so that interpolation may read anywhere.
 #[derive(Debug, Clone)]
 pub struct Reference {
     /// Size of the picture, of which the pixels are the part in the frame.
     size: [usize; 2],
     frame: Frame,
+    /// The mask.
+    rows: Rows,
     pixels: Vec<Pixel>,
 }
 
@@ -131,12 +134,14 @@ pub const REFERENCE_RINGS: usize = 4;
 const HOLE_RINGS: usize = 64;
 
 impl Reference {
-    /// Fills a few rings beyond the mask (`rows` of the frame) with the mean of the neighbours inside. The frame leaves room
-    /// for the rings wherever the picture does.
-    pub fn new(mut pixels: Vec<Pixel>, size: [usize; 2], frame: Frame, rows: &[Run]) -> Self {
+    /// Fills a few rings beyond the mask with the mean of the neighbours inside, what lies beyond them with 0. The frame leaves
+    /// room for the rings wherever the picture does.
+    pub fn new(picture: MaskedPixels, size: [usize; 2], frame: Frame) -> Self {
         let Frame { width, height, .. } = frame;
+        let rows = picture.rows().clone();
+        let mut pixels = picture.zero_outside();
         let mut known = vec![false; width * height];
-        for run in rows {
+        for run in rows.iter() {
             let at = run.line as usize * width + run.start as usize;
             known[at..at + run.length as usize].fill(true);
         }
@@ -159,12 +164,12 @@ impl Reference {
             wanted.sort_unstable();
             wanted.dedup();
         }
-        Reference { size, frame, pixels }
+        Reference { size, frame, rows, pixels }
     }
 
-    /// The picture; beyond its mask a few rings of filled pixels.
-    pub fn pixels(&self) -> &[Pixel] {
-        &self.pixels
+    /// The mask's runs with their pixels.
+    pub fn runs(&self) -> impl Iterator<Item = (&Run, &[Pixel])> {
+        masked::runs(&self.rows, self.frame.width, &self.pixels)
     }
 
     /// Catmull-Rom interpolation; `position` is clamped to the picture.
@@ -341,7 +346,7 @@ mod tests {
         let frame = Frame { left: 0, top: 0, width: 48, height: 32 };
         let rows: Vec<Run> = (0..32).map(|line| Run { line, start: 0, length: 48 }).collect();
         let picture: Vec<Pixel> = (0..48 * 32).map(|i| [(i % 48) as f32, (i / 48) as f32, 1.0, 0.0]).collect();
-        let reference = Reference::new(picture, [48, 32], frame, &rows);
+        let reference = Reference::new(MaskedPixels::new(48, rows[..].into(), picture), [48, 32], frame);
         let sources = &find(&here, &[&Seen::new(there)], &frame, &rows)[0];
         let predicted = predict([48, 32], &rows, &[(&reference, sources, 1.0)], true);
         // Parallax: 40 * 0.5 / 4 = 5 pixels; brightness: sqrt(4).

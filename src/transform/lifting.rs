@@ -29,7 +29,7 @@ const SINGLE: f32 = std::f32::consts::SQRT_2;
 
 /// Puts each coefficient of a transformed run into its half, low or high; the line's place for slot `k` is `first + k * stride`.
 #[inline(always)]
-pub(super) fn scatter(line: &[Pixel], run: &Run, halves: &mut [Vec<Pixel>; 2], first: usize, stride: usize) {
+pub(super) fn scatter(line: &[Pixel], run: &Run, halves: &mut [&mut [Pixel]; 2], first: usize, stride: usize) {
     let start = run.start as usize;
     if let [single] = line {
         halves[0][first + start / 2 * stride] = *single;

@@ -4,4 +4,5 @@ pub mod colour;
 pub mod daubechies;
 pub mod frame;
 mod lifting;
+pub mod masked;
 pub mod shape_adaptive;

@@ -7,6 +7,7 @@
 
 pub use super::lifting::{Pixel, Run};
 use super::lifting::{Synthesiser, analyse, scatter};
+use super::masked::{Coefficients, MaskedPixels, Rows, Scratch};
 use crate::image::Mask;
 
 /// Most levels of a transform.
@@ -42,7 +43,7 @@ pub struct Plan {
     levels: Vec<Level>,
     bands: Vec<Band>,
     /// Runs along rows of the picture and of the low band after each level.
-    rows: Vec<Vec<Run>>,
+    rows: Vec<Rows>,
 }
 
 #[derive(Debug, Clone)]
@@ -60,7 +61,7 @@ pub fn level_count(width: usize, height: usize) -> usize {
 }
 
 /// Runs along rows, from top to bottom and from left to right.
-fn row_runs(mask: &Mask) -> Vec<Run> {
+fn row_runs(mask: &Mask) -> Rows {
     let mut runs = Vec::new();
     for y in 0..mask.height {
         let row = mask.row(y);
@@ -72,7 +73,7 @@ fn row_runs(mask: &Mask) -> Vec<Run> {
             at = start + length;
         }
     }
-    runs
+    runs.into()
 }
 
 /// Runs along columns, in the order of their starts.
@@ -171,13 +172,13 @@ impl Plan {
         let mut line = vec![[0.0; 4]; longest];
         for (level, rows) in self.levels.iter().zip(&self.rows).skip(level) {
             let half = level.width.div_ceil(2);
-            let sides = work.sides(half * level.height);
-            for run in rows {
+            let mut sides = work.sides(half * level.height);
+            for run in rows.iter() {
                 let at = run.line as usize * level.width + run.start as usize;
                 let line = &mut line[..run.length as usize];
                 line.copy_from_slice(&low[at..at + run.length as usize]);
                 analyse(line, run.start);
-                scatter(line, run, sides, run.line as usize * half, 1);
+                scatter(line, run, &mut sides, run.line as usize * half, 1);
             }
             let half_height = level.height.div_ceil(2);
             let mut quarters = [const { Vec::new() }; 4];
@@ -190,7 +191,7 @@ impl Plan {
                         *value = *place;
                     }
                     analyse(line, run.start);
-                    scatter(line, run, quarter, run.line as usize, half);
+                    scatter(line, run, &mut quarter.each_mut().map(Vec::as_mut_slice), run.line as usize, half);
                 }
             }
             let [next, vertical, horizontal, diagonal] = quarters;
@@ -203,32 +204,31 @@ impl Plan {
     }
 
     /// Pixels from coefficients as [`Plan::forward`] gives them; 0 outside the mask.
-    pub fn inverse(&self, coefficients: &[Vec<Pixel>]) -> Vec<Pixel> {
-        self.inverse_keeping(coefficients, 0, &mut Work::default()).0
+    pub fn inverse(&self, coefficients: &Coefficients) -> Vec<Pixel> {
+        self.inverse_keeping(coefficients, 0, &mut Work::default()).0.zero_outside()
     }
 
-    /// [`Plan::inverse`], and the low band after `kept` levels, empty for 0. Outside the mask they are 0, or anything where `work` has
-    /// been used before.
+    /// [`Plan::inverse`], and the low band after `kept` levels, if that is not 0; both known within their masks alone.
     pub fn inverse_keeping(
         &self,
-        coefficients: &[Vec<Pixel>],
+        coefficients: &Coefficients,
         kept: usize,
         work: &mut Work,
-    ) -> (Vec<Pixel>, Vec<Pixel>) {
-        let mut low = coefficients.first().cloned().unwrap_or_default();
-        let mut keep = Vec::new();
+    ) -> (MaskedPixels, Option<MaskedPixels>) {
+        let band = |index: usize| coefficients.band(index, self.bands[index].mask.data.len());
+        let mut low = band(0).to_vec();
+        let mut keep = None;
         for (index, level) in self.levels.iter().enumerate().rev() {
             let first = 1 + 3 * (self.levels.len() - 1 - index);
-            let [horizontal, vertical, diagonal] = [0, 1, 2].map(|k| &coefficients[first + k][..]);
+            let [horizontal, vertical, diagonal] = [0, 1, 2].map(|k| band(first + k));
             let half = level.width.div_ceil(2);
-            let room = work.picture(index, level.width * level.height);
-            let sides = work.sides(half * level.height);
+            let mut pixels = work.picture(index, level.width * level.height);
+            let mut sides = work.sides(half * level.height);
             let quarters = [[&low[..], vertical], [horizontal, diagonal]];
             for ((side, columns), quarter) in sides.iter_mut().zip(&level.columns).zip(quarters) {
                 synthesise_columns(columns, quarter, side, half);
             }
-            let mut pixels = room;
-            for run in &self.rows[index] {
+            for run in self.rows[index].iter() {
                 let y = run.line as usize;
                 let [low, high] = sides.each_ref().map(|side| &side[y * half..][..half]);
                 let row = &mut pixels[y * level.width..][..level.width];
@@ -244,12 +244,13 @@ impl Plan {
             }
             let low = std::mem::replace(&mut low, pixels);
             if index + 1 == kept {
-                keep = low;
+                keep = Some(MaskedPixels::new(half, self.rows[kept].clone(), low));
             } else {
-                work.take_back(index + 1, low);
+                work.take_back(index + 1, low.into());
             }
         }
-        (low, keep)
+        let width = self.levels.first().map_or(self.bands[0].mask.width, |level| level.width);
+        (MaskedPixels::new(width, self.rows[0].clone(), low), keep)
     }
 }
 
@@ -294,36 +295,28 @@ fn synthesise_columns(columns: &[Run], quarters: [&[Pixel]; 2], side: &mut [Pixe
     }
 }
 
-/// Memory that a transform works in, for all its levels and for the next picture. Only what the masks hold is read again, so that nothing
-/// is cleared.
+/// Memory that a transform works in, for all its levels and for the next picture.
 #[derive(Debug, Default)]
 pub struct Work {
     /// A picture's left and right half.
-    sides: [Vec<Pixel>; 2],
+    sides: [Scratch; 2],
     /// The picture, and the low band after each level.
-    pictures: Vec<Vec<Pixel>>,
+    pictures: Vec<Scratch>,
 }
 
 impl Work {
-    fn picture(&mut self, level: usize, size: usize) -> Vec<Pixel> {
-        let mut picture = self.pictures.get_mut(level).map(std::mem::take).unwrap_or_default();
-        picture.resize(size, [0.0; 4]);
-        picture
+    fn picture(&mut self, level: usize, length: usize) -> Vec<Pixel> {
+        self.pictures.get_mut(level).map(std::mem::take).unwrap_or_default().into_pixels(length)
     }
     /// Takes a picture, or the low band after `level` levels, to be used again.
-    pub fn take_back(&mut self, level: usize, picture: Vec<Pixel>) {
+    pub fn take_back(&mut self, level: usize, picture: Scratch) {
         if self.pictures.len() <= level {
-            self.pictures.resize_with(level + 1, Vec::new);
+            self.pictures.resize_with(level + 1, Scratch::default);
         }
         self.pictures[level] = picture;
     }
-    fn sides(&mut self, size: usize) -> &mut [Vec<Pixel>; 2] {
-        for side in &mut self.sides {
-            if side.len() < size {
-                side.resize(size, [0.0; 4]);
-            }
-        }
-        &mut self.sides
+    fn sides(&mut self, length: usize) -> [&mut [Pixel]; 2] {
+        self.sides.each_mut().map(|side| side.pixels(length))
     }
 }
 
@@ -354,7 +347,7 @@ mod tests {
             let (mask, pixels) = blob(width, height, 0.1);
             let plan = Plan::new(&mask);
             assert_eq!(plan.bands().iter().map(|b| b.mask.count()).sum::<usize>(), mask.count());
-            let back = plan.inverse(&plan.forward(pixels.clone()));
+            let back = plan.inverse(&plan.forward(pixels.clone()).into());
             for i in (0..width * height).filter(|&i| mask.data[i]) {
                 for k in 0..4 {
                     assert!((back[i][k] - pixels[i][k]).abs() < 1e-3, "{width} x {height}, pixel {i}");
@@ -369,8 +362,8 @@ mod tests {
         let plan = Plan::new(&mask);
         let coefficients = plan.forward(pixels);
         for level in 1..=plan.levels.len() {
-            let low = plan.inverse_keeping(&coefficients, level, &mut Work::default()).1;
-            let again = plan.forward_from(level, low);
+            let low = plan.inverse_keeping(&coefficients.clone().into(), level, &mut Work::default()).1;
+            let again = plan.forward_from(level, low.unwrap().zero_outside());
             assert_eq!(again.len(), 1 + 3 * (plan.levels.len() - level));
             for (a, b) in again.iter().flatten().zip(coefficients.iter().flatten()) {
                 assert!((0..4).all(|k| (a[k] - b[k]).abs() < 2e-3), "level {level}: {a:?} {b:?}");

@@ -163,23 +163,31 @@ impl<'a> DecodedPicture<'a> {
     /// radiance with 1 as fourth channel, 0 outside the mask.
     pub fn for_each_row(&self, component: usize, mut visit: impl FnMut(usize, &[[f32; 4]])) {
         let (Some(coding), frame) = (self.header.coding.components.get(component), self.view.frame) else { return };
-        let (signal, colours) = (self.view.signal(component), coding.colours());
+        let colours = coding.colours();
         let white = Vec4::new(self.white[0], self.white[1], self.white[2], 0.0);
         // Colours above it are kept: in signed components all.
         let least = Vec4::splat(if coding.signed { f32::NEG_INFINITY } else { 0.0 });
+        let columns = self.mask().width;
+        let mut visit = |y: usize, row: &[[f32; 4]]| visit((frame.top + y) * columns + frame.left, row);
         let mut radiance = vec![[0.0; 4]; frame.width];
-        for (y, row) in signal.chunks_exact(frame.width.max(1)).take(frame.height).enumerate() {
-            let first = (frame.top + y) * self.mask().width + frame.left;
-            let inside = &self.mask().data[first..first + frame.width];
-            for ((radiance, pixel), inside) in radiance.iter_mut().zip(row).zip(inside) {
-                *radiance = [0.0; 4];
-                if *inside {
-                    let s = colours.unrotate(Vec4::from_array(*pixel));
-                    let s = Vec4::select(s.cmpgt(least), s, Vec4::ZERO);
-                    *radiance = (s * s.abs() * white + Vec4::W).to_array();
-                }
+        let mut line = 0;
+        self.view.for_each_run(component, |(run, pixels)| {
+            // Rows before the run's are complete.
+            while line < run.line as usize {
+                visit(line, &radiance);
+                radiance.fill([0.0; 4]);
+                line += 1;
             }
-            visit(first, &radiance);
+            for (radiance, pixel) in radiance[run.start as usize..].iter_mut().zip(pixels) {
+                let s = colours.unrotate(Vec4::from_array(*pixel));
+                let s = Vec4::select(s.cmpgt(least), s, Vec4::ZERO);
+                *radiance = (s * s.abs() * white + Vec4::W).to_array();
+            }
+        });
+        while line < frame.height {
+            visit(line, &radiance);
+            radiance.fill([0.0; 4]);
+            line += 1;
         }
     }
 

@@ -23,7 +23,9 @@ use crate::residual::mask::MaskModels;
 use crate::surface::find::{Seen, Source, find};
 use crate::surface::warp::{Geometry, REFERENCE_RINGS, Reference, Surface};
 use crate::transform::frame::Frame;
-use crate::transform::shape_adaptive::{Pixel, Plan, level_count};
+
+use crate::transform::masked::MaskedPixels;
+use crate::transform::shape_adaptive::{Pixel, Plan, Run, level_count};
 use glam::Vec4;
 use order::Step;
 use std::borrow::Cow;
@@ -158,7 +160,7 @@ pub struct DecodedView {
     /// Levels of the transform above the picture that later views are predicted from.
     level: usize,
     /// Per component. Those of references of full size are the references'; those of other views that are kept have been given up.
-    signals: Vec<Vec<Pixel>>,
+    signals: Vec<MaskedPixels>,
     /// For views that later ones are predicted from.
     reference: Option<DecodedReference>,
 }
@@ -173,14 +175,14 @@ struct DecodedReference {
 }
 
 impl DecodedView {
-    /// A component's signal in the frame.
-    fn signal(&self, component: usize) -> &[Pixel] {
+    /// Calls `visit` for the mask's runs, row by row, with a component's signal.
+    fn for_each_run(&self, component: usize, visit: impl FnMut((&Run, &[Pixel]))) {
         match (self.signals.get(component), &self.reference) {
-            (Some(signal), _) => signal,
+            (Some(signal), _) => signal.runs().for_each(visit),
             (None, Some(reference)) if self.level == 0 => {
-                reference.pictures.get(component).map_or(&[], Reference::pixels)
+                reference.pictures.get(component).into_iter().flat_map(Reference::runs).for_each(visit);
             }
-            _ => &[],
+            _ => {}
         }
     }
     /// Whether its pictures are still there.

@@ -14,11 +14,12 @@ use crate::surface::find::Seen;
 use crate::surface::warp::{Reference, predict};
 #[cfg(feature = "encode")]
 use crate::transform::frame::Frame;
+use crate::transform::masked::MaskedPixels;
 use crate::transform::shape_adaptive::Pixel;
 #[cfg(feature = "encode")]
 use crate::transform::shape_adaptive::Work;
 
-/// A picture's signal: the sqrt domain, rotated, row-major in the view's frame, anything outside the mask.
+/// A picture's signal: the sqrt domain, rotated, row-major in the view's frame.
 pub type Signal = Vec<Pixel>;
 
 /// One view's streams.
@@ -75,8 +76,8 @@ pub fn decode(
         let stream = streams[1 + index];
         let quantiser = component.quantiser(scale);
         workspaces.with(|Workspace { coefficients, transform }| {
-            let room = std::mem::take(coefficients);
-            *coefficients = coefficients::decode(stream, &mut models, &stage.plan, &quantiser, predicted, room);
+            let scratch = std::mem::take(coefficients);
+            *coefficients = coefficients::decode(stream, &mut models, &stage.plan, &quantiser, predicted, scratch);
             (models, stage.plan.inverse_keeping(coefficients, stage.level, transform))
         })
     });
@@ -129,14 +130,18 @@ fn code_components<T: Send>(
     })
 }
 
-fn decoded_view(stage: Stage, signals: Vec<(Signal, Signal)>, models: ViewModels, is_reference: bool) -> DecodedView {
+fn decoded_view(
+    stage: Stage,
+    signals: Vec<(MaskedPixels, Option<MaskedPixels>)>,
+    models: ViewModels,
+    is_reference: bool,
+) -> DecodedView {
     let (size, frame, level) = (stage.low_size(), stage.frame.low(stage.level), stage.level);
-    let Stage { mask, frame: whole, plan, geometry, .. } = stage;
+    let Stage { mask, frame: whole, geometry, .. } = stage;
     let (mut signals, lows): (Vec<_>, Vec<_>) = signals.into_iter().unzip();
     let reference = is_reference.then(|| {
-        let pictures = if level == 0 { std::mem::take(&mut signals) } else { lows };
-        let picture = |pixels| Reference::new(pixels, size, frame, plan.rows(level));
-        let pictures = pictures.into_iter().map(picture).collect();
+        let pictures = if level == 0 { std::mem::take(&mut signals) } else { lows.into_iter().flatten().collect() };
+        let pictures = pictures.into_iter().map(|pixels| Reference::new(pixels, size, frame)).collect();
         DecodedReference { seen: Seen::new(geometry), pictures, models }
     });
     DecodedView { mask, frame: whole, level, signals, reference }

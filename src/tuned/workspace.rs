@@ -1,14 +1,14 @@
-//! Memory that views are worked on in: to be had at once, and not cleared.
+//! Memory that views are worked on in, used again for the next one.
 
 use super::DecodedView;
-use super::picture::Signal;
+use crate::transform::masked::{Coefficients, MaskedPixels, Scratch};
 use crate::transform::shape_adaptive::Work;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// Memory that a component's picture is worked on in, for the next one to use again.
 #[derive(Debug, Default)]
 pub struct Workspace {
-    pub coefficients: Vec<Signal>,
+    pub coefficients: Coefficients,
     pub transform: Work,
 }
 
@@ -19,7 +19,7 @@ pub struct Workspaces(Mutex<Free>);
 #[derive(Debug, Default)]
 struct Free {
     workspaces: Vec<Workspace>,
-    signals: Vec<Signal>,
+    signals: Vec<Scratch>,
 }
 
 impl Workspaces {
@@ -38,6 +38,6 @@ impl Workspaces {
     }
     /// Takes a view's signals, which nobody will look at any more.
     pub fn take_back(&self, view: &mut DecodedView) {
-        self.free().signals.append(&mut view.signals);
+        self.free().signals.extend(view.signals.drain(..).map(MaskedPixels::into_scratch));
     }
 }

@@ -1,0 +1,119 @@
+//! Memory that is used again for the next picture, and what may be read of it.
+//!
+//! Pictures are worked on in memory that is not cleared. So that nobody reads what an earlier picture has left there, memory
+//! to be used again has no values ([`Scratch`]), a picture has those of its mask alone ([`MaskedPixels`]), and all of it has
+//! values only once what lies outside the mask is set to 0 ([`MaskedPixels::zero_outside`]). In tests and fuzzing the memory
+//! holds NaN at first, which no comparison survives.
+
+use super::lifting::{Pixel, Run};
+use std::sync::Arc;
+
+/// Whether memory that is used again is filled with NaN first, so that whatever is read of it unwritten is found.
+const IS_POISONED: bool = cfg!(any(test, fuzzing, debug_assertions));
+
+/// Memory for pixels, to be used again: what it held is not to be had.
+#[derive(Debug, Default)]
+pub struct Scratch(Vec<Pixel>);
+
+impl Scratch {
+    /// Room for `length` pixels, which are to be written before they are read.
+    pub(super) fn into_pixels(mut self, length: usize) -> Vec<Pixel> {
+        self.pixels(length);
+        self.0.truncate(length);
+        self.0
+    }
+    /// The first `length` pixels, which are to be written before they are read.
+    pub(super) fn pixels(&mut self, length: usize) -> &mut [Pixel] {
+        if IS_POISONED {
+            self.0.fill([f32::NAN; 4]);
+        }
+        if self.0.len() < length {
+            self.0.resize(length, if IS_POISONED { [f32::NAN; 4] } else { [0.0; 4] });
+        }
+        &mut self.0[..length]
+    }
+    /// What was written to the first `length` pixels since [`Scratch::pixels`].
+    pub(super) fn written(&self, length: usize) -> &[Pixel] {
+        &self.0[..length]
+    }
+}
+
+impl From<Vec<Pixel>> for Scratch {
+    fn from(pixels: Vec<Pixel>) -> Self {
+        Scratch(pixels)
+    }
+}
+
+/// Runs of a mask along rows, from top to bottom and from left to right.
+pub type Rows = Arc<[Run]>;
+
+/// A picture of which only the pixels of a mask can be read.
+#[derive(Debug, Clone)]
+pub struct MaskedPixels {
+    width: usize,
+    rows: Rows,
+    pixels: Vec<Pixel>,
+}
+
+impl MaskedPixels {
+    /// Row-major `pixels`, of which those of `rows` have been written.
+    pub(crate) fn new(width: usize, rows: Rows, pixels: Vec<Pixel>) -> Self {
+        MaskedPixels { width, rows, pixels }
+    }
+    /// The mask's runs with their pixels.
+    pub fn runs(&self) -> impl Iterator<Item = (&Run, &[Pixel])> {
+        runs(&self.rows, self.width, &self.pixels)
+    }
+    /// The mask's runs.
+    pub fn rows(&self) -> &Rows {
+        &self.rows
+    }
+    /// The whole picture, 0 outside the mask.
+    pub fn zero_outside(mut self) -> Vec<Pixel> {
+        let mut end = 0;
+        for run in self.rows.iter() {
+            let start = run.line as usize * self.width + run.start as usize;
+            self.pixels[end..start].fill([0.0; 4]);
+            end = start + run.length as usize;
+        }
+        self.pixels[end..].fill([0.0; 4]);
+        self.pixels
+    }
+    /// Its memory, to be used again.
+    pub fn into_scratch(self) -> Scratch {
+        Scratch(self.pixels)
+    }
+}
+
+/// Runs of a picture of `width` columns with their pixels.
+pub fn runs<'a>(rows: &'a [Run], width: usize, pixels: &'a [Pixel]) -> impl Iterator<Item = (&'a Run, &'a [Pixel])> {
+    rows.iter().map(move |run| {
+        let at = run.line as usize * width + run.start as usize;
+        (run, &pixels[at..at + run.length as usize])
+    })
+}
+
+/// Coefficients of one picture by band, row-major, written within the bands' masks; only the transform reads them.
+#[derive(Debug, Default)]
+pub struct Coefficients(Vec<Scratch>);
+
+impl Coefficients {
+    /// Room for `count` bands, of which nothing is written; what was in it is not to be had.
+    pub fn reset(&mut self, count: usize) {
+        self.0.resize_with(count, Scratch::default);
+    }
+    /// A band's `length` positions, which are to be written within its mask before they are read.
+    pub fn band_mut(&mut self, index: usize, length: usize) -> &mut [Pixel] {
+        self.0[index].pixels(length)
+    }
+    /// What was written of a band of `length` positions.
+    pub(super) fn band(&self, index: usize, length: usize) -> &[Pixel] {
+        self.0[index].written(length)
+    }
+}
+
+impl From<Vec<Vec<Pixel>>> for Coefficients {
+    fn from(bands: Vec<Vec<Pixel>>) -> Self {
+        Coefficients(bands.into_iter().map(Scratch).collect())
+    }
+}
