@@ -1,9 +1,9 @@
 //! Any bytes as section `CHRT` of a small object, and the atlas that they lay out.
 #![no_main]
-mod scene;
 use libfuzzer_sys::fuzz_target;
 use tsuya::surface::{atlas, charts};
 use tsuya::{Budget, Limits};
+use tsuya_fuzz::scene;
 
 fuzz_target!(|bytes: &[u8]| {
     let limits = Limits { memory_bytes: 1 << 22, picture_side: 512, ..Limits::default() };

@@ -1,9 +1,9 @@
 //! Any bytes as a GLB or glTF document: read, looked at, edited, written.
 #![no_main]
-mod scene;
 use libfuzzer_sys::fuzz_target;
 use tsuya::gltf::{self, Binding, Document};
 use tsuya::{Budget, Error, Limits};
+use tsuya_fuzz::scene;
 
 fuzz_target!(|bytes: &[u8]| {
     let budget = || Budget::new(Limits { memory_bytes: 1 << 26, ..Limits::default() });

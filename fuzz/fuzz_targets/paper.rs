@@ -1,9 +1,9 @@
 //! Any bytes as section `PAPR` of a small object.
 #![no_main]
-mod scene;
 use libfuzzer_sys::fuzz_target;
 use tsuya::asset::Component;
 use tsuya::{Budget, Limits, paper};
+use tsuya_fuzz::scene;
 
 fuzz_target!(|bytes: &[u8]| {
     let Some((&count, bytes)) = bytes.split_first() else { return };

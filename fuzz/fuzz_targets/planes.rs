@@ -1,26 +1,24 @@
 //! Any bytes as section `PLAN` of a small object, checksums put right; and any bytes as the streams of a sound head.
 #![no_main]
-mod scene;
 use libfuzzer_sys::fuzz_target;
-use tsuya::tuned::header::{Header, PREFIX_BYTES};
+use tsuya::tuned::header::{CodedStep, Header, PREFIX_BYTES};
 use tsuya::{Budget, Limits, tuned};
-
-const VIEWS: usize = 3;
+use tsuya_fuzz::scene;
 
 fuzz_target!(|bytes: &[u8]| {
-    let Some((&components, bytes)) = bytes.split_first() else { return };
-    let components = 1 + components as usize % 2;
+    let Some((&kind, bytes)) = bytes.split_first() else { return };
+    let components = 1 + kind as usize % 2;
     let limits = Limits { memory_bytes: 1 << 26, frames: 64, picture_side: 1024, mesh_elements: 1 << 12 };
     let budget = Budget::new(limits);
+    let (mesh, views) = (scene::mesh(), scene::views_of(&scene::sizes(kind & 2 != 0)));
     let mut section = bytes.to_vec();
     if let Ok(length) = Header::length(bytes)
         && let Some(head) = bytes.get(PREFIX_BYTES..PREFIX_BYTES + length as usize)
     {
         section[4..8].copy_from_slice(&crc32fast::hash(head).to_le_bytes());
     }
-    let Ok(mut header) = Header::parse(&section, VIEWS, components, &budget) else { return };
+    let Ok(mut header) = Header::parse(&section, views.len(), components, &budget) else { return };
     let streams = &section[PREFIX_BYTES + Header::length(&section).unwrap_or(0) as usize..];
-    let (mesh, views) = (scene::mesh(), scene::views(VIEWS, 40, 33));
     // What the head claims may be more than there is: each stream gets what is left of its length.
     let mut rest = streams;
     let mut parts = Vec::new();
@@ -36,9 +34,11 @@ fuzz_target!(|bytes: &[u8]| {
         parts.push(all);
     }
     let mut next = parts.into_iter();
-    let read = |_: &tuned::header::CodedStep| Ok(next.next());
-    let decoded = tuned::decode::decode(&header, &mesh, &views, [1.0, 0.9, 0.8], |_| true, read, &budget);
-    for photograph in decoded.into_iter().flatten().flatten() {
-        assert!(photograph.images.len() == components && photograph.mask.data.len() == 40 * 33);
+    let read = |_: &CodedStep| Ok(next.next());
+    let decoded = tuned::decode::decode(&header, &mesh, &views, scene::WHITE, |_| true, read, &budget);
+    for (photograph, view) in decoded.into_iter().flatten().zip(&views) {
+        let photograph = photograph.expect("all were asked for");
+        let pixels = view.camera.width as usize * view.camera.height as usize;
+        assert!(photograph.images.len() == components && photograph.mask.data.len() == pixels);
     }
 });

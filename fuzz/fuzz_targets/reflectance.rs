@@ -1,10 +1,10 @@
 //! Any bytes as section `RFLC` of a small atlas.
 #![no_main]
-mod scene;
 use libfuzzer_sys::fuzz_target;
 use tsuya::asset::Component;
 use tsuya::reflectance::{Geometry, maps};
 use tsuya::{Budget, Limits, reflectance};
+use tsuya_fuzz::scene;
 
 fuzz_target!(|bytes: &[u8]| {
     let budget = Budget::new(Limits { memory_bytes: 1 << 24, ..Limits::default() });

@@ -1,8 +1,8 @@
 //! Any small picture set is coded, and decodes to what the encoder said.
 #![no_main]
-mod scene;
 use libfuzzer_sys::arbitrary::{self, Arbitrary, Unstructured};
 use libfuzzer_sys::fuzz_target;
+use tsuya_fuzz::scene;
 use tsuya::asset::{Component, Photograph};
 use tsuya::image::{Mask, RgbImage};
 use tsuya::options::Decoding;

@@ -1,7 +1,7 @@
 //! Any bytes as section `vISB` of an octahedron.
 #![no_main]
-mod scene;
 use libfuzzer_sys::fuzz_target;
+use tsuya_fuzz::scene;
 use tsuya::{Budget, Limits, visibility};
 
 fuzz_target!(|bytes: &[u8]| {

@@ -1,6 +1,8 @@
 //! Materials whose reflectance was measured: reading tables, fitting lobes, planning what to measure.
 
 mod angles;
+#[cfg(feature = "encode")]
+pub mod directions;
 pub mod dsbrdf;
 #[cfg(feature = "encode")]
 pub mod errors;

@@ -58,8 +58,9 @@ pub struct LobeMaterial {
 }
 
 impl LobeMaterial {
-    /// From quantised parameters; `None` where their number or values are out of range.
-    fn new(slices: usize, lobes: usize, amplitudes: bool, quantised: Vec<i32>) -> Option<Self> {
+    /// Material of quantised logarithms of `kappa`, `gamma` and, where there are `amplitudes`, those, in 1/64:
+    /// `[colour][lobe][parameter][slice]`. `None` where their number or values are out of range.
+    pub fn new(slices: usize, lobes: usize, amplitudes: bool, quantised: Vec<i32>) -> Option<Self> {
         let parameters = 2 + amplitudes as usize;
         let sized = (1..=SLICES).contains(&slices) && (1..=LOBES).contains(&lobes);
         if !sized || quantised.len() != 3 * lobes * parameters * slices || !quantised.iter().all(is_in_range) {

@@ -97,6 +97,19 @@ impl TunedMaterial {
         TunedMaterial { header, coefficients, dense }
     }
 
+    /// Material of its header's numbers (step, floor, ceiling, gains) and of quantised coefficients, for fuzzing; `None` where one is out
+    /// of range.
+    #[cfg(feature = "encode")]
+    #[doc(hidden)]
+    pub fn from_numbers(reciprocal: bool, header: [u8; 6], mut next: impl FnMut() -> i32) -> Option<Self> {
+        let [step, floor, ceiling, gains @ ..] = header;
+        let coefficients = [(); 3].map(|_| degrees(reciprocal).iter().map(|_| next()).collect::<Vec<i32>>());
+        let in_range = header.iter().zip([63, 31, 127, 31, 31, 31]).all(|(number, most)| *number <= most);
+        let small = coefficients.iter().flatten().all(|c| c.unsigned_abs() <= code::LARGEST);
+        let header = Header { reciprocal, step, floor, ceiling, gains };
+        (in_range && small).then(|| Self::new(header, coefficients))
+    }
+
     /// Whether exchanging both directions changes nothing.
     pub fn is_reciprocal(&self) -> bool {
         self.header.reciprocal

@@ -60,32 +60,7 @@ fn read_directions(path: &Path) -> Result<Vec<([f64; 3], [f64; 3])>> {
     if size as u64 > MOST_BYTES {
         return Err(Error::Limits { what: "file of directions", asked: size as u64, allowed: MOST_BYTES }.into());
     }
-    let mut pairs = Vec::new();
-    for (number, line) in text.lines().enumerate() {
-        let line = line.trim();
-        let heading = number == 0 && line.starts_with(|c: char| c.is_alphabetic());
-        if line.is_empty() || line.starts_with('#') || heading {
-            continue;
-        }
-        pairs.push(parse(line).map_err(|what| Error::input(path, format!("line {}: {what}", number + 1)))?);
-    }
-    Ok(pairs)
-}
-
-fn parse(line: &str) -> std::result::Result<([f64; 3], [f64; 3]), String> {
-    let number = |part: &str| match part.trim().parse::<f64>() {
-        Ok(number) if number.is_finite() => Ok(number),
-        _ => Err(format!("'{}' is not a number", part.trim())),
-    };
-    let numbers: Vec<f64> = line.split(',').map(number).collect::<std::result::Result<_, _>>()?;
-    let &[a, b, c, d, e, f] = numbers.as_slice() else {
-        return Err(format!("{} numbers, 6 expected: wi_x,wi_y,wi_z,wo_x,wo_y,wo_z", numbers.len()));
-    };
-    let unit = |v: [f64; 3]| {
-        let length = v.iter().map(|x| x * x).sum::<f64>().sqrt();
-        if length > 1e-12 { Ok(v.map(|x| x / length)) } else { Err("a direction of length 0".to_owned()) }
-    };
-    Ok((unit([a, b, c])?, unit([d, e, f])?))
+    Ok(tsuya::brdf::directions::parse(&text, path)?)
 }
 
 /// An environment map out of a picture, or the standard one.

@@ -1,5 +1,8 @@
 //! Puts a file's checksums and lengths right, so that what a fuzzer changes gets past them.
 
+use crate::damage::RawSection;
+use tsuya::container::{SIGNATURE, VERSION};
+
 /// A varint at `at`, and where it ends.
 fn varint(bytes: &[u8], mut at: usize) -> Option<(u64, usize)> {
     let mut value = 0;
@@ -12,6 +15,28 @@ fn varint(bytes: &[u8], mut at: usize) -> Option<(u64, usize)> {
         }
     }
     None
+}
+
+/// A file of these sections, checksums and directory right.
+pub fn assemble(sections: &[RawSection]) -> Vec<u8> {
+    let (major, minor) = VERSION;
+    let mut file = [&SIGNATURE[..], &major.to_le_bytes(), &minor.to_le_bytes()].concat();
+    for (tag, codec, content) in sections {
+        file.extend_from_slice(tag);
+        file.push(*codec);
+        let mut length = content.len();
+        while length >= 128 {
+            file.push(length as u8 | 128);
+            length >>= 7;
+        }
+        file.push(length as u8);
+        if *codec == 1 {
+            file.push(100);
+        }
+        file.extend_from_slice(&[0; 4]);
+        file.extend_from_slice(content);
+    }
+    repair(&file).unwrap_or(file)
 }
 
 /// The same sections with right checksums and a directory that fits; `None` where there are none.
@@ -51,7 +76,7 @@ pub fn repair(bytes: &[u8]) -> Option<Vec<u8>> {
 }
 
 /// The head's checksum and those of the steps, as far as the head can be read.
-fn repair_planes(section: &mut [u8]) -> Option<()> {
+pub fn repair_planes(section: &mut [u8]) -> Option<()> {
     let length = u32::from_le_bytes(section.get(..4)?.try_into().ok()?) as usize;
     let mut offset = 8usize.checked_add(length)?;
     section.get(8..offset)?;

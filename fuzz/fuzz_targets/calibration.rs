@@ -1,0 +1,23 @@
+//! Any bytes as a camera's calibration, and as a rig of markers.
+#![no_main]
+use libfuzzer_sys::fuzz_target;
+use tsuya::capture::calibration;
+use tsuya::marker::Rig;
+use tsuya_fuzz::folder;
+
+fuzz_target!(|bytes: &[u8]| {
+    let path = folder::file("calibration.yaml", bytes);
+    if let Ok(calibration) = calibration::read(&path) {
+        let camera = &calibration.camera;
+        assert!(camera.width > 0 && camera.height > 0);
+        assert!(camera.focal.iter().all(|f| f.is_finite() && *f > 0.0));
+        assert!(camera.principal.iter().all(|x| x.is_finite()));
+    }
+    if let Ok(rig) = Rig::read(&path) {
+        assert!(!rig.families().is_empty());
+        let _ = rig.describe();
+    }
+    if let Ok(text) = std::str::from_utf8(bytes) {
+        let _ = Rig::parse(text);
+    }
+});

@@ -1,0 +1,26 @@
+//! Any bytes as a COLMAP model, binary or text: the first byte says which, the next two how long the file of cameras is.
+#![no_main]
+use libfuzzer_sys::fuzz_target;
+use tsuya::capture::{ReadOptions, describe, read};
+use tsuya_fuzz::{folder, pictures};
+
+fuzz_target!(init: pictures::put_capture(), |bytes: &[u8]| {
+    let Some((&[kind, low, high], rest)) = bytes.split_first_chunk::<3>() else { return };
+    let (cameras, images) = rest.split_at(rest.len().min(u16::from_le_bytes([low, high]) as usize));
+    let kinds = ["txt", "bin"];
+    for (index, extension) in kinds.into_iter().enumerate() {
+        for (name, content) in [("cameras", cameras), ("images", images)] {
+            let path = folder::path().join(format!("{name}.{extension}"));
+            if index == kind as usize % 2 {
+                std::fs::write(&path, content).expect("room for a temporary file");
+            } else {
+                let _ = std::fs::remove_file(&path);
+            }
+        }
+    }
+    if let Ok(description) = describe(folder::path())
+        && description.frames.len() <= 16
+    {
+        let _ = read(folder::path(), &ReadOptions::default());
+    }
+});

@@ -1,0 +1,20 @@
+//! Any bytes as a capture's `transforms.json`, beside photographs, a mask and a mesh; what can be read is read.
+#![no_main]
+use libfuzzer_sys::fuzz_target;
+use tsuya::capture::{ReadOptions, describe, read};
+use tsuya_fuzz::pictures;
+
+fuzz_target!(init: pictures::put_capture(), |bytes: &[u8]| {
+    let path = tsuya_fuzz::folder::file("transforms.json", bytes);
+    if let Ok(description) = describe(&path) {
+        assert!(description.frames.iter().all(|frame| {
+            let camera = &frame.view.camera;
+            camera.rotation.iter().flatten().chain(&camera.translation).all(|x| x.is_finite())
+        }));
+        if description.frames.len() <= 16
+            && let Ok(capture) = read(&path, &ReadOptions::default())
+        {
+            assert!(!capture.frames.is_empty() && !capture.mesh.triangles.is_empty());
+        }
+    }
+});

@@ -1,0 +1,126 @@
+//! Sections for the targets that read one of them, made for the mesh and the views that these targets have.
+
+use crate::{Seeds, models, scene};
+use tsuya::asset::Mesh;
+use tsuya::container::views::{self, ViewsSection};
+use tsuya::mesh::code::{MeshOptions, encode};
+use tsuya::options::{Decoding, SpecularModel};
+use tsuya::reflectance::code::MapSteps;
+use tsuya::reflectance::maps::{self, Sources};
+use tsuya::surface::{atlas, charts, raster};
+use tsuya::tuned::encode::{Encoder, Quality};
+use tsuya::{paper, reflectance};
+
+/// Puts sections.
+pub fn put(seeds: &Seeds) {
+    meshes(seeds);
+    for polarised in [true, false] {
+        for mixed in [true, false] {
+            let white = scene::WHITE;
+            let mut all = scene::views_of(&scene::sizes(mixed));
+            all[1].name = "photograph 9.exr".into();
+            if !polarised {
+                all[2].light = None;
+            }
+            let section = ViewsSection { white, components: scene::components(polarised).to_vec(), views: all };
+            let bytes = views::encode(&section, &scene::mesh().positions).expect("views");
+            seeds.put("views", &format!("{polarised}-{mixed}"), bytes);
+            photographs(seeds, polarised, mixed);
+        }
+    }
+    let mesh = scene::mesh();
+    seeds.put("charts", "two", charts::encode(&mesh, &scene::charts()).expect("charts"));
+    for density in [3.0, 8.0, 30.0] {
+        let layout = atlas::layout(&mesh, density).expect("a layout");
+        seeds.put("charts", &format!("density-{density}"), charts::encode(&mesh, &layout).expect("charts"));
+    }
+    seeds.put("visibility", "vertices", models::visibility(&mesh, 0));
+    seeds.put("visibility", "places", models::visibility(&mesh, 40));
+    seeds.put("lighting", "small", models::light(8));
+    seeds.put("lighting", "large", models::light(32));
+    let materials = models::materials();
+    for count in 0..=materials.len() {
+        let bytes = tsuya::brdf::materials::encode(&materials[..count]).expect("materials");
+        seeds.put("materials", &format!("{count}"), bytes);
+    }
+    atlases(seeds);
+}
+
+/// Closed, open, cut into parts, with an edge of three triangles, with both windings.
+fn meshes(seeds: &Seeds) {
+    let open = |mesh: Mesh, keep: usize| Mesh { triangles: mesh.triangles.into_iter().step_by(keep).collect(), ..mesh };
+    let mut fin = scene::mesh();
+    fin.positions.push([0.5, 0.5, 2.0]);
+    fin.triangles.push([0, 2, 6]);
+    let mut turned = scene::mesh();
+    turned.triangles[3].swap(1, 2);
+    let all = [
+        ("octahedron", scene::mesh()),
+        ("sphere", scene::sphere(1)),
+        ("finer", scene::sphere(2)),
+        ("open", open(scene::sphere(1), 3)),
+        ("parts", open(scene::mesh(), 2)),
+        ("fin", fin),
+        ("turned", turned),
+    ];
+    for (name, mesh) in all {
+        for position_bits in [6, 12] {
+            let coded = encode(&mesh, &MeshOptions { position_bits }).expect("a mesh");
+            seeds.put("mesh", &format!("{name}-{position_bits}"), coded.bytes);
+        }
+    }
+}
+
+/// Both profiles. First bytes as the targets take them: planes, components less one and mixed sizes; paper, components and views.
+fn photographs(seeds: &Seeds, polarised: bool, mixed: bool) {
+    let (mesh, views) = (scene::mesh(), scene::views_of(&scene::sizes(mixed)));
+    let components = scene::components(polarised);
+    let photographs = scene::photographs(&mesh, &views, components, mixed);
+    let covered = raster::coverage(&mesh, &views);
+    for decoding in [Decoding::Small, Decoding::Fast, Decoding::Fastest] {
+        let encoder = Encoder::new(&mesh, &views, scene::WHITE, components, &photographs, &covered, mixed);
+        let quality = Quality { step: 0.03, decoding, ..Default::default() };
+        let bytes = encoder.encode(&quality).expect("photographs").bytes;
+        let kind = (components.len() - 1) as u8 | (mixed as u8) << 1;
+        seeds.put("planes", &format!("{decoding:?}-{polarised}-{mixed}"), [&[kind][..], &bytes].concat());
+    }
+    let frames: Vec<paper::Frame> = (views.iter().zip(&photographs))
+        .map(|(view, taken)| paper::Frame { view, mask: Some(&taken.mask), images: &taken.images })
+        .collect();
+    for (number, density) in [0.3, 1.0].into_iter().enumerate() {
+        let samples = paper::Samples::gather(&mesh, &frames, density);
+        let model = paper::encode::fit_model(&samples, components);
+        for model in [None, Some(&model)] {
+            let options = paper::Options { keep_percent: 8.0, view_levels: number as u8 + 1, ..Default::default() };
+            let bytes = paper::encode(&samples, components, model, &options).expect("samples").bytes;
+            let kind = 4 + (2 - components.len()) as u8;
+            let name = format!("{polarised}-{mixed}-{number}-{}", model.is_some());
+            seeds.put("paper", &name, [&[kind][..], &bytes].concat());
+        }
+    }
+}
+
+/// Reflectance on the target's atlas, with and without highlights, their palette and lights.
+fn atlases(seeds: &Seeds) {
+    let (mesh, charts) = (scene::mesh(), scene::charts());
+    let raster = atlas::rasterise_atlas(&mesh, &charts).expect("an atlas");
+    for (name, polarised, lit, specular) in [
+        ("lobes", true, true, SpecularModel::TorranceSparrow),
+        ("palette", true, true, SpecularModel::Dsbrdf),
+        ("diffuse", false, true, SpecularModel::TorranceSparrow),
+        ("radiance", false, false, SpecularModel::TorranceSparrow),
+    ] {
+        let components = scene::components(polarised);
+        let mut views = scene::views(3, 32, 32);
+        if !lit {
+            views.iter_mut().for_each(|view| view.light = None);
+        }
+        let taken = scene::photographs(&mesh, &views, components, false);
+        let photographs = taken.iter().map(Some).collect();
+        let sources = Sources { mesh: &mesh, views: &views, components, photographs, specular };
+        let maps = maps::fit_maps(&sources, &charts, &raster);
+        let steps = MapSteps { diffuse: 8.0, specular: 16.0, sigma: 16.0 };
+        let (bytes, _) = reflectance::code::encode(&maps, &mesh, &charts, &steps, 0.15).expect("maps");
+        seeds.put("reflectance", name, bytes);
+    }
+}

@@ -1,0 +1,131 @@
+//! Texts: captures, calibrations, rigs, jobs, published fits, directions.
+
+use crate::{Seeds, pictures::SIDE};
+
+const POSES: [&str; 3] = [
+    "[[1,0,0,0],[0,1,0,0],[0,0,1,4],[0,0,0,1]]",
+    "[[0.6,0,0.8,3.2],[0,1,0,0],[-0.8,0,0.6,2.4],[0,0,0,1]]",
+    "[[0,0,1,4],[0,1,0,0],[-1,0,0,0]]",
+];
+
+/// Puts texts.
+pub fn put(seeds: &Seeds) {
+    captures(seeds);
+    colmap(seeds);
+    calibrations(seeds);
+    let job = r#"{"mesh":"a.obj","material":MATERIAL,"environment":{"file":"e.exr","scale":2,"rotation_y_deg":30},
+"camera":{"position":[0,0,5],"target":[0,0,0],"up":[0,1,0],"fov_y_deg":90},"size":[200,100],"shadows":false,"evaluator":"published"}"#;
+    let materials = [
+        r#"{"model":"cook-torrance","diffuse":0.2,"specular":[1,0.5,0.2],"roughness":0.3,"reflectance":0.04}"#,
+        r#"{"model":"cook-torrance","distribution":"ggx","roughness":{"texture":"r.png","scale":0.5}}"#,
+        r#"{"model":"ward","roughness":[0.1,0.3],"diffuse":{"texture":"d.png"}}"#,
+        r#"{"model":"ashikhmin-shirley","exponent":[100,20],"reflectance":0.1}"#,
+        r#"{"model":"lafortune","coefficients":[-1,0.9],"exponent":20}"#,
+        r#"{"model":"torrance-sparrow","roughness":0.2}"#,
+        r#"{"model":"blinn-phong","exponent":30}"#,
+        r#"{"model":"dsbrdf","file":"m.tsuya","name":"lobes"}"#,
+    ];
+    for (number, material) in materials.iter().enumerate() {
+        seeds.put("job", &format!("job-{number}"), job.replace("MATERIAL", material));
+    }
+    let asset = r#"{"asset":"a.tsuya","environment":{"file":"e.hdr"},"camera":{"position":[1,2,3],"target":[0,0,0],"up":[0,0,1],
+"fov_y_deg":45.5},"size":[1,1],"evaluator":"reference","samples":4}"#;
+    seeds.put("job", "asset", asset);
+    let lambert = "Aggregate(Lambertian(albedo = [0.1, 0.2, 0.3]), ";
+    let fits = [
+        "NganBlinnPhong(albedo = [0.1, 0.1, 0.1], sharpness = 20.5))",
+        "NganWard(albedo = [0.1, 0.1, 0.1], roughness = 0.2))",
+        "NganCookTorrance(albedo = [0.1, 0.1, 0.1], roughness = 0.2, eta = 0.05))",
+        "NganAshikhminShirley(albedo = [0.1, 0.1, 0.1], sharpness = 100, fresnelReflectance = 0.1))",
+        "NganLafortune(albedo = [0.1, 0.1, 0.1], Cxy = -0.9, Cz = 0.8, sharpness = 10))",
+        "Bagher(albedo = [1, 1, 1], alpha = [0.1, 0.1, 0.1], p = [1, 1, 1], eta = [[0, 0, 0], [1, 1, 1]], K = [1, 1, 1], \
+         Lambda = [1, 1, 1], c = [0.1, 0.1, 0.1], k = [0.5, 0.5, 0.5], theta0 = [0.1, 0.1, 0.1]))",
+    ];
+    for (number, fit) in fits.iter().enumerate() {
+        seeds.put("job", &format!("fit-{number}"), format!("# fits\nmaterial-{number} = {lambert}{fit}\n"));
+    }
+    seeds.put("directions", "rows", "wi_x,wi_y,wi_z,wo_x,wo_y,wo_z\n# rows\n0.6,0,0.8,0,0,1\n\n-1e3, 2 ,3,1e-11,0,5.5\n");
+    seeds.put("directions", "faults", "0,0,0,0,0,1\n1,2,3\nnan,inf,-0,1e400,+1,.5");
+}
+
+fn captures(seeds: &Seeds) {
+    let frame = |k: usize, more: &str| {
+        let name = ["a.tif", "b.tif", "./a.tif"][k];
+        format!("{{\"file_path\":\"{name}\",\"transform_matrix\":{}{more}}}", POSES[k])
+    };
+    let head = format!("\"w\":{SIDE},\"h\":{SIDE},\"fl_x\":8.5,\"fl_y\":8,\"cx\":4,\"cy\":4.25,\"mesh_file\":\"m.ply\"");
+    let plain = format!("{{{head},\"frames\":[{},{},{}]}}", frame(0, ""), frame(1, ""), frame(2, ""));
+    seeds.put("transforms", "plain", plain);
+    let light = "\"light\":{\"type\":\"point\",\"intensity\":[30,20,10],\"position\":[1,2,3]}";
+    let own = frame(0, ",\"light_position\":[3,2,1],\"light_intensity\":5,\"mask_path\":\"mask.tif\"");
+    let lit = format!("{{{head},{light},\"color_space\":\"linear-rec2020\",\"frames\":[{own},{}]}}", frame(1, ""));
+    seeds.put("transforms", "lit", lit);
+    let board = "\"white_reference\":{\"file_path\":\"b.tif\",\"cross_file_path\":\"a.tif\"}";
+    let cross = ",\"cross_file_path\":\"b.tif\"";
+    let polarised = format!(
+        "{{{head},{board},\"color_space\":\"gamma-2.2\",\"frames\":[{},{}]}}",
+        frame(0, cross),
+        frame(1, cross)
+    );
+    seeds.put("transforms", "polarised", polarised);
+    for (name, model, numbers) in [
+        ("opencv", "OPENCV", "\"k1\":0.1,\"k2\":-0.02,\"p1\":0.001,\"p2\":0.002"),
+        ("rational", "FULL_OPENCV", "\"k1\":0.1,\"k2\":0.1,\"k3\":0.01,\"k4\":0.2,\"k5\":0.1,\"k6\":0.05"),
+        ("fisheye", "OPENCV_FISHEYE", "\"k1\":0.1,\"k2\":0.01,\"k3\":0.001,\"k4\":0.0001"),
+        ("pinhole", "PINHOLE", "\"k1\":0"),
+    ] {
+        let turned = "\"mesh_transform\":[[0,1,0,0.1],[-1,0,0,0],[0,0,1,0],[0,0,0,1]]";
+        let text = format!("{{{head},{turned},\"camera_model\":\"{model}\",{numbers},\"frames\":[{}]}}", frame(0, ""));
+        seeds.put("transforms", name, text);
+    }
+}
+
+/// The first byte is 0 for text, 1 for binary; then the length of the cameras.
+fn colmap(seeds: &Seeds) {
+    let put = |name: &str, kind: u8, cameras: &[u8], images: &[u8]| {
+        let length = (cameras.len() as u16).to_le_bytes();
+        seeds.put("colmap", name, [&[kind], &length[..], cameras, images].concat());
+    };
+    let models: [(&str, u32, &[f64]); 6] = [
+        ("SIMPLE_PINHOLE", 0, &[8.0, 4.0, 4.0]),
+        ("PINHOLE", 1, &[8.0, 8.5, 4.0, 4.0]),
+        ("SIMPLE_RADIAL", 2, &[8.0, 4.0, 4.0, 0.1]),
+        ("RADIAL", 3, &[8.0, 4.0, 4.0, 0.1, 0.01]),
+        ("OPENCV", 4, &[8.0, 8.5, 4.0, 4.0, 0.1, 0.01, 0.001, 0.002]),
+        ("OPENCV_FISHEYE", 5, &[8.0, 8.5, 4.0, 4.0, 0.1, 0.01, 0.001, 0.002]),
+    ];
+    let mut images = 2u64.to_le_bytes().to_vec();
+    for (number, name) in ["a.tif\0", "b.tif\0"].into_iter().enumerate() {
+        images.extend((number as u32 + 1).to_le_bytes());
+        [1.0, 0.0, 0.0, 0.0, 0.1, 0.0, 4.0f64].iter().for_each(|x| images.extend(x.to_le_bytes()));
+        images.extend(7u32.to_le_bytes().iter().chain(name.as_bytes()).chain(&(number as u64).to_le_bytes()));
+        images.extend(vec![0; 24 * number]);
+    }
+    for (name, id, parameters) in models {
+        let numbers: Vec<String> = parameters.iter().map(f64::to_string).collect();
+        let cameras = format!("# cameras\n7 {name} {SIDE} {SIDE} {}\n", numbers.join(" "));
+        let text = "# images\n1 1 0 0 0 0.1 0 4 7 a.tif\n1 2 3 4 5 6\n2 0.5 0.5 0.5 0.5 0 0 4 7 b.tif\n\n";
+        put(&format!("{name}.txt"), 0, cameras.as_bytes(), text.as_bytes());
+        let mut cameras = 1u64.to_le_bytes().to_vec();
+        cameras.extend(7u32.to_le_bytes().iter().chain(&id.to_le_bytes()));
+        cameras.extend([SIDE as u64; 2].iter().flat_map(|side| side.to_le_bytes()));
+        parameters.iter().for_each(|x| cameras.extend(x.to_le_bytes()));
+        put(&format!("{name}.bin"), 1, &cameras, &images);
+    }
+}
+
+fn calibrations(seeds: &Seeds) {
+    let opencv = "%YAML:1.0\n---\nimage_width: 640\nimage_height: 480\ncamera_matrix: !!opencv-matrix\n   rows: 3\n   cols: 3\n   dt: d\n   \
+        data: [ 500., 0., 319.5, 0., 5.1e+02, 239., 0., 0., 1. ]\ndistortion_coefficients: !!opencv-matrix\n   rows: 1\n   cols: 5\n   \
+        dt: d\n   data: [ 0.1, -0.02, 0.001, 0.002, 0.03 ]\n";
+    let ros = "image_width: 640\nimage_height: 480\ncamera_name: front\nK: [500, 0, 320, 0, 500, 240, 0, 0, 1]\n\
+        distortion_model: equidistant\nD: [0.1, 0.2, 0.3, 0.4]\n";
+    let rows = "width: &w 64\nheight: *w\ncamera_matrix:\n  - [50, 0, 32]\n  - [0, 50, 32]\n  - [0, 0, 1]\ndist_coeffs: []\n";
+    let json = r#"{"w":640,"h":480,"fl_x":500,"fl_y":510,"cx":320,"cy":239.5,"camera_model":"OPENCV","k1":0.1,"p1":0.001}"#;
+    let rig = r#"{"markers":[{"family":"tag36h11","id":3,"size":0.08},
+ {"family":"aruco-original","id":7,"size":0.05,"pose":[[1,0,0,0.1],[0,0,-1,0],[0,1,0,0],[0,0,0,1]]}]}"#;
+    let all = [("opencv", opencv), ("ros", ros), ("rows", rows), ("json", json), ("rig", rig), ("marker", "tag36h11:76:0.065")];
+    for (name, text) in all {
+        seeds.put("calibration", name, text);
+    }
+}

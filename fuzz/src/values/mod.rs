@@ -1,0 +1,127 @@
+//! Values of every section, made of a fuzzer's bytes, written by the library, and read again: what the writer accepts must come back.
+
+mod parts;
+mod pictures;
+
+use arbitrary::{Result, Unstructured};
+use tsuya::asset::{Charts, Component, Mesh, View};
+use tsuya::container::{SectionCodec, Tag, metadata, thumbnail, views};
+use tsuya::{Budget, Limits, lighting, mesh, paper, reflectance, surface, tuned, visibility};
+
+/// What sections are made for, as a decoder has it.
+#[derive(Debug)]
+pub struct Object {
+    /// The mesh and its section.
+    pub mesh: (Mesh, Vec<u8>),
+    /// The views and their section.
+    pub views: (views::ViewsSection, Vec<u8>),
+    /// The atlas and its section.
+    pub charts: (Charts, Vec<u8>),
+}
+
+/// Sections in the order in which they stand in a file.
+pub const TAGS: [Tag; 11] = [
+    Tag::METADATA,
+    Tag::THUMBNAIL,
+    Tag::MESH,
+    Tag::VIEWS,
+    Tag::CHARTS,
+    Tag::REFLECTANCE,
+    Tag::PLANES,
+    Tag::PAPER,
+    Tag::MATERIALS,
+    Tag::VISIBILITY,
+    Tag::LIGHT,
+];
+
+/// Limits for what these values ask for.
+pub const LIMITS: Limits = Limits { memory_bytes: 1 << 28, frames: 64, picture_side: 1024, mesh_elements: 1 << 14 };
+
+/// A fresh account.
+pub fn budget() -> Budget {
+    Budget::new(LIMITS)
+}
+
+/// The codec that the writer uses.
+pub fn codec(tag: Tag) -> u8 {
+    let codec = match tag {
+        Tag::METADATA | Tag::THUMBNAIL => SectionCodec::None,
+        _ => SectionCodec::Own,
+    };
+    codec as u8
+}
+
+impl Object {
+    /// A mesh, views and an atlas. All three come back.
+    pub fn arbitrary(u: &mut Unstructured) -> Result<Object> {
+        let mesh = parts::mesh(u)?;
+        let views = parts::views(u, &mesh.0)?;
+        let charts = parts::charts(u, &mesh.0)?;
+        Ok(Object { mesh, views, charts })
+    }
+
+    /// A section, which came back; `None` where the writer does not take the value.
+    pub fn section(&self, tag: Tag, u: &mut Unstructured) -> Result<Option<Vec<u8>>> {
+        Ok(match tag {
+            Tag::METADATA => Some(parts::metadata(u)?),
+            Tag::THUMBNAIL => parts::thumbnail(u)?,
+            Tag::MESH => Some(self.mesh.1.clone()),
+            Tag::VIEWS => Some(self.views.1.clone()),
+            Tag::CHARTS => Some(self.charts.1.clone()),
+            Tag::REFLECTANCE => parts::reflectance(u, &self.mesh.0, &self.charts.0)?,
+            Tag::PLANES => Some(pictures::planes(u, self)?),
+            Tag::PAPER => pictures::paper(u, self)?,
+            Tag::MATERIALS => parts::materials(u)?,
+            Tag::VISIBILITY => parts::visibility(u, &self.mesh.0)?,
+            _ => parts::light(u)?,
+        })
+    }
+
+    /// Reads a section that may be damaged.
+    pub fn read(&self, tag: Tag, bytes: &[u8]) {
+        let (mesh, budget) = (&self.mesh.0, budget());
+        match tag {
+            Tag::METADATA => drop(metadata::decode(bytes, &budget)),
+            Tag::THUMBNAIL => drop(thumbnail::decode(bytes.to_vec())),
+            Tag::MESH => drop(mesh::code::decode(bytes, &budget)),
+            Tag::VIEWS => drop(views::decode(bytes, &budget)),
+            Tag::CHARTS => drop(surface::charts::decode(bytes, mesh, &budget)),
+            Tag::REFLECTANCE => drop(reflectance::code::decode(bytes, mesh, &self.charts.0, &budget)),
+            Tag::PLANES => pictures::read_planes(bytes, self),
+            Tag::PAPER => drop(paper::decode(bytes, mesh, self.components(), self.all_views().len(), &budget)),
+            Tag::MATERIALS => drop(tsuya::brdf::materials::decode(bytes, &budget)),
+            Tag::VISIBILITY => drop(visibility::code::decode(bytes, mesh, &budget)),
+            _ => drop(lighting::code::decode(bytes, &budget)),
+        }
+    }
+
+    /// What each photograph consists of.
+    pub fn components(&self) -> &[Component] {
+        &self.views.0.components
+    }
+
+    /// The views.
+    pub fn all_views(&self) -> &[View] {
+        &self.views.0.views
+    }
+}
+
+/// The head of section `PLAN` of any value comes back.
+pub fn planes_header(u: &mut Unstructured) -> Result<tuned::header::Header> {
+    pictures::header(u)
+}
+
+/// A number: often a plain one, at times any.
+pub fn number(u: &mut Unstructured) -> Result<f32> {
+    Ok(match u.int_in_range(0..=15)? {
+        0 => f32::from_bits(u.arbitrary()?),
+        1 => *u.choose(&[0.0, -0.0, 1.0, f32::NAN, f32::INFINITY, -f32::INFINITY, f32::MAX, f32::MIN_POSITIVE, 1e-42])?,
+        _ => u.arbitrary::<i16>()? as f32 / 4096.0,
+    })
+}
+
+/// A finite number from 0 on.
+pub fn positive(u: &mut Unstructured) -> Result<f32> {
+    let number = number(u)?.abs();
+    Ok(if number.is_finite() { number } else { 1.0 })
+}

@@ -1,0 +1,143 @@
+//! Photographs: sections `PLAN` and `PAPR`.
+
+use super::{Object, budget, number, positive};
+use crate::scene;
+use arbitrary::{Result, Unstructured};
+use tsuya::asset::Photograph;
+use tsuya::options::Decoding;
+use tsuya::residual::coefficients::Modelling;
+use tsuya::tuned::encode::{Encoder, Quality};
+use tsuya::tuned::header::{CodedStep, Header, PREFIX_BYTES};
+use tsuya::tuned::order::{MOST_REFERENCES, Step};
+use tsuya::tuned::{self, ComponentCoding, MaskCoding, PlaneCoding};
+use tsuya::{paper, surface};
+
+/// Photographs of the object, changed here and there.
+fn photographs(u: &mut Unstructured, object: &Object) -> Result<Vec<Photograph>> {
+    let mut all = scene::photographs(&object.mesh.0, object.all_views(), object.components(), u.arbitrary()?);
+    for photograph in &mut all {
+        let pixels = photograph.mask.data.len();
+        for _ in 0..u.int_in_range(0..=4)? {
+            let (at, value) = (u.int_in_range(0..=pixels - 1)?, number(u)?);
+            let value = if value.is_finite() { value.clamp(-1e4, 1e4) } else { 0.5 };
+            photograph.images.iter_mut().for_each(|image| image.data[at] = [value, 0.0, value * 0.5]);
+        }
+        if u.ratio(1, 8)? {
+            let inside = u.arbitrary()?;
+            photograph.mask.data.fill(inside);
+        }
+        for (at, inside) in photograph.mask.data.iter().enumerate() {
+            if !inside {
+                photograph.images.iter_mut().for_each(|image| image.data[at] = [0.0; 3]);
+            }
+        }
+    }
+    Ok(all)
+}
+
+/// Section `PLAN`: what the encoder says is what decodes.
+pub fn planes(u: &mut Unstructured, object: &Object) -> Result<Vec<u8>> {
+    let (mesh, views) = (&object.mesh.0, object.all_views());
+    let photographs = photographs(u, object)?;
+    let quality = Quality {
+        step: positive(u)?.clamp(0.002, 0.5),
+        lambda: positive(u)?.min(0.5),
+        decoding: *u.choose(&[Decoding::Small, Decoding::Fast, Decoding::Fastest])?,
+        ..Quality::default()
+    };
+    let covered = surface::raster::coverage(mesh, views);
+    let white = object.views.0.white;
+    let encoder = Encoder::new(mesh, views, white, object.components(), &photographs, &covered, u.arbitrary()?);
+    let encoded = encoder.encode(&quality).expect("every picture set can be coded");
+    let decoded = decode_planes(&encoded.bytes, object).expect("our own planes");
+    for (decoded, expected) in decoded.iter().zip(&encoded.photographs) {
+        crate::compare::same(decoded, &Some(expected.clone()));
+    }
+    Ok(encoded.bytes)
+}
+
+fn decode_planes(bytes: &[u8], object: &Object) -> tsuya::Result<Vec<Option<Photograph>>> {
+    let budget = budget();
+    let header = Header::parse(bytes, object.all_views().len(), object.components().len(), &budget)?;
+    let body = &bytes[PREFIX_BYTES + Header::length(bytes)? as usize..];
+    let read = |step: &CodedStep| {
+        let length: usize = step.lengths.iter().map(|&l| l as usize).sum();
+        Ok(body.get(step.offset as usize..).and_then(|rest| rest.get(..length)).map(<[u8]>::to_vec))
+    };
+    tuned::decode::decode(&header, &object.mesh.0, object.all_views(), object.views.0.white, |_| true, read, &budget)
+}
+
+/// Reads a section `PLAN` that may be damaged, its checksums put right.
+pub fn read_planes(bytes: &[u8], object: &Object) {
+    let mut bytes = bytes.to_vec();
+    crate::repair::repair_planes(&mut bytes);
+    let _ = decode_planes(&bytes, object);
+}
+
+/// Section `PAPR`: what is written decodes to photographs of numbers.
+pub fn paper(u: &mut Unstructured, object: &Object) -> Result<Option<Vec<u8>>> {
+    let (mesh, views, components) = (&object.mesh.0, object.all_views(), object.components());
+    let photographs = photographs(u, object)?;
+    let frames: Vec<paper::Frame> = (views.iter().zip(&photographs))
+        .map(|(view, taken)| paper::Frame { view, mask: Some(&taken.mask), images: &taken.images })
+        .collect();
+    let samples = paper::Samples::gather(mesh, &frames, *u.choose(&[0.1, 1.0, 3.0])?);
+    let model = if u.arbitrary()? { Some(paper::encode::fit_model(&samples, components)) } else { None };
+    let options = paper::Options {
+        keep_percent: u.int_in_range(0..=100)? as f64,
+        view_levels: u.int_in_range(0..=7)?,
+        relative_step: positive(u)?.clamp(0.05, 2.0),
+        ..Default::default()
+    };
+    let Ok(encoded) = paper::encode(&samples, components, model.as_ref(), &options) else { return Ok(None) };
+    let decoded =
+        paper::decode(&encoded.bytes, mesh, components, views.len(), &budget()).expect("our own section of paper");
+    let hit = |x: usize, y: usize| Some(((x + y) as u32 % mesh.triangles.len() as u32, [0.25, 0.25, 0.5]));
+    for (index, view) in views.iter().enumerate() {
+        let photograph = decoded.photograph(index, view, hit);
+        assert!(photograph.images.iter().flat_map(|image| image.data.as_flattened()).all(|x| !x.is_nan()));
+    }
+    Ok(Some(encoded.bytes))
+}
+
+/// A head whose references point backwards, as the writer needs it; it comes back.
+pub fn header(u: &mut Unstructured) -> Result<Header> {
+    let count: usize = u.int_in_range(1..=2)?;
+    let mut components = Vec::new();
+    for _ in 0..count {
+        let step = positive(u)?.clamp(1e-6, 1e3);
+        let rotation = u.arbitrary()?;
+        let [signed, shaded] = u.arbitrary()?;
+        components.push(ComponentCoding { step, shrink: u.arbitrary()?, rotation, signed, shaded });
+    }
+    let masks = if u.arbitrary()? { MaskCoding::Coded } else { MaskCoding::Coverage };
+    let modelling = if u.arbitrary()? { Modelling::Direct } else { Modelling::Mixed };
+    let coding = PlaneCoding { components, masks, prediction_level: u.int_in_range(0..=2)?, modelling };
+    let views: usize = u.int_in_range(1..=5)?;
+    let first = u.int_in_range(0..=views - 1)?;
+    let mut offset = 0;
+    let mut steps: Vec<CodedStep> = Vec::new();
+    for index in 0..views {
+        let earlier = |u: &mut Unstructured| u.int_in_range(0..=index - 1).map(|step| (step + first) % views);
+        let mut references = Vec::new();
+        let mut parent = None;
+        if index > 0 {
+            for _ in 0..u.int_in_range(0..=MOST_REFERENCES)? {
+                references.push((earlier(u)?, u.arbitrary()?));
+            }
+            parent = if u.arbitrary()? { Some(earlier(u)?) } else { None };
+        }
+        let most = if u.ratio(1, 16)? { u32::MAX } else { 200 };
+        let lengths = (0..=count).map(|_| u.int_in_range(0..=most)).collect::<Result<Vec<u32>>>()?;
+        let step = Step { view: (index + first) % views, references, parent };
+        let scale = u.int_in_range(1..=255)?;
+        let length: u64 = lengths.iter().map(|&l| l as u64).sum();
+        steps.push(CodedStep { step, scale, lengths, checksum: u.arbitrary()?, offset });
+        offset += length;
+    }
+    let header = Header { coding, steps };
+    let bytes = header.to_bytes();
+    let again = Header::parse(&bytes, views, count, &budget()).expect("our own head");
+    assert!(again == header, "the head comes back another");
+    Ok(header)
+}
