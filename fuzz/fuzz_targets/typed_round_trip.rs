@@ -2,13 +2,13 @@
 #![no_main]
 use libfuzzer_sys::arbitrary::{self, Arbitrary, Unstructured};
 use libfuzzer_sys::fuzz_target;
-use tsuya_fuzz::scene;
 use tsuya::asset::{Component, Photograph};
 use tsuya::image::{Mask, RgbImage};
 use tsuya::options::Decoding;
 use tsuya::tuned::encode::{Encoder, Quality};
 use tsuya::tuned::header::{Header, PREFIX_BYTES};
 use tsuya::{Budget, Limits, tuned};
+use tsuya_fuzz::scene;
 
 #[derive(Arbitrary, Debug)]
 struct Input {

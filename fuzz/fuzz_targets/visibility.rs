@@ -1,8 +1,8 @@
 //! Any bytes as section `vISB` of an octahedron.
 #![no_main]
 use libfuzzer_sys::fuzz_target;
-use tsuya_fuzz::scene;
 use tsuya::{Budget, Limits, visibility};
+use tsuya_fuzz::scene;
 
 fuzz_target!(|bytes: &[u8]| {
     let budget = Budget::new(Limits { memory_bytes: 1 << 24, ..Limits::default() });

@@ -64,7 +64,8 @@ pub fn put(seeds: &Seeds) {
     let modes = [("small", Decoding::Small), ("fast", Decoding::Fast), ("fastest", Decoding::Fastest)];
     for (mode, decoding) in modes {
         for number in 0..4usize {
-            let kind = Kind { polarised: number % 2 == 0, mixed: number / 2 == 1, masked: number != 1, lit: number != 3 };
+            let kind =
+                Kind { polarised: number % 2 == 0, mixed: number / 2 == 1, masked: number != 1, lit: number != 3 };
             let options = EncodeOptions { decoding, ..options(if number < 2 { 70.0 } else { 40.0 }) };
             let mesh = if number == 0 { scene::mesh() } else { scene::sphere(1) };
             all.push((format!("tuned-{mode}-{number}"), file(mesh, kind, &options)));

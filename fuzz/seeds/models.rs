@@ -73,7 +73,8 @@ pub fn put(seeds: &Seeds) {
         };
         population.add_values(value).expect("values everywhere");
     }
-    for (name, method) in [("uniform", Method::Uniform), ("published", Method::Published), ("optimal", Method::Optimal)] {
+    for (name, method) in [("uniform", Method::Uniform), ("published", Method::Published), ("optimal", Method::Optimal)]
+    {
         let mut plan = population.plan(6, method).expect("a plan");
         // Shorter: two components are as good as all.
         plan.components.components.truncate(2);

@@ -44,7 +44,11 @@ pub fn put(seeds: &Seeds) {
     for (number, fit) in fits.iter().enumerate() {
         seeds.put("job", &format!("fit-{number}"), format!("# fits\nmaterial-{number} = {lambert}{fit}\n"));
     }
-    seeds.put("directions", "rows", "wi_x,wi_y,wi_z,wo_x,wo_y,wo_z\n# rows\n0.6,0,0.8,0,0,1\n\n-1e3, 2 ,3,1e-11,0,5.5\n");
+    seeds.put(
+        "directions",
+        "rows",
+        "wi_x,wi_y,wi_z,wo_x,wo_y,wo_z\n# rows\n0.6,0,0.8,0,0,1\n\n-1e3, 2 ,3,1e-11,0,5.5\n",
+    );
     seeds.put("directions", "faults", "0,0,0,0,0,1\n1,2,3\nnan,inf,-0,1e400,+1,.5");
 }
 
@@ -53,7 +57,8 @@ fn captures(seeds: &Seeds) {
         let name = ["a.tif", "b.tif", "./a.tif"][k];
         format!("{{\"file_path\":\"{name}\",\"transform_matrix\":{}{more}}}", POSES[k])
     };
-    let head = format!("\"w\":{SIDE},\"h\":{SIDE},\"fl_x\":8.5,\"fl_y\":8,\"cx\":4,\"cy\":4.25,\"mesh_file\":\"m.ply\"");
+    let head =
+        format!("\"w\":{SIDE},\"h\":{SIDE},\"fl_x\":8.5,\"fl_y\":8,\"cx\":4,\"cy\":4.25,\"mesh_file\":\"m.ply\"");
     let plain = format!("{{{head},\"frames\":[{},{},{}]}}", frame(0, ""), frame(1, ""), frame(2, ""));
     seeds.put("transforms", "plain", plain);
     let light = "\"light\":{\"type\":\"point\",\"intensity\":[30,20,10],\"position\":[1,2,3]}";
@@ -120,11 +125,20 @@ fn calibrations(seeds: &Seeds) {
         dt: d\n   data: [ 0.1, -0.02, 0.001, 0.002, 0.03 ]\n";
     let ros = "image_width: 640\nimage_height: 480\ncamera_name: front\nK: [500, 0, 320, 0, 500, 240, 0, 0, 1]\n\
         distortion_model: equidistant\nD: [0.1, 0.2, 0.3, 0.4]\n";
-    let rows = "width: &w 64\nheight: *w\ncamera_matrix:\n  - [50, 0, 32]\n  - [0, 50, 32]\n  - [0, 0, 1]\ndist_coeffs: []\n";
-    let json = r#"{"w":640,"h":480,"fl_x":500,"fl_y":510,"cx":320,"cy":239.5,"camera_model":"OPENCV","k1":0.1,"p1":0.001}"#;
+    let rows =
+        "width: &w 64\nheight: *w\ncamera_matrix:\n  - [50, 0, 32]\n  - [0, 50, 32]\n  - [0, 0, 1]\ndist_coeffs: []\n";
+    let json =
+        r#"{"w":640,"h":480,"fl_x":500,"fl_y":510,"cx":320,"cy":239.5,"camera_model":"OPENCV","k1":0.1,"p1":0.001}"#;
     let rig = r#"{"markers":[{"family":"tag36h11","id":3,"size":0.08},
  {"family":"aruco-original","id":7,"size":0.05,"pose":[[1,0,0,0.1],[0,0,-1,0],[0,1,0,0],[0,0,0,1]]}]}"#;
-    let all = [("opencv", opencv), ("ros", ros), ("rows", rows), ("json", json), ("rig", rig), ("marker", "tag36h11:76:0.065")];
+    let all = [
+        ("opencv", opencv),
+        ("ros", ros),
+        ("rows", rows),
+        ("json", json),
+        ("rig", rig),
+        ("marker", "tag36h11:76:0.065"),
+    ];
     for (name, text) in all {
         seeds.put("calibration", name, text);
     }

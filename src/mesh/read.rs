@@ -271,6 +271,7 @@ fn locate_obj_fault(bytes: &[u8]) -> Option<String> {
 
 fn read_gltf(path: &Path, bytes: &[u8]) -> Result<Mesh> {
     let damaged = |e: gltf::Error| Error::input(path, format!("glTF: {e}"));
+    check_glb_head(path, bytes)?;
     // The glTF crate's validation itself takes the index of the positions on trust.
     let unchecked = gltf::Gltf::from_slice_without_validation(bytes).map_err(damaged)?;
     let json = unchecked.document.as_json();
@@ -312,6 +313,17 @@ fn read_gltf(path: &Path, bytes: &[u8]) -> Result<Mesh> {
         stack[children..].reverse();
     }
     Ok(mesh)
+}
+
+/// The length in a GLB file's head, from which the glTF crate subtracts that of the head itself.
+fn check_glb_head(path: &Path, bytes: &[u8]) -> Result<()> {
+    let length = bytes.strip_prefix(b"glTF").and_then(|rest| rest.get(4..8)?.try_into().ok()).map(u32::from_le_bytes);
+    match length {
+        Some(length) if length < 12 => {
+            Err(Error::input(path, format!("glTF: a file of {length} bytes, as its head says")))
+        }
+        _ => Ok(()),
+    }
 }
 
 fn append_primitive(

@@ -126,7 +126,11 @@ fn glb_with_transforms_and_faults() {
     let fewer = fault("x.glb", &glb(|json| json.replace("\"count\":5,", "\"count\":4,")));
     assert!(fewer.contains("index 8 names vertex 4, the primitive has 4"), "{fewer}");
     fault("x.glb", &glb(|json| json.replace("\"children\":[1]", "\"children\":[0]")));
-    let whole = glb(|json| json);
+    let mut whole = glb(|json| json);
+    let length = std::mem::replace(&mut whole[8], 11);
+    let rest = std::mem::replace(&mut whole[9], 0);
+    assert!(fault("short.glb", &whole).contains("a file of 11 bytes, as its head says"));
+    (whole[8], whole[9]) = (length, rest);
     for length in (0..whole.len()).step_by(7).chain([whole.len() - 1]) {
         fault("cut.glb", &whole[..length]);
     }

@@ -41,7 +41,15 @@ pub struct MapSteps {
     pub sigma: f32,
 }
 
+/// Whether a number of the head, two scales and three steps, is one that the format allows.
+fn is_in_range(index: usize, number: f32) -> bool {
+    let least = if index > 1 { 1e-3 } else { 0.0 };
+    (least..=1e6).contains(&number)
+}
+
 /// Bytes of the section, and the maps as the decoder has them.
+/// # Errors
+/// [`Error::Parameter`] where values or steps are beyond what the format holds.
 #[cfg(feature = "encode")]
 pub fn encode(
     maps: &ReflectanceMaps,
@@ -55,7 +63,13 @@ pub fn encode(
     let with_palette = !planes.palette.is_empty() && planes.planes.len() == 7;
     let flags = planes.relightable as u8 + if with_palette { PALETTE } else { 0 };
     let mut bytes = vec![VERSION, flags, planes.planes.len() as u8];
-    for value in planes.scales.into_iter().chain([steps.diffuse, steps.specular, steps.sigma]) {
+    for (k, value) in planes.scales.into_iter().chain([steps.diffuse, steps.specular, steps.sigma]).enumerate() {
+        if !is_in_range(k, value) {
+            return Err(Error::parameter(match k {
+                0 | 1 => format!("reflectance or radiance {value:e}, 1000000 at most: divide the capture's radiance"),
+                _ => format!("a step of {value} levels in the reflectance maps, 0.001 to 1000000 expected"),
+            }));
+        }
         bytes.extend(value.to_le_bytes());
     }
     if with_palette {
@@ -94,7 +108,7 @@ pub fn decode(bytes: &[u8], mesh: &Mesh, charts: &Charts, budget: &Budget) -> Re
     let mut numbers = [0f32; 5];
     for (k, number) in numbers.iter_mut().enumerate() {
         *number = f32::from_le_bytes(std::array::from_fn(|i| header[3 + 4 * k + i]));
-        if !(number.is_finite() && (0.0..=1e6).contains(number)) || (k > 1 && *number < 1e-3) {
+        if !is_in_range(k, *number) {
             return Err(Error::format(SECTION, 3 + 4 * k, format!("{number} is no scale or step")));
         }
     }
@@ -136,4 +150,27 @@ fn to_grids(pixels: &[Pixel], mask: &Mask, count: usize) -> Vec<Grid<i32>> {
             Grid { width: mask.width, height: mask.height, data: data.collect() }
         })
         .collect()
+}
+
+#[cfg(all(test, feature = "encode"))]
+mod tests {
+    use super::*;
+    use crate::limits::Limits;
+    use crate::surface::atlas;
+
+    #[test]
+    fn what_the_reader_refuses_is_not_written() {
+        let mesh = Mesh { positions: vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], triangles: vec![[0, 1, 2]] };
+        let charts = atlas::layout(&mesh, 8.0).unwrap();
+        let (width, height) = (charts.width as usize, charts.height as usize);
+        let code = |radiance: f32, step: f32| {
+            let maps = ReflectanceMaps { diffuse: Grid::filled(width, height, [radiance; 3]), ..Default::default() };
+            let steps = MapSteps { diffuse: step, specular: 1.0, sigma: 1.0 };
+            encode(&maps, &mesh, &charts, &steps, 0.1)
+        };
+        let (bytes, decoded) = code(1e6, 1.0).unwrap();
+        assert_eq!(decode(&bytes, &mesh, &charts, &Budget::new(Limits::default())).unwrap(), decoded);
+        assert!(code(2e6, 1.0).unwrap_err().to_string().starts_with("reflectance or radiance 2e6, 1000000 at most"));
+        assert!(code(1.0, 1e-4).unwrap_err().to_string().starts_with("a step of 0.0001 levels"));
+    }
 }

@@ -99,10 +99,14 @@ impl Job {
             return Err(Error::parameter("a camera needs fov_y_deg between 0 and 179 and a size of 1 to 16384"));
         }
         let numbers = [position, target, up].concat();
-        if numbers.iter().any(|x| !x.is_finite()) || position == target {
+        // Squares of larger ones overflow.
+        if numbers.iter().any(|x| x.is_nan() || x.abs() > 1e100) || position == target {
             return Err(Error::parameter("a camera needs finite numbers and a target apart from its position"));
         }
         let focal = 0.5 * height as f64 / (0.5 * fov_y_deg.to_radians()).tan();
+        if focal.is_infinite() {
+            return Err(Error::parameter("a camera needs a field of view that is not as near to 0"));
+        }
         Ok(super::look_at(position, target, up, focal, width, height))
     }
 }
@@ -318,6 +322,12 @@ mod tests {
         let again: Job = serde_json::from_str(&serde_json::to_string(&job).unwrap()).unwrap();
         assert_eq!(again, job);
         assert!(serde_json::from_str::<Job>(&text.replace("scale", "gain")).is_err());
+        let far = JobCamera { position: [1e200, 0.0, 0.0], target: [0.0, 1e200, 0.0], ..job.camera };
+        let narrow = JobCamera { fov_y_deg: 1e-310, ..job.camera };
+        for (camera, message) in [(far, "finite numbers"), (narrow, "not as near to 0")] {
+            let error = Job { camera, ..job.clone() }.camera().unwrap_err().to_string();
+            assert!(error.contains(message), "{error}");
+        }
         let unknown = JobMaterial { model: "velvet".into(), ..material.clone() };
         assert!(matches!(unknown.specular_part(None), Err(Error::Unsupported(_))));
     }

@@ -115,7 +115,9 @@ pub fn planes_header(u: &mut Unstructured) -> Result<tuned::header::Header> {
 pub fn number(u: &mut Unstructured) -> Result<f32> {
     Ok(match u.int_in_range(0..=15)? {
         0 => f32::from_bits(u.arbitrary()?),
-        1 => *u.choose(&[0.0, -0.0, 1.0, f32::NAN, f32::INFINITY, -f32::INFINITY, f32::MAX, f32::MIN_POSITIVE, 1e-42])?,
+        1 => {
+            *u.choose(&[0.0, -0.0, 1.0, f32::NAN, f32::INFINITY, -f32::INFINITY, f32::MAX, f32::MIN_POSITIVE, 1e-42])?
+        }
         _ => u.arbitrary::<i16>()? as f32 / 4096.0,
     })
 }

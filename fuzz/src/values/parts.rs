@@ -93,7 +93,10 @@ pub fn views(u: &mut Unstructured, mesh: &Mesh) -> Result<(views::ViewsSection, 
     let again = views::decode(&bytes, &budget()).expect("our own views");
     assert_eq!((&again.components, again.views.len()), (&section.components, section.views.len()));
     for (again, view) in again.views.iter().zip(&section.views) {
-        assert_eq!((&again.name, again.camera.width, again.camera.height), (&view.name, view.camera.width, view.camera.height));
+        assert_eq!(
+            (&again.name, again.camera.width, again.camera.height),
+            (&view.name, view.camera.width, view.camera.height)
+        );
         assert_eq!(again.light.is_some(), view.light.is_some());
     }
     Ok((again, bytes))
@@ -197,11 +200,8 @@ fn tuned(u: &mut Unstructured) -> Result<Option<TunedMaterial>> {
 pub fn materials(u: &mut Unstructured) -> Result<Option<Vec<u8>>> {
     let mut all = Vec::new();
     for _ in 0..u.int_in_range(0..=3)? {
-        let material = if u.arbitrary()? {
-            lobes(u)?.map(FittedMaterial::Lobes)
-        } else {
-            tuned(u)?.map(FittedMaterial::Tuned)
-        };
+        let material =
+            if u.arbitrary()? { lobes(u)?.map(FittedMaterial::Lobes) } else { tuned(u)?.map(FittedMaterial::Tuned) };
         let Some(material) = material else { continue };
         all.push(NamedMaterial { name: u.arbitrary()?, material });
     }
