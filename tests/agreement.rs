@@ -7,7 +7,7 @@ mod support;
 use tsuya::asset::{Asset, Photograph};
 use tsuya::capture::Capture;
 use tsuya::container::metadata::Metadata;
-use tsuya::container::{Arrival, Container};
+use tsuya::container::{Arrival, Container, SectionCodec, Tag, Writer};
 use tsuya::decoder::arriving::{ArrivingFile, ViewProgress};
 use tsuya::decoder::{DecodeOptions, Selection, decode, decode_from};
 use tsuya::encoder::{Encoded, encode};
@@ -63,6 +63,30 @@ fn sizes() {
     let capture = support::read(&support::bundled("sizes")).unwrap();
     assert_eq!((capture.frames[4].photograph.width, capture.frames[4].photograph.height), (5, 4));
     agree(capture, 0.85);
+}
+
+/// A file with sections PLAN and PAPR, the latter first.
+#[test]
+fn of_both_profiles_the_planes_count() {
+    let mut capture = support::read(&support::sample()).unwrap();
+    capture.frames.truncate(2);
+    let [planes, paper] = [Profile::Tuned, Profile::Paper]
+        .map(|profile| encode(capture.clone(), &EncodeOptions { profile, ..Default::default() }).unwrap().bytes);
+    let mut writer = Writer::new(Vec::new()).unwrap();
+    let mut copy = |file: &[u8], tags: &[Tag]| {
+        let mut file = Container::open_slice(file, Limits::default()).unwrap();
+        for &tag in tags {
+            writer.section(tag, SectionCodec::Own, &file.read_section(tag).unwrap()).unwrap();
+        }
+    };
+    copy(&paper, &[Tag::MESH, Tag::VIEWS, Tag::PAPER]);
+    copy(&planes, &[Tag::CHARTS, Tag::REFLECTANCE, Tag::PLANES]);
+    let both = writer.finish().unwrap();
+    let expected = whole(&planes).photographs;
+    assert_same(&expected, &whole(&both).photographs, "whole");
+    for way in [by_selection, by_ranges, from_a_stream] {
+        assert_same(&expected, &way(&both, 2, &mut Random(1)), "view by view");
+    }
 }
 
 /// Encodes a capture in every way, decodes each file in every way and compares. Masks are of pixels that the mesh covers, at least

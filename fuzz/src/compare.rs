@@ -12,9 +12,10 @@ pub fn decode_in_every_way(bytes: &[u8], limits: Limits) -> Result<Asset> {
     let options = |selection| DecodeOptions { limits, selection };
     let whole = decode(bytes, &options(Selection::All));
     let views = whole.as_ref().map_or(4, |asset| asset.views.len());
-    // What was decoded before must not matter: each view alone, and all from the last to the first.
+    // What was decoded before must not matter: one view alone, and all from the last to the first.
     let backwards: Vec<usize> = (0..views).rev().collect();
-    for &view in &backwards {
+    if views > 0 {
+        let view = bytes.len() % views;
         let one = decode(bytes, &options(Selection::Views(vec![view])));
         if let (Some(asset), Some(one)) = (whole.as_ref().ok(), agreed(&whole, one)) {
             same(&asset.photographs[view], &one.photographs[view]);

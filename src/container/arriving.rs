@@ -163,20 +163,15 @@ impl Arriving {
         gaps
     }
 
-    /// The first section with one of some tags, `None` where the file has none.
-    pub fn find_first(&mut self, tags: &[Tag]) -> Result<Arrival<Option<Section>>> {
+    /// The first section with a tag, `None` where the file has none.
+    pub fn find(&mut self, tag: Tag) -> Result<Arrival<Option<Section>>> {
         loop {
-            let found = self.sections.iter().find(|section| tags.contains(&section.tag)).copied();
+            let found = self.sections.iter().find(|section| section.tag == tag).copied();
             if found.is_some() || self.is_complete {
                 return Ok(Arrival::Here(found));
             }
             here!(self.advance()?);
         }
-    }
-
-    /// The first section with a tag, `None` where the file has none.
-    pub fn find(&mut self, tag: Tag) -> Result<Arrival<Option<Section>>> {
-        self.find_first(&[tag])
     }
 
     /// Learns of all sections from the directory, or else of one more.

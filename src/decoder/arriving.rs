@@ -154,7 +154,11 @@ impl ArrivingFile {
             return Ok(Arrival::Here(opened.clone()));
         }
         let budget = self.file.budget();
-        let pictures = here!(self.file.find_first(&[Tag::PLANES, Tag::PAPER])?);
+        // Of both PLAN counts, wherever it stands.
+        let pictures = match here!(self.file.find(Tag::PLANES)?) {
+            None => here!(self.file.find(Tag::PAPER)?),
+            planes => planes,
+        };
         let metadata = here!(self.file.find(Tag::METADATA)?);
         let capture = here!(self.file.find(Tag::VIEWS)?);
         // Everything that this takes is asked for at once, not one after the other.
