@@ -148,3 +148,51 @@ fn a_static_site_holds_page_and_file() {
     assert!(complaint(2, &["view", text(&path("none.tsuya"))]).contains("none.tsuya"));
     assert!(complaint(1, &["view", "Cargo.toml"]).contains(".glb"));
 }
+
+#[test]
+fn a_document_makes_nothing_public_but_what_belongs_to_it() {
+    let document = r#"{"asset": {"version": "2.0"}, "buffers": [{"uri": "a.bin"}, {"uri": ".ssh/id_rsa"}, {"uri": "link.bin"}],
+        "images": [{"uri": "maps/a%20b.png"}, {"uri": "tax.pdf"}, {"uri": "../srv.log"}, {"uri": "/etc/passwd"}]}"#;
+    let (folder, page) = folder_of(&[
+        ("object/evil.gltf", document.as_bytes()),
+        ("object/a.bin", b"buffer"),
+        ("object/maps/a b.png", b"picture"),
+        ("object/.ssh/id_rsa", b"secret"),
+        ("object/tax.pdf", b"secret"),
+        ("srv.log", b"secret"),
+    ]);
+    let path = |name: &str| folder.path().join(name);
+    #[cfg(unix)]
+    std::os::unix::fs::symlink("../srv.log", path("object/link.bin")).unwrap();
+    let (file, site) = (path("object/evil.gltf"), path("site"));
+    let export = ["view", text(&file), "--export", text(&site), "--assets", text(&page)];
+    let message = complaint(3, &export);
+    assert!(
+        message.contains("nothing is exported") && message.contains("evil.gltf: the path \".ssh/id_rsa\""),
+        "{message}"
+    );
+    assert!(message.contains("--allow-outside") && !site.exists(), "{message}");
+
+    let viewer = Viewer::new(&file, &page, &[]);
+    assert_eq!(viewer.ask("GET /shown/a.bin", "").body, b"buffer");
+    assert_eq!(viewer.ask("GET /shown/maps/a%20b.png", "").body, b"picture");
+    for path in
+        ["/shown/.ssh/id_rsa", "/shown/link.bin", "/shown/tax.pdf", "/srv.log", "/shown/../srv.log", "/etc/passwd"]
+    {
+        assert_eq!(viewer.status(&format!("GET {path}"), ""), 404, "{path}");
+    }
+    // What lay in the folder when the server began, and leads out of it now.
+    std::fs::remove_file(path("object/a.bin")).unwrap();
+    #[cfg(unix)]
+    std::os::unix::fs::symlink("../srv.log", path("object/a.bin")).unwrap();
+    assert_eq!(viewer.status("GET /shown/a.bin", ""), 404);
+
+    // What leads up lies beside the document's place in the site; an absolute path has no place there.
+    std::fs::write(&file, document.replace(r#", {"uri": "/etc/passwd"}"#, "")).unwrap();
+    output(&[&export[..], &["--allow-outside"]].concat());
+    assert_eq!(std::fs::read(site.join("shown/srv.log")).unwrap(), b"secret");
+    assert_eq!(std::fs::read(site.join("shown/up/.ssh/id_rsa")).unwrap(), b"secret");
+    let description: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(site.join("viewer.json")).unwrap()).unwrap();
+    assert_eq!((&description["file"], &description["name"]), (&"shown/up/evil.gltf".into(), &"evil.gltf".into()));
+}

@@ -5,15 +5,18 @@ mod body;
 mod connections;
 mod policy;
 mod range;
+mod references;
 mod server;
 mod site;
 
 use crate::output;
 use anyhow::Result;
 use clap::Args;
+use references::LeftOut;
 use server::Server;
 use site::Site;
 use std::path::PathBuf;
+use tsuya::Error;
 
 /// Shows a file in the browser: looked at from all sides, under other lights. Serves the page on this machine alone until it is ended with Ctrl-C.
 #[derive(Args)]
@@ -32,6 +35,10 @@ pub struct View {
     /// Takes the page's files from this folder, as tools/web/viewer/build makes it, instead of those within the program.
     #[arg(long, value_name = "DIR")]
     assets: Option<PathBuf>,
+    /// Takes along whatever a .glb or .gltf file refers to: files outside its folder, hidden ones, links to elsewhere, files of any kind. For
+    /// documents of your own only: all of it is served or exported.
+    #[arg(long)]
+    allow_outside: bool,
     /// With --export: writes into a folder that is not empty.
     #[arg(long, requires = "export")]
     force: bool,
@@ -39,7 +46,8 @@ pub struct View {
 
 impl View {
     pub fn run(self) -> Result<()> {
-        let site = Site::new(&self.file, self.assets.as_deref())?;
+        let mut site = Site::new(&self.file, self.assets.as_deref(), self.allow_outside)?;
+        self.tell_left_out(site.take_left_out())?;
         if let Some(folder) = &self.export {
             output::folder(folder, self.force)?;
             for (path, content) in site.files() {
@@ -58,5 +66,28 @@ impl View {
         }
         server.run();
         Ok(())
+    }
+
+    /// Warns of files that the document refers to and that are left out. What is exported is published: there it is an error where one was
+    /// refused.
+    fn tell_left_out(&self, left_out: LeftOut) -> Result<()> {
+        let more = |errors: &[Error]| match errors.len() {
+            0 | 1 => String::new(),
+            count => format!(" (and {} more)", count - 1),
+        };
+        let warn = |errors: &[Error]| {
+            let warning = errors.first().map(|first| format!("{first}: left out{}", more(errors)));
+            output::warn(warning.as_slice());
+        };
+        warn(&left_out.missing);
+        if self.export.is_none() {
+            warn(&left_out.refused);
+            return Ok(());
+        }
+        let more = more(&left_out.refused);
+        match left_out.refused.into_iter().next() {
+            Some(first) => Err(anyhow::Error::new(first).context(format!("nothing is exported{more}"))),
+            None => Ok(()),
+        }
     }
 }

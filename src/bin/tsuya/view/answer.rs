@@ -63,10 +63,10 @@ impl Answers {
         let content = self.site.get(&path).ok_or(NOT_FOUND)?;
         let mut response = match content {
             Content::Held(bytes) => held(bytes, request.headers()),
-            Content::File(file) => {
-                let file = file.clone();
-                let opened = spawn_blocking(move || OpenFile::new(std::fs::File::open(file)?)).await;
-                let file = opened.ok().and_then(Result::ok).ok_or(NOT_FOUND)?;
+            on_disk => {
+                let content = on_disk.clone();
+                let opened = spawn_blocking(move || OpenFile::new(content.open().ok()?).ok()).await;
+                let file = opened.ok().flatten().ok_or(NOT_FOUND)?;
                 file_part(file, request.headers()).ok_or(NOT_FOUND)?
             }
         };

@@ -2,7 +2,7 @@
 
 use hyper::body::{Bytes, Frame, SizeHint};
 use std::fs::{File, Metadata};
-use std::io::{Error, ErrorKind, Read, Result, Seek, SeekFrom};
+use std::io::{Error, Read, Result, Seek, SeekFrom};
 use std::pin::Pin;
 use std::task::{Context, Poll, ready};
 use std::time::SystemTime;
@@ -41,12 +41,9 @@ fn file_number(metadata: &Metadata) -> u64 {
 }
 
 impl OpenFile {
-    /// Wraps an open file.
+    /// Wraps a regular file.
     pub fn new(file: File) -> Result<Self> {
         let metadata = file.metadata()?;
-        if !metadata.is_file() {
-            return Err(Error::new(ErrorKind::InvalidInput, "not a regular file"));
-        }
         Ok(OpenFile { version: Version::new(&metadata), number: file_number(&metadata), file })
     }
 

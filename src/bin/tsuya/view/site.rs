@@ -1,14 +1,17 @@
 //! Which files the page consists of: its own, within the program or in a folder, and the one that it shows.
 
-use crate::source::{self, has_extension, limits};
-use anyhow::Result;
+use super::references::{LeftOut, References};
+use crate::source::has_extension;
+use anyhow::{Context, Result};
 use hyper::body::Bytes;
-use serde_json::{Value, json};
+use serde_json::json;
 use std::borrow::Cow;
 use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::Read;
 use std::path::{Path, PathBuf};
-use tsuya::gltf::{self, Document, EXTENSION};
-use tsuya::{Budget, Error};
+use tsuya::input::{self, Folder};
+use tsuya::{Error, gltf};
 
 /// The page as `tools/web/viewer/build` makes it; empty in a program that was built without it.
 #[derive(rust_embed::RustEmbed)]
@@ -19,123 +22,151 @@ struct Built;
 /// The page's first file.
 const FIRST: &str = "index.html";
 /// Where the file that is shown lies, and what lies beside it.
-const SHOWN: &str = "shown";
+const SHOWN: &str = "shown/";
+/// Files of a page in a folder; a folder with more is none.
+const MAX_PAGE_FILES: usize = 1000;
 
 /// One file's content.
+#[derive(Clone)]
 pub enum Content {
     /// Within the program.
     Held(Bytes),
-    /// On disk.
+    /// On disk, as the user calls it.
     File(PathBuf),
+    /// On disk, as a document calls it that may not lead out of its folder.
+    Named(Folder, String),
 }
 
 impl Content {
     /// All of it.
-    pub fn read(&self) -> Result<Bytes> {
+    pub fn read(&self) -> tsuya::Result<Bytes> {
+        let path = match self {
+            Content::Held(bytes) => return Ok(bytes.clone()),
+            on_disk => on_disk.path()?,
+        };
+        let mut bytes = Vec::new();
+        input::open(&path)?.0.read_to_end(&mut bytes).map_err(|e| Error::io(&path, e))?;
+        Ok(bytes.into())
+    }
+
+    /// Opens the file, wherever its name leads by now.
+    pub fn open(&self) -> tsuya::Result<File> {
+        Ok(input::open(&self.path()?)?.0)
+    }
+
+    fn path(&self) -> tsuya::Result<PathBuf> {
         match self {
-            Content::Held(bytes) => Ok(bytes.clone()),
-            Content::File(path) => Ok(std::fs::read(path).map_err(|e| Error::io(path, e))?.into()),
+            Content::Held(_) => Err(Error::parameter("not a file on disk")),
+            Content::File(path) => Ok(path.clone()),
+            Content::Named(folder, name) => folder.resolve(name),
         }
     }
 }
 
 /// All that is served, by path below the root. Nothing else can be asked for.
-pub struct Site(BTreeMap<String, Content>);
+pub struct Site {
+    files: BTreeMap<String, Content>,
+    left_out: LeftOut,
+}
 
 impl Site {
     /// The page from `assets` or within the program, and the file that it shows.
-    pub fn new(file: &Path, assets: Option<&Path>) -> Result<Self> {
+    pub fn new(file: &Path, assets: Option<&Path>, allow_outside: bool) -> Result<Self> {
         if !["tsuya", "glb", "gltf"].iter().any(|extension| has_extension(file, extension)) {
             return Err(
                 Error::parameter(format!("{}: a .tsuya, .glb or .gltf file can be viewed", file.display())).into()
             );
         }
-        std::fs::File::open(file).map_err(|e| Error::io(file, e))?;
-        let mut files = match assets {
-            Some(folder) => folder_files(folder)?,
-            None => Built::iter()
-                .filter_map(|path| Some((path.to_string(), Content::Held(held(Built::get(&path)?.data)))))
-                .collect(),
-        };
-        if !files.contains_key(FIRST) {
-            let message = match assets {
-                Some(folder) => format!(
-                    "{}: has no {FIRST}: run tools/web/build and tools/web/viewer/build, and name tools/web/dist",
-                    folder.display()
-                ),
-                None => {
-                    "this program was built without the viewer's page: run tools/web/build and tools/web/viewer/build, \
-                         and build it again, or name the page's folder with --assets"
-                        .into()
-                }
-            };
-            return Err(Error::Unsupported(message).into());
+        input::open(file)?;
+        let mut files = page(assets)?;
+        let folder = Folder::of(file, allow_outside);
+        let references =
+            if has_extension(file, "tsuya") { References::default() } else { References::of(file, &folder) };
+        for (place, path) in &references.files {
+            files.insert(format!("{SHOWN}{place}"), Content::Named(folder.clone(), path.clone()));
         }
         let name = file.file_name().unwrap_or_default().to_string_lossy();
-        files.insert(format!("{SHOWN}/{name}"), Content::File(file.to_owned()));
-        if !has_extension(file, "tsuya") {
-            let folder = file.parent().unwrap_or(Path::new(""));
-            for path in references(file) {
-                files.insert(format!("{SHOWN}/{path}"), Content::File(folder.join(path)));
-            }
-        }
-        let description = json!({"file": format!("{SHOWN}/{}", gltf::reference(&name)), "name": name});
+        let place = |name: &str| format!("{SHOWN}{}", references.place_of(name));
+        let description = json!({"file": place(&gltf::reference(&name)), "name": name});
+        files.insert(place(&name), Content::File(file.to_owned()));
         files.insert("viewer.json".into(), Content::Held(description.to_string().into()));
-        Ok(Site(files))
+        Ok(Site { files, left_out: references.left_out })
     }
 
     /// The content at a path below the root; the root itself is the page.
     pub fn get(&self, path: &str) -> Option<&Content> {
-        self.0.get(if path.is_empty() { FIRST } else { path })
+        self.files.get(if path.is_empty() { FIRST } else { path })
     }
 
     /// True for the page's own files, false for what it shows.
     pub fn is_page(&self, path: &str) -> bool {
-        !path.strip_prefix(SHOWN).is_some_and(|rest| rest.starts_with('/'))
+        !path.starts_with(SHOWN)
     }
 
     /// Paths and contents.
     pub fn files(&self) -> impl Iterator<Item = (&String, &Content)> {
-        self.0.iter()
+        self.files.iter()
+    }
+
+    /// What the document refers to and is not taken along.
+    pub fn take_left_out(&mut self) -> LeftOut {
+        std::mem::take(&mut self.left_out)
     }
 }
 
-fn held(bytes: Cow<'static, [u8]>) -> Bytes {
-    match bytes {
-        Cow::Borrowed(bytes) => Bytes::from_static(bytes),
-        Cow::Owned(bytes) => bytes.into(),
+/// The page's own files.
+fn page(assets: Option<&Path>) -> Result<BTreeMap<String, Content>> {
+    let files = match assets {
+        Some(folder) => folder_files(folder)?,
+        None => {
+            let held = |path: Cow<'static, str>| {
+                let content = match Built::get(&path)?.data {
+                    Cow::Borrowed(bytes) => Bytes::from_static(bytes),
+                    Cow::Owned(bytes) => bytes.into(),
+                };
+                Some((path.into_owned(), Content::Held(content)))
+            };
+            Built::iter().filter_map(held).collect()
+        }
+    };
+    if files.contains_key(FIRST) {
+        return Ok(files);
     }
+    let message = match assets {
+        Some(folder) => format!(
+            "{}: has no {FIRST}: run tools/web/build and tools/web/viewer/build, and name tools/web/dist",
+            folder.display()
+        ),
+        None => "this program was built without the viewer's page: run tools/web/build and tools/web/viewer/build, \
+                 and build it again, or name the page's folder with --assets"
+            .into(),
+    };
+    Err(Error::Unsupported(message).into())
 }
 
-/// The files of a folder and those below, by relative path; links are not followed.
+/// The files of a folder and those below, by relative path. Links are not followed; what is hidden, and what an exported site shows, is no page's.
 fn folder_files(folder: &Path) -> Result<BTreeMap<String, Content>> {
     let mut files = BTreeMap::new();
     let mut folders = vec![(folder.to_owned(), String::new())];
-    while let Some((folder, prefix)) = folders.pop() {
-        let failed = |e| Error::io(&folder, e);
-        for entry in std::fs::read_dir(&folder).map_err(failed)? {
+    while let Some((path, prefix)) = folders.pop() {
+        let failed = |e| Error::io(&path, e);
+        for entry in std::fs::read_dir(&path).map_err(failed)? {
             let entry = entry.map_err(failed)?;
-            let (kind, name) = (entry.file_type().map_err(failed)?, entry.file_name().to_string_lossy().into_owned());
+            let kind = entry.file_type().map_err(failed)?;
+            let name = format!("{prefix}{}", entry.file_name().to_string_lossy());
+            if entry.file_name().to_string_lossy().starts_with('.') {
+                continue;
+            }
             if kind.is_dir() {
-                folders.push((entry.path(), format!("{prefix}{name}/")));
-            } else if kind.is_file() {
-                files.insert(format!("{prefix}{name}"), Content::File(entry.path()));
+                folders.push((entry.path(), format!("{name}/")));
+            } else if kind.is_file() && !name.starts_with(SHOWN) {
+                files.insert(name, Content::File(entry.path()));
+            }
+            if files.len() + folders.len() > MAX_PAGE_FILES {
+                let message = format!("has more than {MAX_PAGE_FILES} files: name tools/web/dist");
+                return Err(Error::input(folder, message)).context("the page's folder");
             }
         }
     }
     Ok(files)
-}
-
-/// What a glTF file has beside it: buffers, pictures, streams that are there. What is wrong with the file, the page says.
-fn references(path: &Path) -> Vec<String> {
-    let budget = Budget::new(limits());
-    let read = || Document::parse(path, &source::read(path).ok()?, &budget).ok();
-    let Some(document) = read() else { return Vec::new() };
-    let appearances = document.json.get("extensions").and_then(|e| e.get(EXTENSION)?.get("appearances")?.as_array());
-    let streams = appearances.map_or(&[][..], Vec::as_slice);
-    let objects = document.list("buffers").iter().chain(document.list("images")).chain(streams);
-    let folder = path.parent().unwrap_or(Path::new(""));
-    let references = objects.filter_map(|object| object.get("uri").and_then(Value::as_str));
-    let inside = references.filter_map(|uri| document.check_uri(uri).ok());
-    inside.filter(|path| folder.join(path).is_file()).collect()
 }
