@@ -144,7 +144,7 @@ fn tuned_photographs<R: Read + Seek>(
         let bytes = step.lengths.iter().map(|&l| l as u64).sum();
         file.read_range(Tag::PLANES, length + step.offset, bytes).map(Some)
     };
-    tuned::decode::decode(&header, mesh, &section.views, section.white, wanted, read, budget)
+    tuned::decode::decode(&header, mesh, (&section.views, section.white), wanted, read, budget)
 }
 
 fn charge_photographs(

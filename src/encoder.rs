@@ -86,7 +86,7 @@ pub fn encode(mut capture: Capture, options: &EncodeOptions) -> Result<Encoded> 
                 let settings = paper::Options { keep_percent, ..Default::default() };
                 let encoded = paper::encode(&samples, components, Some(&model), &settings)?;
                 let decoded =
-                    paper::decode(&encoded.bytes, &mesh, components, views.len(), &Budget::new(ENCODER_LIMITS))?;
+                    paper::decode(&encoded.bytes, &mesh, components, views.len(), &Budget::new(Limits::UNLIMITED))?;
                 let photographs = crate::decoder::paper_photographs(&decoded, &mesh, views, |_| true);
                 let photographs: Vec<Photograph> = photographs.into_iter().flatten().collect();
                 let (measured, total) = judge.measure(&photographs);
@@ -122,9 +122,6 @@ pub fn encode_materials(materials: &[NamedMaterial], metadata: &metadata::Metada
 
 /// Samples of a patch for one pixel of the photographs.
 const PATCH_DENSITY: f64 = 1.0;
-/// The encoder trusts its own streams.
-const ENCODER_LIMITS: Limits =
-    Limits { memory_bytes: u64::MAX, frames: u32::MAX, picture_side: u32::MAX, mesh_elements: u32::MAX };
 /// Longest side of the thumbnail in pixels.
 const THUMBNAIL_SIDE: usize = 48;
 
@@ -160,7 +157,7 @@ fn code_views(observations: &Observations, mesh: &crate::asset::Mesh) -> Result<
         views: observations.frames.iter().map(|f| f.view.clone()).collect(),
     };
     let bytes = views::encode(&section, &mesh.positions)?;
-    let decoded = views::decode(&bytes, &Budget::new(ENCODER_LIMITS))?;
+    let decoded = views::decode(&bytes, &Budget::new(Limits::UNLIMITED))?;
     Ok((bytes, decoded))
 }
 

@@ -16,6 +16,12 @@ pub struct Limits {
     pub mesh_elements: u32,
 }
 
+impl Limits {
+    /// No bounds, for what is trusted.
+    pub const UNLIMITED: Limits =
+        Limits { memory_bytes: u64::MAX, frames: u32::MAX, picture_side: u32::MAX, mesh_elements: u32::MAX };
+}
+
 impl Default for Limits {
     fn default() -> Self {
         Limits { memory_bytes: 4 << 30, frames: 65_536, picture_side: 32_768, mesh_elements: 1 << 26 }

@@ -35,7 +35,7 @@ fuzz_target!(|bytes: &[u8]| {
     }
     let mut next = parts.into_iter();
     let read = |_: &CodedStep| Ok(next.next());
-    let decoded = tuned::decode::decode(&header, &mesh, &views, scene::WHITE, |_| true, read, &budget);
+    let decoded = tuned::decode::decode(&header, &mesh, (&views, scene::WHITE), |_| true, read, &budget);
     for (photograph, view) in decoded.into_iter().flatten().zip(&views) {
         let photograph = photograph.expect("all were asked for");
         let pixels = view.camera.width as usize * view.camera.height as usize;

@@ -119,7 +119,7 @@ mod tests {
         for &v in &values {
             assert_eq!(number.code_signed(&mut decoder, 0), v);
         }
-        assert!(decoder.reached_end());
+        assert!(decoder.ends_as_written(0));
     }
 
     #[test]

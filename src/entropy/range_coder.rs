@@ -25,14 +25,10 @@ impl RangeEncoder {
     pub fn new() -> Self {
         Self::default()
     }
-    /// Ends the stream with as few bytes as tell its last interval. Zero bytes at the end are dropped: the decoder reads
-    /// zeros past the end.
+    /// Ends the stream with as few bytes as tell its last interval; the decoder reads zeros past the end.
     pub fn finish(mut self) -> Vec<u8> {
         if let Some((count, value)) = final_value(self.low, self.high) {
             self.bytes.extend_from_slice(&value.to_be_bytes()[..count]);
-        }
-        while self.bytes.last() == Some(&0) {
-            self.bytes.pop();
         }
         self.bytes
     }
@@ -65,6 +61,9 @@ impl BitCoder for RangeEncoder {
     }
 }
 
+/// Bytes that a decoder is ahead of what is settled.
+const AHEAD: usize = 4;
+
 /// Reads bits from a byte slice; past its end it reads zeros, and counts them.
 #[derive(Debug, Clone)]
 pub struct RangeDecoder<'a> {
@@ -79,7 +78,7 @@ impl<'a> RangeDecoder<'a> {
     /// Starts at the first byte.
     pub fn new(bytes: &'a [u8]) -> Self {
         let mut decoder = RangeDecoder { low: 0, high: u32::MAX, code: 0, bytes, position: 0 };
-        for _ in 0..4 {
+        for _ in 0..AHEAD {
             decoder.code = decoder.code << 8 | decoder.next_byte();
         }
         decoder
@@ -90,27 +89,22 @@ impl<'a> RangeDecoder<'a> {
         self.position += 1;
         byte as u32
     }
-    /// True when the decoder has asked for more bytes than a well-formed stream of this length may need:
-    /// the stream was cut or is not one of ours. Loops over untrusted streams check this now and then.
-    pub fn is_exhausted(&self) -> bool {
-        // An encoder settles a byte at least every 2^24 of interval; dropped trailing zeros may be any number,
-        // but each costs at least 1/65536 bit, so callers bound the symbols themselves.
-        self.position > self.bytes.len() + (1 << 16)
-    }
-    /// True when the stream ends as [`RangeEncoder::finish`] ends it: every byte consumed, none left over, no zero at the end.
-    /// After the last bit this finds bytes added, bytes missing and most damage.
-    pub fn ends_as_written(&self, bytes_at_least: usize) -> bool {
-        let last_counts = self.bytes.len() <= bytes_at_least || self.bytes.last().is_none_or(|&last| last != 0);
-        self.reached_end() && last_counts && Some(self.code) == final_value(self.low, self.high).map(|(_, value)| value)
-    }
-    /// True when every byte has been consumed, as it must be at the end of a stream.
-    pub fn reached_end(&self) -> bool {
-        self.position >= self.bytes.len()
+    /// True when the stream ends as [`RangeEncoder::finish`] ends it, or with zeros behind that up to `min_bytes`. After the last bit
+    /// this finds bytes added, bytes missing and most damage.
+    pub fn ends_as_written(&self, min_bytes: usize) -> bool {
+        let Some((count, value)) = final_value(self.low, self.high) else { return false };
+        let written = self.position - AHEAD + count;
+        let is_filled = || self.bytes.len() == min_bytes && self.bytes[written..].iter().all(|&byte| byte == 0);
+        self.code == value && (written == self.bytes.len() || (written < self.bytes.len() && is_filled()))
     }
 }
 
 impl BitCoder for RangeDecoder<'_> {
     const DECODES: bool = true;
+    #[inline(always)]
+    fn is_exhausted(&self) -> bool {
+        self.position > self.bytes.len() + AHEAD
+    }
     #[inline(always)]
     fn bit(&mut self, probability_of_one: u32, _bit: bool) -> bool {
         let middle = split(self.low, self.high, probability_of_one);

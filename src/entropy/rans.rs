@@ -73,12 +73,17 @@ impl SymbolCoder for RansEncoder {
 pub struct RansDecoder<'a> {
     state: u64,
     bytes: &'a [u8],
+    /// Whether it has read past the end.
+    is_exhausted: bool,
 }
 
 impl<'a> RansDecoder<'a> {
     /// Starts at the first byte.
     pub fn new(bytes: &'a [u8]) -> Self {
-        let mut decoder = RansDecoder { state: 0, bytes };
+        let mut decoder = RansDecoder { state: LEAST, bytes, is_exhausted: false };
+        if bytes.is_empty() {
+            return decoder;
+        }
         let low = decoder.word();
         decoder.state = decoder.word() << 32 | low;
         decoder
@@ -87,10 +92,16 @@ impl<'a> RansDecoder<'a> {
     fn word(&mut self) -> u64 {
         let Some((word, rest)) = self.bytes.split_first_chunk() else {
             self.bytes = &[];
+            self.is_exhausted = true;
             return 0;
         };
         self.bytes = rest;
         u32::from_le_bytes(*word) as u64
+    }
+    /// True when the stream ends as [`RansEncoder::finish`] ends it: after the last symbol every byte is consumed, and the state is the
+    /// one that the encoder began with.
+    pub fn ends_as_written(&self) -> bool {
+        self.state == LEAST && self.bytes.is_empty() && !self.is_exhausted
     }
     #[inline(always)]
     fn place(&self) -> u16 {
@@ -108,6 +119,10 @@ impl<'a> RansDecoder<'a> {
 
 impl BitCoder for RansDecoder<'_> {
     const DECODES: bool = true;
+    #[inline(always)]
+    fn is_exhausted(&self) -> bool {
+        self.is_exhausted
+    }
     #[inline(always)]
     fn bit(&mut self, probability_of_one: u32, _bit: bool) -> bool {
         let bit = (self.place() as u32) < probability_of_one;
@@ -166,10 +181,14 @@ mod tests {
         let coded = code(&mut encoder, &values);
         let bytes = encoder.finish();
         // The number of raw bits is the caller's: here by the right value, whatever comes back.
-        assert_eq!(code(&mut RansDecoder::new(&bytes), &values), coded);
+        let mut decoder = RansDecoder::new(&bytes);
+        assert_eq!(code(&mut decoder, &values), coded);
+        assert!(decoder.ends_as_written());
         for length in (0..bytes.len()).step_by(bytes.len() / 40) {
             let mut damaged = bytes[..length].to_vec();
-            code(&mut RansDecoder::new(&damaged), &values);
+            let mut decoder = RansDecoder::new(&damaged);
+            code(&mut decoder, &values);
+            assert!(decoder.is_exhausted() && !decoder.ends_as_written());
             damaged.resize(bytes.len(), 0xff);
             code(&mut RansDecoder::new(&damaged), &values);
         }

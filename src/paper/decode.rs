@@ -84,8 +84,8 @@ pub fn decode(bytes: &[u8], mesh: &Mesh, components: &[Component], views: usize,
         }
         levels.push(planes);
     }
-    if !coder.reached_end() {
-        return Err(wrong(HEADER_BYTES, "bytes are left over after the last patch"));
+    if !coder.ends_as_written(0) {
+        return Err(wrong(HEADER_BYTES, "bytes do not end with the last patch"));
     }
     let residual = parallel::map(shapes.len(), |patch| {
         levels[patch]

@@ -218,6 +218,6 @@ mod tests {
         let mut decoder = RangeDecoder::new(&bytes);
         code_volume(&mut decoder, &mut Models::new(2), &mut decoded, 2, shape);
         assert_eq!(decoded, planes);
-        assert!(decoder.reached_end());
+        assert!(decoder.ends_as_written(0));
     }
 }

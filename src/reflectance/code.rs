@@ -138,6 +138,9 @@ pub fn decode(bytes: &[u8], mesh: &Mesh, charts: &Charts, budget: &Budget) -> Re
         planes.extend(to_grids(&plan.inverse(&coefficients), &mask, here));
         left -= here;
     }
+    if !coder.ends_as_written(0) {
+        return Err(Error::format(SECTION, bytes.len(), "its length does not fit its content"));
+    }
     let scales = [diffuse_scale, specular_scale];
     from_planes(&ReflectancePlanes { relightable: flags & RELIGHTABLE != 0, scales, planes, palette })
 }

@@ -83,7 +83,8 @@ pub fn encode(
     }
 }
 
-/// Reads what [`encode`] has written. `scratch` is memory to use again: what an earlier call has returned.
+/// Reads what [`encode`] has written; `None` where the stream does not end with the last coefficient. `scratch` is memory to use again:
+/// what an earlier call has returned.
 pub fn decode(
     stream: &[u8],
     models: &mut Models,
@@ -91,15 +92,20 @@ pub fn decode(
     quantiser: &Quantiser,
     predicted: Option<&[Vec<Pixel>]>,
     scratch: Coefficients,
-) -> Coefficients {
-    match &mut models.0 {
+) -> Option<Coefficients> {
+    let (coefficients, is_whole) = match &mut models.0 {
         Kind::Mixed(state) => {
-            code_with(&mut RangeDecoder::new(stream), state, plan, quantiser, predicted, None, scratch)
+            let mut coder = RangeDecoder::new(stream);
+            let decoded = code_with(&mut coder, state, plan, quantiser, predicted, None, scratch);
+            (decoded, coder.ends_as_written(0))
         }
         Kind::Direct(state) => {
-            code_with(&mut RansDecoder::new(stream), state, plan, quantiser, predicted, None, scratch)
+            let mut coder = RansDecoder::new(stream);
+            let decoded = code_with(&mut coder, state, plan, quantiser, predicted, None, scratch);
+            (decoded, coder.ends_as_written())
         }
-    }
+    };
+    is_whole.then_some(coefficients)
 }
 
 /// Codes the coefficients of a picture without a prediction, by fresh models, among what else a coder takes. `target` is for encoding.
@@ -232,6 +238,9 @@ fn code_band<C: BitCoder, K: Codes<C>>(
     // By block of the row of blocks: whether it holds anything but zeros.
     let mut occupied = vec![true; width.div_ceil(BLOCK)];
     for y in 0..band.mask.height {
+        if coder.is_exhausted() {
+            break;
+        }
         if y % BLOCK == 0 && place.level == 1 {
             let is_wanted = |places: &[usize]| task.is_worth::<C>(places, out);
             let bands = Bands { here: &here, parent, siblings };

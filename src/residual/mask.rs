@@ -101,6 +101,9 @@ pub fn code<C: BitCoder>(coder: &mut C, models: &mut MaskModels, coverage: &Mask
     let mut out = Mask::filled(width, height, false);
     let mut plain = Plain::new(width);
     for y in 0..height {
+        if coder.is_exhausted() {
+            break;
+        }
         plain.look(&coded, &covered, y, width);
         let start = covered.index(0, y);
         let wanted = |x: usize| mask.is_some_and(|m| *m.at(x, y));

@@ -251,7 +251,7 @@ pub fn decode(bytes: &[u8], mesh: &Mesh, budget: &Budget) -> Result<Charts> {
         charts.charts.push(Chart { facing, offset: [x.code_signed(&mut coder, 0), y.code_signed(&mut coder, 0)] });
     }
     charts.chart_of_triangle = visit.chart_of_triangle;
-    if !coder.reached_end() || coder.is_exhausted() {
+    if !coder.ends_as_written(0) {
         return Err(Error::format(SECTION, bytes.len() as u64, "its length does not fit its content"));
     }
     for t in 0..mesh.triangles.len() {

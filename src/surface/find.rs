@@ -63,6 +63,11 @@ impl Seen {
         Seen { view: geometry.view, width, height, farthest }
     }
 
+    /// Bytes of memory that it takes.
+    pub fn bytes(&self) -> u64 {
+        size_of_val(&self.farthest[..]) as u64
+    }
+
     /// Whether a point that projects to `position` at `distance` is the surface that the view shows there: not behind the
     /// farthest of the nine pixels around, by more than a margin.
     #[inline(always)]

@@ -167,6 +167,10 @@ impl Reference {
         Reference { size, frame, rows, pixels }
     }
 
+    /// Bytes of memory that it takes.
+    pub fn bytes(&self) -> u64 {
+        (size_of_val(&self.pixels[..]) + size_of_val(&self.rows[..])) as u64
+    }
     /// The mask's runs with their pixels.
     pub fn runs(&self) -> impl Iterator<Item = (&Run, &[Pixel])> {
         masked::runs(&self.rows, self.frame.width, &self.pixels)

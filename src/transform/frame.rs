@@ -34,6 +34,10 @@ impl Frame {
         let (right, bottom) = ((right + margin).min(mask.width), (last + 1 + margin).min(mask.height));
         Frame { left, top, width: right - left, height: bottom - top }
     }
+    /// Number of its pixels.
+    pub fn pixels(&self) -> u64 {
+        self.width as u64 * self.height as u64
+    }
     /// The frame of the low band after some levels.
     pub fn low(&self, levels: usize) -> Self {
         let size = |size: usize| size.div_ceil(1 << levels);

@@ -32,6 +32,10 @@ impl Scratch {
         }
         &mut self.0[..length]
     }
+    /// Bytes of memory that it takes.
+    pub fn bytes(&self) -> u64 {
+        (self.0.capacity() * size_of::<Pixel>()) as u64
+    }
     /// What was written to the first `length` pixels since [`Scratch::pixels`].
     pub(super) fn written(&self, length: usize) -> &[Pixel] {
         &self.0[..length]
@@ -63,6 +67,10 @@ impl MaskedPixels {
     /// The mask's runs with their pixels.
     pub fn runs(&self) -> impl Iterator<Item = (&Run, &[Pixel])> {
         runs(&self.rows, self.width, &self.pixels)
+    }
+    /// Bytes of memory that its pixels take.
+    pub fn bytes(&self) -> u64 {
+        (self.pixels.capacity() * size_of::<Pixel>()) as u64
     }
     /// The mask's runs.
     pub fn rows(&self) -> &Rows {
@@ -98,6 +106,10 @@ pub fn runs<'a>(rows: &'a [Run], width: usize, pixels: &'a [Pixel]) -> impl Iter
 pub struct Coefficients(Vec<Scratch>);
 
 impl Coefficients {
+    /// Bytes of memory that they take.
+    pub fn bytes(&self) -> u64 {
+        self.0.iter().map(Scratch::bytes).sum()
+    }
     /// Room for `count` bands, of which nothing is written; what was in it is not to be had.
     pub fn reset(&mut self, count: usize) {
         self.0.resize_with(count, Scratch::default);

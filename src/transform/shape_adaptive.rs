@@ -305,6 +305,10 @@ pub struct Work {
 }
 
 impl Work {
+    /// Bytes of memory that it takes.
+    pub fn bytes(&self) -> u64 {
+        self.sides.iter().chain(&self.pictures).map(Scratch::bytes).sum()
+    }
     fn picture(&mut self, level: usize, length: usize) -> Vec<Pixel> {
         self.pictures.get_mut(level).map(std::mem::take).unwrap_or_default().into_pixels(length)
     }

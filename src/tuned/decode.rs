@@ -2,7 +2,7 @@
 
 use super::header::{CodedStep, Header};
 use super::picture;
-use super::workspace::Workspaces;
+use super::workspace::{Room, Workspaces, photograph_bytes};
 use super::{DecodedView, Scene, order, run_waves};
 use crate::asset::{Mesh, Photograph, View};
 use crate::error::{Error, Result};
@@ -11,14 +11,6 @@ use crate::limits::Budget;
 use crate::surface::raster;
 use glam::Vec4;
 use std::borrow::Cow;
-
-/// Upper bounds of what one view takes: for each pixel, and for each pixel and component, while it is worked on and while
-/// later views need it; and the adaptive state of a component.
-pub(super) const WORKING: [u64; 2] = [96, 160];
-pub(super) const KEPT: [u64; 2] = [12, 16];
-pub(super) const STATE: u64 = 300_000;
-/// A photograph that is handed out: its mask, and each component.
-pub(super) const PHOTOGRAPH: [u64; 2] = [1, 12];
 
 /// What all pictures of a file are decoded with.
 #[derive(Debug)]
@@ -48,6 +40,7 @@ impl Pictures<'_> {
         streams: &[u8],
         decoded: &[Option<DecodedView>],
         is_reference: bool,
+        budget: &Budget,
     ) -> Result<DecodedView> {
         let coded = &self.header.steps[index];
         let mut rest = streams;
@@ -59,55 +52,28 @@ impl Pictures<'_> {
             parts.push(part);
             rest = after;
         }
-        let step = (&coded.step, coded.scale);
-        Ok(picture::decode(&self.scene, step, &self.header.coding, &parts, decoded, is_reference, &self.workspaces))
+        let (step, parts) = ((&coded.step, coded.scale), (&parts[..], coded.offset));
+        let memory = (&self.workspaces, budget);
+        picture::decode(&self.scene, step, &self.header.coding, parts, decoded, is_reference, memory)
     }
 }
 
-/// Charges what decoding `steps` takes and checks that drawing each view is bounded work.
-fn charge(
-    order: &[order::Step],
-    steps: &[usize],
-    mesh: &Mesh,
-    views: &[View],
-    wanted: impl Fn(usize) -> bool,
-    components: u64,
-    budget: &Budget,
-) -> Result<()> {
-    let pixels = |view: usize| views[view].camera.width as u64 * views[view].camera.height as u64;
-    let bytes = |view: usize, each: [u64; 2]| pixels(view).saturating_mul(each[0] + each[1] * components);
-    let state = STATE * components;
-    let most = super::most_memory(
-        order,
-        steps,
-        views.len(),
-        |view| bytes(view, WORKING).saturating_add(state),
-        |view| bytes(view, KEPT).saturating_add(state),
-    );
-    budget.charge("views being decoded", most)?;
-    for &index in steps {
-        let view = order[index].view;
-        if wanted(view) {
-            budget.charge("decoded photographs", bytes(view, PHOTOGRAPH))?;
-        }
-        raster::check_work(mesh, &views[view].camera)?;
-    }
-    Ok(())
-}
-
-/// Decodes the views that `wanted` names, and those they depend on. `read` gives a step's streams, one after the other;
-/// steps for which it gives `None` (a file cut short) are left out with all that depend on them.
-///
-/// Returns linear photographs by view; `None` for views not wanted.
-pub fn decode(
+/// Decodes the views that `wanted` names, and those they depend on, and hands each wanted one to `done` as linear radiance, in any
+/// order. `read` gives a step's streams, one after the other; steps for which it gives `None` (a file cut short) are left out with
+/// all that depend on them.
+/// # Errors
+/// [`Error::Format`] where the streams are damaged; [`Error::Limits`] where the memory for one view and those it is predicted from is
+/// not there, or drawing it is too much work; those of `read` and `done`.
+pub fn for_each_view(
     header: &Header,
     mesh: &Mesh,
-    views: &[View],
-    white: [f64; 3],
+    capture: (&[View], [f64; 3]),
     wanted: impl Fn(usize) -> bool + Sync + Send,
     mut read: impl FnMut(&CodedStep) -> Result<Option<Vec<u8>>>,
     budget: &Budget,
-) -> Result<Vec<Option<Photograph>>> {
+    mut done: impl FnMut(usize, Photograph) -> Result<()>,
+) -> Result<()> {
+    let (views, white) = capture;
     let scene = Scene::new(Cow::Borrowed(mesh), Cow::Borrowed(views));
     let pictures = Pictures { header: Cow::Borrowed(header), scene, white, workspaces: Workspaces::default() };
     let order = header.order();
@@ -122,22 +88,50 @@ pub fn decode(
         }
         let Some(bytes) = read(coded)? else { continue };
         pictures.check(index, &bytes)?;
+        raster::check_work(mesh, &views[step.view].camera)?;
         streams[index] = Some(bytes);
         present[step.view] = true;
         steps.push(index);
     }
-    charge(&order, &steps, mesh, views, &wanted, header.coding.components.len() as u64, budget)?;
-    let results = run_waves(&order, &steps, views.len(), |index, decoded, is_reference| {
+    let room = Room { views, coding: &header.coding, budget, workspaces: &pictures.workspaces };
+    let decode = |index: usize, decoded: &[Option<DecodedView>], is_reference: bool| {
         let streams = streams[index].as_deref().unwrap_or_default();
-        let mut view = pictures.decode(index, streams, decoded, is_reference)?;
-        let photograph = wanted(order[index].view).then(|| DecodedPicture::new(header, white, &view).photograph());
+        let mut view = pictures.decode(index, streams, decoded, is_reference, budget)?;
+        let number = order[index].view;
+        let photograph = match wanted(number) {
+            true => {
+                let bytes = photograph_bytes(&views[number].camera, header.coding.components.len());
+                let held = budget.hold("a decoded photograph", bytes)?;
+                Some((DecodedPicture::new(header, white, &view).photograph(), held))
+            }
+            false => None,
+        };
         pictures.workspaces.take_back(&mut view);
         Ok((photograph, view))
-    })?;
-    let mut photographs: Vec<Option<Photograph>> = vec![None; views.len()];
-    for (index, photograph) in results {
-        photographs[order[index].view] = photograph;
+    };
+    run_waves(&order, &steps, &room, decode, |index, photograph| match photograph {
+        Some((photograph, _held)) => done(order[index].view, photograph),
+        None => Ok(()),
+    })
+}
+
+/// [`for_each_view`], gathered by view; `None` for views not wanted.
+pub fn decode(
+    header: &Header,
+    mesh: &Mesh,
+    (views, white): (&[View], [f64; 3]),
+    wanted: impl Fn(usize) -> bool + Sync + Send,
+    read: impl FnMut(&CodedStep) -> Result<Option<Vec<u8>>>,
+    budget: &Budget,
+) -> Result<Vec<Option<Photograph>>> {
+    for (_, view) in views.iter().enumerate().filter(|(view, _)| wanted(*view)) {
+        budget.charge("decoded photographs", photograph_bytes(&view.camera, header.coding.components.len()))?;
     }
+    let mut photographs: Vec<Option<Photograph>> = vec![None; views.len()];
+    for_each_view(header, mesh, (views, white), wanted, read, budget, |view, photograph| {
+        photographs[view] = Some(photograph);
+        Ok(())
+    })?;
     Ok(photographs)
 }
 

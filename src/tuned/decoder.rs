@@ -1,9 +1,9 @@
 //! Views one at a time, in any order: what others are predicted from is kept, so that a view mostly costs no other.
 
-use super::decode::{DecodedPicture, KEPT, PHOTOGRAPH, Pictures, STATE, WORKING};
+use super::decode::{DecodedPicture, Pictures};
 use super::header::{CodedStep, Header};
 use super::order::{self, Step};
-use super::workspace::Workspaces;
+use super::workspace::{Workspaces, most_bytes, photograph_bytes};
 use super::{DecodedView, Scene};
 use crate::asset::{Mesh, View};
 use crate::error::{Error, Result};
@@ -27,8 +27,6 @@ pub struct ViewDecoder<'a> {
     used: Vec<u64>,
     clock: u64,
     budget: Arc<Budget>,
-    /// Bytes charged for what a view is worked on in.
-    working: u64,
 }
 
 impl<'a> ViewDecoder<'a> {
@@ -52,7 +50,6 @@ impl<'a> ViewDecoder<'a> {
             used: vec![0; count],
             clock: 0,
             budget,
-            working: 0,
         }
     }
 
@@ -104,47 +101,36 @@ impl<'a> ViewDecoder<'a> {
         }
         self.pictures.check(step, streams)?;
         raster::check_work(self.pictures.scene.surface.mesh(), &self.pictures.scene.views[view].camera)?;
-        let working =
-            self.bytes(view, WORKING).saturating_add(self.bytes(view, PHOTOGRAPH)).saturating_add(self.state());
-        // What is worked in stays for the next view.
-        self.make_room("views being decoded", working.saturating_sub(self.working))?;
-        self.working = self.working.max(working);
-        let mut decoded = self.pictures.decode(step, streams, &self.decoded, self.is_reference[view])?;
+        let camera = &self.pictures.scene.views[view].camera;
+        let coding = &self.pictures.header.coding;
+        let (most, photograph) = (most_bytes(camera, coding), photograph_bytes(camera, coding.components.len()));
+        self.make_room(most);
+        let mut decoded = self.pictures.decode(step, streams, &self.decoded, self.is_reference[view], &self.budget)?;
+        let held = self.budget.hold("a decoded photograph", photograph)?;
         let taken = take(DecodedPicture::new(&self.pictures.header, self.pictures.white, &decoded));
+        drop(held);
         self.pictures.workspaces.take_back(&mut decoded);
         if self.is_reference[view] && self.decoded[view].is_none() {
-            self.make_room("decoded views", self.kept_bytes(view))?;
+            let bytes = decoded.bytes();
+            self.make_room(bytes);
+            self.budget.charge("decoded views", bytes)?;
             self.decoded[view] = Some(decoded);
         }
         Ok(taken)
     }
 
-    fn bytes(&self, view: usize, each: [u64; 2]) -> u64 {
-        let camera = &self.pictures.scene.views[view].camera;
-        let components = self.pictures.header.coding.components.len() as u64;
-        (camera.width as u64 * camera.height as u64).saturating_mul(each[0] + each[1] * components)
-    }
-    fn state(&self) -> u64 {
-        STATE * self.pictures.header.coding.components.len() as u64
-    }
-    fn kept_bytes(&self, view: usize) -> u64 {
-        self.bytes(view, KEPT).saturating_add(self.state())
-    }
-
-    /// Charges `bytes`, giving up views that were not asked for of late where they are needed for that.
-    fn make_room(&mut self, what: &'static str, bytes: u64) -> Result<()> {
-        loop {
-            let charged = self.budget.charge(what, bytes);
+    /// Gives up views that were not asked for of late until `bytes` are left or none of them is kept any more, and what is kept to be
+    /// worked in where that takes the rest.
+    fn make_room(&mut self, bytes: u64) {
+        while self.budget.left() < bytes {
             let oldest = (0..self.decoded.len())
-                .filter(|&view| self.decoded[view].is_some() && self.used[view] < self.clock)
-                .min_by_key(|&view| self.used[view]);
-            match (charged, oldest) {
-                (Err(_), Some(view)) => {
-                    self.decoded[view] = None;
-                    self.budget.release(self.kept_bytes(view));
-                }
-                (charged, _) => return charged,
-            }
+                .filter(|&view| self.used[view] < self.clock)
+                .filter_map(|view| Some((self.used[view], view, self.decoded[view].as_ref()?.bytes())))
+                .min();
+            let Some((_, view, kept)) = oldest else { break };
+            self.decoded[view] = None;
+            self.budget.release(kept);
         }
+        self.pictures.workspaces.make_room(&self.budget, bytes);
     }
 }

@@ -4,10 +4,12 @@ use super::colour::ColourSums;
 use super::decode::DecodedPicture;
 use super::header::{CodedStep, Header};
 use super::picture::{self, Signal};
-use super::{ComponentCoding, MaskCoding, PlaneCoding, Scene, order, run_waves};
+use super::workspace::{Room, Workspaces};
+use super::{ComponentCoding, DecodedView, MaskCoding, PlaneCoding, Scene, order, run_waves};
 use crate::asset::{Component, Mesh, Photograph, View};
 use crate::error::Result;
 use crate::image::Mask;
+use crate::limits::{Budget, Limits};
 use crate::options::Decoding;
 use crate::residual::coefficients::Modelling;
 use crate::transform::frame::Frame;
@@ -129,7 +131,10 @@ impl<'a> Encoder<'a> {
         let all: Vec<usize> = (0..self.order.len()).collect();
         let mut header = Header { coding, steps: Vec::new() };
         let scale = 64;
-        let results = run_waves(&self.order, &all, self.views.len(), |index, decoded, is_reference| {
+        let (budget, workspaces) = (Budget::new(Limits::UNLIMITED), Workspaces::default());
+        let room = Room { views: self.views, coding: &header.coding, budget: &budget, workspaces: &workspaces };
+        let mut results = Vec::with_capacity(all.len());
+        let encode = |index: usize, decoded: &[Option<DecodedView>], is_reference: bool| {
             let step = &self.order[index];
             let target = &self.photographs[step.view];
             let signal = |frame: &Frame, component: usize| -> Signal {
@@ -148,10 +153,15 @@ impl<'a> Encoder<'a> {
                     .collect()
             };
             let (step, wanted) = ((step, scale), (&target.mask, quality.lambda));
-            let (streams, view) = picture::encode(&scene, step, &header.coding, wanted, signal, decoded, is_reference);
+            let (streams, view) = picture::encode(&scene, step, &header.coding, wanted, signal, decoded, is_reference)?;
             let photograph = DecodedPicture::new(&header, self.white, &view).photograph();
             Ok(((streams, photograph), view))
+        };
+        run_waves(&self.order, &all, &room, encode, |index, result| {
+            results.push((index, result));
+            Ok(())
         })?;
+        results.sort_by_key(|(index, _)| *index);
         let mut photographs: Vec<Photograph> = vec![Photograph::default(); self.views.len()];
         let mut body = Vec::new();
         for (index, (streams, photograph)) in results {

@@ -15,7 +15,9 @@ mod picture;
 mod workspace;
 
 use crate::asset::{Camera, Mesh, View};
+use crate::error::Result;
 use crate::image::Mask;
+use crate::limits::Held;
 use crate::parallel;
 use crate::quantise::bands::Quantiser;
 use crate::residual::coefficients::{Modelling, Models};
@@ -29,6 +31,7 @@ use crate::transform::shape_adaptive::{Pixel, Plan, Run, level_count};
 use glam::Vec4;
 use order::Step;
 use std::borrow::Cow;
+use workspace::Room;
 
 /// How one component's pictures are coded.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -185,6 +188,14 @@ impl DecodedView {
             _ => {}
         }
     }
+    /// Bytes of memory that it takes.
+    fn bytes(&self) -> u64 {
+        let signals: u64 = self.signals.iter().map(MaskedPixels::bytes).sum();
+        let reference = self.reference.as_ref().map_or(0, |DecodedReference { seen, pictures, .. }| {
+            seen.bytes() + pictures.iter().map(|picture| picture.bytes() + workspace::STATE).sum::<u64>()
+        });
+        self.mask.data.len() as u64 + signals + reference
+    }
     /// Whether its pictures are still there.
     fn has_signals(&self) -> bool {
         self.level == 0 || !self.signals.is_empty()
@@ -197,8 +208,14 @@ impl<'a> Scene<'a> {
         Scene { surface: Surface::new(mesh), views }
     }
 
-    /// Draws a view; `mask` gives its mask from what the mesh covers.
-    fn stage(&self, view: usize, level: usize, mask: impl FnOnce(Mask) -> Mask) -> Stage {
+    /// Draws a view; `mask` gives its mask from what the mesh covers, `admit` may refuse its frame.
+    fn stage<T>(
+        &self,
+        view: usize,
+        level: usize,
+        mask: impl FnOnce(Mask) -> Mask,
+        admit: impl FnOnce(&Frame) -> Result<T>,
+    ) -> Result<(Stage, T)> {
         let view = &self.views[view];
         let (width, height) = (view.camera.width as usize, view.camera.height as usize);
         let levels = level_count(width, height);
@@ -208,10 +225,11 @@ impl<'a> Scene<'a> {
         let low = geometry.raster.coverage();
         let mask = mask(if level == 0 { low } else { enlarged(&low, width, height, level) });
         let frame = Frame::around(&mask, REFERENCE_RINGS << level);
+        let admitted = admit(&frame)?;
         let inside = Mask { width: frame.width, height: frame.height, data: frame.cut(&mask.data, width) };
         let plan = Plan::with_levels(inside, levels);
         geometry.extend(&frame.low(level), plan.rows(level));
-        Stage { mask, frame, plan, level, geometry }
+        Ok((Stage { mask, frame, plan, level, geometry }, admitted))
     }
 }
 
@@ -257,36 +275,40 @@ impl<'d> Sources<'d> {
     }
 }
 
-/// Most views that are worked on side by side, so that memory does not grow with the threads.
-const SIDE_BY_SIDE: usize = 8;
-
-/// Runs `work` for the given steps of the order, wave by wave, and puts what later ones need into place; views that no
-/// later step needs are dropped at once. `work` is told whether the view is needed.
+/// Runs `work` for the given steps of the order, wave by wave and as many side by side as there is room for, hands what it gives to
+/// `done`, and keeps what later ones need; views that no later step needs are dropped at once. `work` is told whether the view is
+/// needed.
 fn run_waves<T: Send>(
     order: &[Step],
     steps: &[usize],
-    views: usize,
-    work: impl Fn(usize, &[Option<DecodedView>], bool) -> crate::Result<(T, DecodedView)> + Sync + Send,
-) -> crate::Result<Vec<(usize, T)>> {
+    room: &Room,
+    work: impl Fn(usize, &[Option<DecodedView>], bool) -> Result<(T, DecodedView)> + Sync + Send,
+    mut done: impl FnMut(usize, T) -> Result<()>,
+) -> Result<()> {
+    let views = room.views.len();
     let mut needs = Needs::new(order, steps, views);
     let mut decoded: Vec<Option<DecodedView>> = (0..views).map(|_| None).collect();
-    let mut results = Vec::with_capacity(steps.len());
+    let mut held: Vec<Option<Held>> = (0..views).map(|_| None).collect();
     for wave in order::waves(order, steps) {
-        for group in wave.chunks(SIDE_BY_SIDE) {
-            let done = parallel::map(group.len(), |k| work(group[k], &decoded, needs.is_needed(order[group[k]].view)));
-            for (&index, done) in group.iter().zip(done) {
-                let (result, view) = done?;
-                results.push((index, result));
+        let mut rest = &wave[..];
+        while !rest.is_empty() {
+            let group;
+            (group, rest) = rest.split_at(room.make(order, rest));
+            let results =
+                parallel::map(group.len(), |k| work(group[k], &decoded, needs.is_needed(order[group[k]].view)));
+            for (&index, result) in group.iter().zip(results) {
+                let (result, view) = result?;
                 let step = &order[index];
                 if needs.is_needed(step.view) {
+                    held[step.view] = Some(room.budget.hold("decoded views", view.bytes())?);
                     decoded[step.view] = Some(view);
                 }
-                needs.is_done(step, |view| decoded[view] = None);
+                needs.is_done(step, |view| (decoded[view], held[view]) = (None, None));
+                done(index, result)?;
             }
         }
     }
-    results.sort_by_key(|r| r.0);
-    Ok(results)
+    Ok(())
 }
 
 /// How many later steps need each view.
@@ -312,35 +334,6 @@ impl Needs {
             }
         }
     }
-}
-
-/// Most memory that [`run_waves`] takes at a time, from what a view takes while it is worked on and while it is kept.
-fn most_memory(
-    order: &[Step],
-    steps: &[usize],
-    views: usize,
-    working: impl Fn(usize) -> u64,
-    kept: impl Fn(usize) -> u64,
-) -> u64 {
-    let mut needs = Needs::new(order, steps, views);
-    let mut held = vec![0u64; views];
-    // What is worked in stays for the next views.
-    let (mut most_active, mut most_held) = (0u64, 0u64);
-    for wave in order::waves(order, steps) {
-        for group in wave.chunks(SIDE_BY_SIDE) {
-            let active: u64 = group.iter().map(|&index| working(order[index].view)).sum();
-            most_active = most_active.max(active);
-            most_held = most_held.max(held.iter().sum());
-            for &index in group {
-                let step = &order[index];
-                if needs.is_needed(step.view) {
-                    held[step.view] = kept(step.view);
-                }
-                needs.is_done(step, |view| held[view] = 0);
-            }
-        }
-    }
-    most_active.saturating_add(most_held)
 }
 
 #[cfg(all(test, feature = "encode", feature = "parallel"))]

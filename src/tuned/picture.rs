@@ -1,10 +1,12 @@
 //! One view: from its prediction and its streams to pixels, and back.
 
 use super::order::Step;
-use super::workspace::{Workspace, Workspaces};
+use super::workspace::{Workspace, Workspaces, coding_bytes, drawing_bytes};
 use super::{DecodedReference, DecodedView, MaskCoding, PlaneCoding, Scene, Sources, Stage, ViewModels};
 use crate::entropy::{BitCoder, RangeDecoder};
+use crate::error::{Error, Result};
 use crate::image::Mask;
+use crate::limits::Budget;
 use crate::parallel;
 #[cfg(feature = "encode")]
 use crate::quantise::bands::Choice;
@@ -12,7 +14,6 @@ use crate::residual::coefficients::{self, Models};
 use crate::residual::mask;
 use crate::surface::find::Seen;
 use crate::surface::warp::{Reference, predict};
-#[cfg(feature = "encode")]
 use crate::transform::frame::Frame;
 use crate::transform::masked::MaskedPixels;
 use crate::transform::shape_adaptive::Pixel;
@@ -43,9 +44,9 @@ pub fn encode(
     signals: impl Fn(&Frame, usize) -> Signal + Sync + Send,
     decoded: &[Option<DecodedView>],
     is_reference: bool,
-) -> (Streams, DecodedView) {
+) -> Result<(Streams, DecodedView)> {
     let mut coder = crate::entropy::RangeEncoder::new();
-    let (stage, mask_models) = stage(scene, step, coding, &mut coder, Some(wanted_mask), decoded);
+    let (stage, mask_models, ()) = stage(scene, step, coding, (&mut coder, Some(wanted_mask)), decoded, |_| Ok(()))?;
     let mask = coder.finish();
     let parts = code_components(&stage, step, coding, decoded, |index, predicted, mut models| {
         let component = &coding.components[index];
@@ -57,49 +58,64 @@ pub fn encode(
     let (components, parts): (Vec<_>, Vec<_>) = parts.into_iter().unzip();
     let (streams, signals): (Vec<_>, Vec<_>) = parts.into_iter().unzip();
     let view = decoded_view(stage, signals, ViewModels { mask: mask_models, components }, is_reference);
-    (Streams { mask, components: streams }, view)
+    Ok((Streams { mask, components: streams }, view))
 }
 
 /// Decodes a view from its streams, the mask's and each component's; `is_reference` keeps what later views need of it.
+/// # Errors
+/// [`Error::Format`] where a stream does not end with what it tells, [`Error::Limits`] where the memory is not there.
 pub fn decode(
     scene: &Scene,
     (step, scale): (&Step, u8),
     coding: &PlaneCoding,
-    streams: &[&[u8]],
+    (streams, offset): (&[&[u8]], u64),
     decoded: &[Option<DecodedView>],
     is_reference: bool,
-    workspaces: &Workspaces,
-) -> DecodedView {
-    let (stage, mask_models) = stage(scene, step, coding, &mut RangeDecoder::new(streams[0]), None, decoded);
+    (workspaces, budget): (&Workspaces, &Budget),
+) -> Result<DecodedView> {
+    let view = &scene.views[step.view];
+    let damaged = |what: &str| {
+        let message =
+            format!("view {}: the stream of {what} does not end with what it tells: the file is damaged", view.name);
+        Error::format("PLAN", offset, message)
+    };
+    let _drawn = budget.hold("a view being drawn", drawing_bytes(&view.camera))?;
+    let admit = |frame: &Frame| budget.hold("a view being decoded", coding_bytes(frame.pixels(), coding));
+    let mut coder = RangeDecoder::new(streams[0]);
+    let (stage, mask_models, _coded) = stage(scene, step, coding, (&mut coder, None), decoded, admit)?;
+    if !coder.ends_as_written(0) {
+        return Err(damaged("its mask"));
+    }
     let parts = code_components(&stage, step, coding, decoded, |index, predicted, mut models| {
-        let component = &coding.components[index];
-        let stream = streams[1 + index];
-        let quantiser = component.quantiser(scale);
+        let quantiser = coding.components[index].quantiser(scale);
         workspaces.with(|Workspace { coefficients, transform }| {
             let scratch = std::mem::take(coefficients);
-            *coefficients = coefficients::decode(stream, &mut models, &stage.plan, &quantiser, predicted, scratch);
-            (models, stage.plan.inverse_keeping(coefficients, stage.level, transform))
+            *coefficients =
+                coefficients::decode(streams[1 + index], &mut models, &stage.plan, &quantiser, predicted, scratch)?;
+            Some((models, stage.plan.inverse_keeping(coefficients, stage.level, transform)))
         })
     });
-    let (components, signals): (Vec<_>, Vec<_>) = parts.into_iter().unzip();
-    decoded_view(stage, signals, ViewModels { mask: mask_models, components }, is_reference)
+    let parts: Option<Vec<_>> = parts.into_iter().collect();
+    let (components, signals): (Vec<_>, Vec<_>) = parts.ok_or_else(|| damaged("a component"))?.into_iter().unzip();
+    Ok(decoded_view(stage, signals, ViewModels { mask: mask_models, components }, is_reference))
 }
 
-/// Draws the view and codes its mask.
-fn stage<C: BitCoder>(
+/// Draws the view and codes its mask, in encoding the given one.
+fn stage<C: BitCoder, T>(
     scene: &Scene,
     step: &Step,
     coding: &PlaneCoding,
-    coder: &mut C,
-    wanted: Option<&Mask>,
+    (coder, wanted): (&mut C, Option<&Mask>),
     decoded: &[Option<DecodedView>],
-) -> (Stage, mask::MaskModels) {
+    admit: impl FnOnce(&Frame) -> Result<T>,
+) -> Result<(Stage, mask::MaskModels, T)> {
     let mut models = parent(step, decoded).map(|parent| parent.models.mask.clone()).unwrap_or_default();
-    let stage = scene.stage(step.view, coding.prediction_level as usize, |coverage| match coding.masks {
+    let mask = |coverage: Mask| match coding.masks {
         MaskCoding::Coverage => coverage,
         MaskCoding::Coded => mask::code(coder, &mut models, &coverage, wanted),
-    });
-    (stage, models)
+    };
+    let (stage, admitted) = scene.stage(step.view, coding.prediction_level as usize, mask, admit)?;
+    Ok((stage, models, admitted))
 }
 
 fn parent<'d>(step: &Step, decoded: &'d [Option<DecodedView>]) -> Option<&'d DecodedReference> {

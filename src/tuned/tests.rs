@@ -83,7 +83,7 @@ fn check_round_trip(decoding: Decoding) {
     };
     let mut all = 0;
     let decoded =
-        decode(&header, &mesh, &views, WHITE, |_| true, |s| read_from(&mut all, s.offset, &s.lengths), &budget)
+        decode(&header, &mesh, (&views, WHITE), |_| true, |s| read_from(&mut all, s.offset, &s.lengths), &budget)
             .unwrap();
     for ((decoded, encoded), photograph) in decoded.iter().zip(&fine.photographs).zip(&photographs) {
         let decoded = decoded.as_ref().unwrap();
@@ -96,7 +96,7 @@ fn check_round_trip(decoding: Decoding) {
     }
     let mut some = 0;
     let one =
-        decode(&header, &mesh, &views, WHITE, |v| v == 4, |s| read_from(&mut some, s.offset, &s.lengths), &budget)
+        decode(&header, &mesh, (&views, WHITE), |v| v == 4, |s| read_from(&mut some, s.offset, &s.lengths), &budget)
             .unwrap();
     assert_eq!(one[4], decoded[4]);
     assert!(one.iter().flatten().count() == 1 && some < all, "{some} of {all} steps");
@@ -114,7 +114,7 @@ fn the_same_bytes_with_one_thread_and_with_two() {
 }
 
 #[test]
-fn streams_of_noise_never_panic_and_missing_ones_leave_their_views_out() {
+fn streams_of_noise_are_refused_and_missing_ones_leave_their_views_out() {
     [Decoding::Small, Decoding::Fast].into_iter().for_each(check_noise);
 }
 
@@ -146,7 +146,8 @@ fn check_noise(decoding: Decoding) {
             index += 1;
             Ok(Some(noise[index - 1].clone()))
         };
-        decode(&header, &mesh, &views, WHITE, |_| true, next, &budget).unwrap();
+        let error = decode(&header, &mesh, (&views, WHITE), |_| true, next, &budget).unwrap_err();
+        assert!(error.to_string().contains("does not end with what it tells"), "{error}");
     }
     let header = Header::parse(&good.bytes, 5, 2, &budget).unwrap();
     let first = header.steps[0].step.view;
@@ -156,25 +157,40 @@ fn check_noise(decoding: Decoding) {
         let at = start + s.offset as usize;
         Ok((s.offset == 0).then(|| good.bytes[at..at + length as usize].to_vec()))
     };
-    let decoded = decode(&header, &mesh, &views, WHITE, |_| true, cut, &budget).unwrap();
+    let decoded = decode(&header, &mesh, (&views, WHITE), |_| true, cut, &budget).unwrap();
     assert!(decoded.iter().enumerate().all(|(view, p)| p.is_some() == (view == first)));
 }
 
+/// As many views are worked on side by side as there is memory for; below what one takes it is an error.
 #[test]
 fn memory_is_charged_before_it_is_used() {
-    let (mesh, views, photographs) = scene(3);
+    let (mesh, views, photographs) = scene(9);
     let encoded = Encoder::new(&mesh, &views, WHITE, &COMPONENTS, &photographs, &coverage(&mesh, &views), false)
         .encode(&Quality::default())
         .unwrap();
-    let budget = Budget::new(Limits { memory_bytes: 500_000, ..Limits::default() });
-    let header = Header::parse(&encoded.bytes, 3, 2, &budget).unwrap();
+    let header = Header::parse(&encoded.bytes, 9, 2, &Budget::new(Limits::default())).unwrap();
     let start = PREFIX_BYTES + Header::length(&encoded.bytes).unwrap() as usize;
-    let read = |s: &super::header::CodedStep| {
-        let at = start + s.offset as usize;
-        Ok(Some(encoded.bytes[at..at + s.lengths.iter().sum::<u32>() as usize].to_vec()))
+    let run = |memory_bytes: u64| {
+        let read = |s: &super::header::CodedStep| {
+            let at = start + s.offset as usize;
+            Ok(Some(encoded.bytes[at..at + s.lengths.iter().sum::<u32>() as usize].to_vec()))
+        };
+        let budget = Budget::new(Limits { memory_bytes, ..Limits::default() });
+        decode(&header, &mesh, (&views, WHITE), |_| true, read, &budget)
     };
-    let error = decode(&header, &mesh, &views, WHITE, |_| true, read, &budget).unwrap_err();
-    assert!(matches!(error, crate::Error::Limits { .. }), "{error}");
+    let mut refused = 0;
+    for memory_bytes in (500_000..10_000_000).step_by(500_000) {
+        match run(memory_bytes) {
+            Ok(decoded) => assert!(decoded.iter().flatten().eq(&encoded.photographs)),
+            Err(error) => {
+                assert!(matches!(error, crate::Error::Limits { .. }), "{error}");
+                refused += 1;
+            }
+        }
+    }
+    let one = super::workspace::most_bytes(&views[0].camera, &header.coding);
+    let side_by_side = 8 * one;
+    assert!(refused > 0 && refused * 500_000 < side_by_side as usize / 2, "{refused} refused, one view {one} bytes");
 }
 
 #[test]
@@ -183,7 +199,6 @@ fn views_one_at_a_time_are_those_decoded_together_even_with_little_memory() {
 }
 
 fn check_order(decoding: Decoding) {
-    use super::decode::{KEPT, PHOTOGRAPH, STATE, WORKING};
     use super::decoder::ViewDecoder;
     use std::borrow::Cow;
     use std::sync::Arc;
@@ -192,8 +207,6 @@ fn check_order(decoding: Decoding) {
     let coded = encoder.encode(&Quality { decoding, ..Quality::default() }).unwrap();
     let header = Header::parse(&coded.bytes, 24, 2, &Budget::new(Limits::default())).unwrap();
     let body = &coded.bytes[PREFIX_BYTES + Header::length(&coded.bytes).unwrap() as usize..];
-    let bytes = |each: [u64; 2]| 72 * 60 * (each[0] + 2 * each[1]);
-    let working = bytes(WORKING) + bytes(PHOTOGRAPH) + 2 * STATE;
     let run = |memory_bytes: u64| -> crate::Result<usize> {
         let budget = Arc::new(Budget::new(Limits { memory_bytes, ..Limits::default() }));
         let (mesh, views) = (Cow::Borrowed(&mesh), Cow::Borrowed(&views[..]));
@@ -224,7 +237,8 @@ fn check_order(decoding: Decoding) {
     let expected = if decoding == Decoding::Small { 24..48 } else { 48..72 };
     assert!(expected.contains(&roomy), "{roomy} views decoded");
     // Room for the longest chain only: what was given up is decoded again.
-    let tight = (1..9).find_map(|kept| run(working + kept * (bytes(KEPT) + 2 * STATE)).ok()).unwrap();
-    assert!(tight > roomy, "{tight} views decoded");
-    assert!(matches!(run(working + STATE), Err(crate::Error::Limits { .. })));
+    let (least, tight) =
+        (10..200).map(|k| k * 100_000).find_map(|memory| Some((memory, run(memory).ok()?))).unwrap();
+    assert!(tight > roomy, "{tight} views decoded with {least} bytes");
+    assert!(matches!(run(least / 2), Err(crate::Error::Limits { .. })));
 }

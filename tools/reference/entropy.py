@@ -15,9 +15,10 @@ class States:
     """Symbol decoder, section 7."""
 
     def __init__(self, data):
-        self.data, self.position = bytes(data), 0
-        low = self.word()
-        self.x = low | self.word() << 32
+        self.data, self.position, self.x = bytes(data), 0, 1 << 32
+        if data:
+            low = self.word()
+            self.x = low | self.word() << 32
 
     def word(self):
         word = self.data[self.position : self.position + 4]
@@ -28,6 +29,9 @@ class States:
         self.x = size * (self.x >> 16) + self.x % 65536 - start
         if self.x < 1 << 32:
             self.x = self.x << 32 | self.word()
+
+    def ends_rightly(self):
+        return self.x == 1 << 32 and self.position == len(self.data)
 
     def bit(self, p):
         bit = self.x % 65536 < p
@@ -80,14 +84,14 @@ class Range:
             raise Damaged("wrong end mark")
 
     def ends_rightly(self, least=0):
-        value = None
         for count in range(5):
             unit = 1 << (32 - 8 * count)
             value = (self.low + unit - 1) // unit * unit
             if value <= self.high:
                 break
-        no_zero = len(self.data) <= least or self.data[-1] != 0
-        return self.position >= len(self.data) and self.code == value and no_zero
+        written = self.position - 4 + count
+        filled = len(self.data) == least and not any(self.data[written:])
+        return self.code == value and (written == len(self.data) or written < len(self.data) and filled)
 
 
 class Bit:

@@ -165,8 +165,11 @@ class Planes:
         result.geometry = geometry.Geometry(camera, view.light, self.positions, self.triangles, self.normals)
         result.mask = geometry.enlarged(result.geometry.coverage, width, height, level)
         result.mask_models = parent.mask_models.copy() if parent else MaskModels()
+        mask_coder = Range(step.streams[0])
         if self.head.masks:
-            result.mask = decode_mask(Range(step.streams[0]), result.mask_models, result.mask)
+            result.mask = decode_mask(mask_coder, result.mask_models, result.mask)
+        if not mask_coder.ends_rightly():
+            raise Damaged("end of a mask's stream")
         transform = geometry.Transform(result.mask)
         low = transform.masks[level]
         result.geometry.extend(low)
@@ -183,6 +186,8 @@ class Planes:
             bands = self.decode_coefficients(
                 coder, models, transform.bands, step_size, component.shrink, predicted
             )
+            if not coder.ends_rightly():
+                raise Damaged("end of a component's stream")
             lows = transform.lows(bands)
             filled, known = lows[level].copy(), low.copy()
             geometry.fill(known, filled, 4)

@@ -83,7 +83,7 @@ class Charts:
             self.chart[t] = self.triangle(t)
         x, y = Number(), Number()
         self.offsets = [(x.signed(coder), y.signed(coder)) for _ in self.facings]
-        if coder.position < len(coder.data):
+        if not coder.ends_rightly():
             raise Damaged("bytes left over in CHRT")
 
     def triangle(self, t):
