@@ -12,9 +12,8 @@ pub fn raw(viewer: &Viewer, request: &[u8]) -> Vec<u8> {
     let _ = stream.write_all(request);
     let _ = stream.shutdown(Shutdown::Write);
     let mut answer = Vec::new();
-    match (&mut stream).take(1 << 20).read_to_end(&mut answer) {
-        Err(error) => assert_ne!(error.kind(), ErrorKind::WouldBlock, "the connection hangs: {:?}", show(request)),
-        Ok(_) => (),
+    if let Err(error) = (&mut stream).take(1 << 20).read_to_end(&mut answer) {
+        assert_ne!(error.kind(), ErrorKind::WouldBlock, "the connection hangs: {:?}", show(request));
     }
     answer
 }
