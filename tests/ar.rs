@@ -16,7 +16,7 @@ use tsuya::marker::{Family, Rig, estimate};
 
 fn grey(path: &Path) -> Grid<u8> {
     let code = |p: &[f32; 3]| (255.0 * to_srgb(p[1].clamp(0.0, 1.0) as f64)).round() as u8;
-    read_radiance(path).unwrap().map(code)
+    read_radiance(path, &Default::default()).unwrap().map(code)
 }
 
 #[test]
@@ -98,7 +98,7 @@ fn aruco_markers_and_rigs() {
     let text = r#"{"markers": [{"family": "tag36h11", "id": 3, "size": 0.08},
         {"family": "tag36h11", "id": 4, "size": 0.05, "pose": [[0, 0, 1, 0.2], [0, 1, 0, 0], [-1, 0, 0, 0], [0, 0, 0, 1]]}]}"#;
     std::fs::write(&path, text).unwrap();
-    let rig = Rig::read(&path).unwrap();
+    let rig = Rig::read(&path, &Default::default()).unwrap();
     let project = |x: [f64; 3]| camera.project(truth.apply(x)).unwrap().0;
     let detections: Vec<_> = (rig.markers.iter())
         .map(|m| tsuya::marker::detect::Detection {
@@ -111,7 +111,7 @@ fn aruco_markers_and_rigs() {
     assert!(best.markers == 2 && best.pose.angle_to(&truth) < 1e-6 && best.rms_pixels < 1e-6, "{best:?}");
     for (wrong, said) in [("0.08", "-1"), ("tag36h11", "tag99"), ("\"id\": 4", "\"id\": 3")].map(|(from, to)| {
         std::fs::write(&path, text.replace(from, to)).unwrap();
-        (to, Rig::read(&path).unwrap_err().to_string())
+        (to, Rig::read(&path, &Default::default()).unwrap_err().to_string())
     }) {
         assert!(said.contains("rig.json: line"), "{wrong}: {said}");
     }

@@ -32,7 +32,7 @@ fn file(sections: &[(Tag, &[u8])]) -> Vec<u8> {
 #[test]
 fn visibility_of_a_small_bunny() {
     let Some(path) = data("meshes/bunny_lowres.ply") else { return };
-    let (given, _) = mesh::clean::clean(mesh::read::read(&path).unwrap());
+    let (given, _) = mesh::clean::clean(mesh::read::read(&path, &Default::default()).unwrap());
     let coded = mesh::code::encode(&given, &mesh::code::MeshOptions { position_bits: 14 }).unwrap();
     let baked = bake(&coded.mesh, &BakeOptions::default()).unwrap();
     assert_eq!(baked.bytes, bake(&coded.mesh, &BakeOptions::default()).unwrap().bytes, "the same bytes each time");

@@ -1,13 +1,12 @@
 //! Frames of a camera in memory, and the display's curve as tables.
 
+use crate::capture::photograph::read_display;
 use crate::capture::read_radiance;
 use crate::error::{Error, Result};
 use crate::image::{Grid, Mask, RgbImage, from_srgb, to_srgb};
+use crate::input::FileAccess;
 use crate::measure::{Picture, to_display};
 use std::path::Path;
-
-/// Memory for a decoded picture of 8 bits.
-const MOST_BYTES: u64 = 1 << 30;
 
 /// A camera's picture, which an object is put into: 8 bits, sRGB, or linear radiance. Pixels that nothing is put over stay as they are.
 #[derive(Debug, Clone, PartialEq)]
@@ -28,26 +27,12 @@ impl Plate {
     }
 
     /// Reads a photograph: PNG, JPEG and TIFF of 8 bits are taken as they are, others (EXR, HDR, 16 bits) as linear radiance.
-    pub fn read(path: &Path) -> Result<Self> {
-        let eight_bits = || {
-            let mut reader = image::ImageReader::open(path).ok()?.with_guessed_format().ok()?;
-            let mut limits = image::Limits::default();
-            limits.max_alloc = Some(MOST_BYTES);
-            reader.limits(limits);
-            match reader.decode().ok()? {
-                image::DynamicImage::ImageRgb8(picture) => Some(picture),
-                picture @ (image::DynamicImage::ImageLuma8(_)
-                | image::DynamicImage::ImageLumaA8(_)
-                | image::DynamicImage::ImageRgba8(_)) => Some(picture.into_rgb8()),
-                _ => None,
-            }
-        };
-        let Some(picture) = eight_bits() else {
+    pub fn read(path: &Path, access: &FileAccess) -> Result<Self> {
+        Ok(match read_display(path, access)? {
+            Some(picture) => Plate::Display(picture),
             // Which also says what is wrong with a damaged one.
-            return Ok(Plate::Linear(read_radiance(path)?));
-        };
-        let (width, height) = (picture.width() as usize, picture.height() as usize);
-        Plate::of_bytes(width, height, picture.as_raw())
+            None => Plate::Linear(read_radiance(path, access)?),
+        })
     }
 
     /// From rows of red, green, blue bytes.

@@ -1,6 +1,7 @@
 //! Pairs of directions out of text.
 
 use crate::error::{Error, Result};
+use crate::input::plain;
 use std::path::Path;
 
 /// Unit vectors to the light and to the viewer, z along the normal.
@@ -26,11 +27,13 @@ pub fn parse(text: &str, path: &Path) -> Result<Vec<Pair>> {
 fn parse_row(line: &str) -> std::result::Result<Pair, String> {
     let number = |part: &str| match part.trim().parse::<f64>() {
         Ok(number) if number.is_finite() => Ok(number),
-        _ => Err(format!("'{}' is not a number", part.trim())),
+        _ => Err(format!("'{}' is not a number", plain(part.trim()))),
     };
-    let numbers: Vec<f64> = line.split(',').map(number).collect::<std::result::Result<_, _>>()?;
+    // One more than the six tells that there are too many.
+    let numbers: Vec<f64> = line.split(',').take(7).map(number).collect::<std::result::Result<_, _>>()?;
     let &[a, b, c, d, e, f] = numbers.as_slice() else {
-        return Err(format!("{} numbers, 6 expected: wi_x,wi_y,wi_z,wo_x,wo_y,wo_z", numbers.len()));
+        let more = if numbers.len() > 6 { " or more" } else { "" };
+        return Err(format!("{}{more} numbers, 6 expected: wi_x,wi_y,wi_z,wo_x,wo_y,wo_z", numbers.len()));
     };
     Ok((unit([a, b, c])?, unit([d, e, f])?))
 }

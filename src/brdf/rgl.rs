@@ -9,9 +9,9 @@ mod tensor;
 mod warp;
 
 use super::Brdf;
+use crate::input::FileAccess;
 use crate::{Error, Result};
 use std::f64::consts::{FRAC_2_PI, FRAC_PI_2, PI};
-use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 use tensor::TensorFile;
@@ -19,6 +19,8 @@ use warp::Warp;
 
 /// An isotropic file of red, green and blue has some 700 KB.
 const MOST_FILE_BYTES: u64 = 16 << 20;
+/// Doubles are made of single floats, and sums of them.
+const MEMORY_PER_BYTE: u64 = 8;
 
 /// A measured isotropic material in the adaptive parameterisation.
 #[derive(Debug, Clone)]
@@ -38,11 +40,12 @@ pub struct RglMaterial {
 }
 
 impl RglMaterial {
-    /// Reads a file. Errors name it.
-    pub fn read(path: impl AsRef<Path>) -> Result<Self> {
+    /// Reads a file. The material stays charged; errors name the file.
+    pub fn read(path: impl AsRef<Path>, access: &FileAccess) -> Result<Self> {
         let path = path.as_ref();
-        let file = File::open(path).map_err(|e| Error::io(path, e))?;
-        Self::read_from(file, path)
+        let bytes = access.read(path, ".bsdf file", MOST_FILE_BYTES)?;
+        access.charge(path, ".bsdf file", MEMORY_PER_BYTE * bytes.len() as u64)?;
+        Self::from_bytes(&bytes, path)
     }
 
     /// Reads a stream to its end; `path` is how errors call it.

@@ -10,11 +10,20 @@ use super::json::Document;
 use super::transforms::read_intrinsics;
 use crate::asset::Camera;
 use crate::error::{Error, Result};
+use crate::input::{FileAccess, quoted};
+use std::collections::HashMap;
 use std::path::Path;
+use yaml_rust2::parser::{Event, Parser, Tag};
 use yaml_rust2::{Yaml, YamlLoader};
 
 /// Bytes of a calibration file, at most.
-const MOST_BYTES: u64 = 1 << 20;
+const MAX_BYTES: u64 = 1 << 20;
+/// Values of a YAML file, at most, those that aliases repeat counted each time; a calibration with its views has some thousands.
+const MAX_NODES: u64 = 100_000;
+/// Lists and maps in each other, at most.
+const MAX_DEPTH: usize = 32;
+/// What a value takes in memory, with a list that has grown.
+const NODE_BYTES: u64 = 256;
 
 /// A camera without a place, and its lens.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -46,20 +55,18 @@ impl Calibration {
 /// Reads a calibration; which kind is told by its content.
 ///
 /// Errors name the file and the key that is missing or wrong.
-pub fn read(path: impl AsRef<Path>) -> Result<Calibration> {
+pub fn read(path: impl AsRef<Path>, access: &FileAccess) -> Result<Calibration> {
     let path = path.as_ref();
-    let length = std::fs::metadata(path).map_err(|e| Error::io(path, e))?.len();
-    if length > MOST_BYTES {
-        return Err(Error::input(path, format!("{length} bytes are no camera calibration")));
-    }
-    let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
-    let text = String::from_utf8(bytes)
-        .map_err(|_| Error::input(path, "not text: a calibration is OpenCV or ROS YAML, or JSON"))?;
+    let text = access.read_text(path, "camera calibration (OpenCV or ROS YAML, or JSON)", MAX_BYTES)?;
     let calibration = if text.trim_start().starts_with('{') {
-        let document = Document::read(path)?;
+        let document = Document::read(path, access)?;
         let (camera, lens) = read_intrinsics(&document.root(), &document.root())?;
         Calibration { camera, lens }
     } else {
+        // OpenCV's first line, "%YAML:1.0", is not YAML.
+        let text = text.lines().filter(|line| !line.starts_with("%YAML")).collect::<Vec<_>>().join("\n");
+        let nodes = count_nodes(&text).map_err(|message| Error::input(path, message))?;
+        let _held = access.hold(path, "camera calibration", nodes * NODE_BYTES + 4 * text.len() as u64)?;
         of_yaml(&text).map_err(|message| Error::input(path, message))?
     };
     let Camera { width, height, focal, principal, .. } = calibration.camera;
@@ -71,10 +78,59 @@ pub fn read(path: impl AsRef<Path>) -> Result<Calibration> {
     Ok(Calibration { camera, ..calibration })
 }
 
+/// The values that a YAML text stands for, with those that its aliases repeat; an error where they are too many or lie too deep to be
+/// loaded.
+fn count_nodes(text: &str) -> std::result::Result<u64, String> {
+    let mut parser = Parser::new_from_str(text);
+    // Long texts count as several values.
+    let weigh = |text: &str, tag: &Option<Tag>| {
+        let tag = tag.as_ref().map_or(0, |tag| tag.handle.len() + tag.suffix.len());
+        1 + (text.len() + tag) as u64 / NODE_BYTES
+    };
+    // Values of everything that is open, and of everything that an alias may mean. What has an anchor is kept twice.
+    let mut open: Vec<(u64, usize)> = Vec::new();
+    let mut anchored: HashMap<usize, u64> = HashMap::new();
+    let mut total: u64 = 0;
+    loop {
+        let (event, place) = parser.next_token().map_err(|e| format!("neither JSON nor YAML: {e}"))?;
+        let nodes = match event {
+            Event::StreamEnd => return Ok(total),
+            Event::SequenceStart(anchor, tag) | Event::MappingStart(anchor, tag) => {
+                open.push((weigh("", &tag), anchor));
+                if open.len() > MAX_DEPTH {
+                    return Err(format!("line {}: lists and maps lie more than {MAX_DEPTH} deep", place.line()));
+                }
+                continue;
+            }
+            Event::SequenceEnd | Event::MappingEnd => {
+                let (nodes, anchor) = open.pop().unwrap_or_default();
+                anchored.insert(anchor, nodes);
+                if anchor > 0 { 2 * nodes } else { nodes }
+            }
+            Event::Scalar(text, _, anchor, tag) => {
+                let nodes = weigh(&text, &tag);
+                anchored.insert(anchor, nodes);
+                if anchor > 0 { 2 * nodes } else { nodes }
+            }
+            Event::Alias(anchor) => anchored.get(&anchor).copied().unwrap_or(1),
+            _ => continue,
+        };
+        let sum = match open.last_mut() {
+            Some((sum, _)) => sum,
+            None => &mut total,
+        };
+        *sum = sum.saturating_add(nodes);
+        if *sum > MAX_NODES {
+            let line = place.line();
+            return Err(format!(
+                "line {line}: more than {MAX_NODES} values, repeated ones counted: no camera calibration"
+            ));
+        }
+    }
+}
+
 fn of_yaml(text: &str) -> std::result::Result<Calibration, String> {
-    // OpenCV's first line, "%YAML:1.0", is not YAML.
-    let lines = text.lines().filter(|line| !line.starts_with("%YAML")).collect::<Vec<_>>().join("\n");
-    let documents = YamlLoader::load_from_str(&lines).map_err(|e| format!("neither JSON nor YAML: {e}"))?;
+    let documents = YamlLoader::load_from_str(text).map_err(|e| format!("neither JSON nor YAML: {e}"))?;
     let root = documents.first().ok_or("the file is empty")?;
     let find =
         |keys: &[&str]| keys.iter().map(|key| &root[*key]).find(|value| !value.is_badvalue() && !value.is_null());
@@ -125,7 +181,8 @@ fn of_yaml(text: &str) -> std::result::Result<Calibration, String> {
         | "radtan" => return Err(format!("{} distortion coefficients don't fit model {model}", bending.len())),
         other => {
             return Err(format!(
-                "distortion model {other} is not supported; known: plumb_bob, rational_polynomial, equidistant, fisheye"
+                "distortion model {} is not supported; known: plumb_bob, rational_polynomial, equidistant, fisheye",
+                quoted(other)
             ));
         }
     };
@@ -158,7 +215,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("camera.yaml");
         std::fs::write(&path, text).unwrap();
-        read(&path)
+        read(&path, &FileAccess::default())
     }
 
     const OPENCV: &str = "%YAML:1.0\n---\nimage_width: 640\nimage_height: 480\ncamera_matrix: !!opencv-matrix\n   rows: 3\n   cols: 3\n   \

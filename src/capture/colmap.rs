@@ -2,8 +2,10 @@
 
 use super::description::{Description, FrameDescription, camera_fault, capture_folder, folder_name};
 use super::lens::Lens;
+use super::view_names::view_names;
 use crate::asset::{Camera, View};
 use crate::error::{Error, Result};
+use crate::input::{FileAccess, Folder, quoted};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -32,6 +34,17 @@ struct Pose {
 
 type Cameras = BTreeMap<u32, (Camera, Lens)>;
 
+/// Bytes of a file of a model: with its points, a photograph takes some 500 kB.
+const MAX_BYTES: u64 = 64 << 30;
+/// Letters of a photograph's name.
+const MAX_NAME: usize = 4096;
+
+/// An error where one more camera or image than the limit is there.
+fn check_count(path: &Path, what: &str, count: usize, access: &FileAccess) -> Result<()> {
+    let most = access.budget().limits().frames as usize;
+    if count <= most { Ok(()) } else { Err(Error::input(path, format!("more than {most} {what}"))) }
+}
+
 fn files(folder: &Path, extension: &str) -> Option<(PathBuf, PathBuf)> {
     let pair = (folder.join(format!("cameras.{extension}")), folder.join(format!("images.{extension}")));
     (pair.0.is_file() && pair.1.is_file()).then_some(pair)
@@ -43,19 +56,22 @@ pub(super) fn is_model(folder: &Path) -> bool {
 
 /// Photographs are looked for in `images/` and beside the model, masks in `masks/` (`NAME.png`, COLMAP's way, or the stem);
 /// frames come in the order of their names.
-pub(super) fn describe(folder: &Path) -> Result<Description> {
+pub(super) fn describe(folder: &Path, access: &FileAccess) -> Result<Description> {
     let (path, cameras, mut poses) = if let Some((cameras, images)) = files(folder, "bin") {
-        (images.clone(), read_cameras_bin(&cameras)?, read_images_bin(&images)?)
+        (images.clone(), read_cameras_bin(&cameras, access)?, read_images_bin(&images, access)?)
     } else if let Some((cameras, images)) = files(folder, "txt") {
-        (images.clone(), read_cameras_txt(&cameras)?, read_images_txt(&images)?)
+        (images.clone(), read_cameras_txt(&cameras, access)?, read_images_txt(&images, access)?)
     } else {
         return Err(Error::input(folder, "no COLMAP model: cameras and images (.bin or .txt) are needed"));
     };
     poses.sort_by(|a, b| a.name.cmp(&b.name));
-    let root = capture_folder(&path);
-    let frames = poses.into_iter().map(|pose| frame(&path, &root, &cameras, pose)).collect::<Result<_>>()?;
+    // The workspace, not the folder of the model in it: photographs lie beside the model's folder.
+    let root = Folder::new(capture_folder(&path), &path, access.allows_outside());
+    let names = view_names(&root, &poses.iter().map(|pose| pose.name.as_str()).collect::<Vec<_>>());
+    let named = poses.into_iter().zip(names);
+    let frames = named.map(|(pose, name)| frame(&path, &root, &cameras, pose, name)).collect::<Result<_>>()?;
     Ok(Description {
-        name: folder_name(&root),
+        name: folder_name(root.path()),
         path,
         frames,
         mesh_file: None,
@@ -66,8 +82,8 @@ pub(super) fn describe(folder: &Path) -> Result<Description> {
     })
 }
 
-fn frame(path: &Path, root: &Path, cameras: &Cameras, pose: Pose) -> Result<FrameDescription> {
-    let wrong = |message: String| Error::input(path, format!("image {}: {message}", pose.name));
+fn frame(path: &Path, root: &Folder, cameras: &Cameras, pose: Pose, name: String) -> Result<FrameDescription> {
+    let wrong = |message: String| Error::input(path, format!("image {}: {message}", quoted(&pose.name)));
     let Some((mut camera, lens)) = cameras.get(&pose.camera).copied() else {
         return Err(wrong(format!("camera {} is not in the camera list", pose.camera)));
     };
@@ -81,16 +97,13 @@ fn frame(path: &Path, root: &Path, cameras: &Cameras, pose: Pose) -> Result<Fram
         return Err(wrong(format!("the camera has {fault}")));
     }
     let stem = Path::new(&pose.name).with_extension("png");
-    let photographs = [root.join("images").join(&pose.name), root.join(&pose.name)];
-    let masks = [root.join("masks").join(format!("{}.png", pose.name)), root.join("masks").join(stem)];
-    let exists = |p: &&PathBuf| p.is_file();
-    Ok(FrameDescription {
-        photograph: photographs.iter().find(exists).unwrap_or(&photographs[0]).clone(),
-        cross: None,
-        mask: masks.iter().find(exists).cloned(),
-        lens,
-        view: View { name: pose.name, camera, light: None },
-    })
+    let names = [format!("images/{}", pose.name), pose.name.clone()];
+    // What exists is found first: only that is judged, and a name that leads out of one folder may lie in the other.
+    let found = |names: &[String]| names.iter().find(|name| root.path().join(name).exists()).cloned();
+    let photograph = root.resolve(&found(&names).unwrap_or_else(|| names[0].clone()))?;
+    let masks = [format!("masks/{}.png", pose.name), format!("masks/{}", stem.display())];
+    let mask = found(&masks).map(|name| root.resolve(&name)).transpose()?;
+    Ok(FrameDescription { photograph, cross: None, mask, lens, view: View { name, camera, light: None } })
 }
 
 /// Rows of the rotation of a unit quaternion.
@@ -123,6 +136,7 @@ fn camera(model: &str, width: u64, height: u64, p: &[f64]) -> std::result::Resul
         ("SIMPLE_RADIAL_FISHEYE", &[f, x, y, k]) => ([f, f], [x, y], fisheye([k, 0.0, 0.0, 0.0])),
         ("RADIAL_FISHEYE", &[f, x, y, k, l]) => ([f, f], [x, y], fisheye([k, l, 0.0, 0.0])),
         _ => {
+            let model = model.escape_debug().take(80).collect::<String>();
             return Err(format!(
                 "camera model {model} is not supported; undistort the photographs first (colmap image_undistorter)"
             ));
@@ -170,6 +184,12 @@ impl Bytes<'_> {
         let Some(length) = rest.iter().position(|&b| b == 0) else {
             return Err(Error::input(self.path, format!("the file ends within the name of {what}: truncated")));
         };
+        if length > MAX_NAME {
+            return Err(Error::input(
+                self.path,
+                format!("{what} has a name of {length} bytes, {MAX_NAME} at most are read"),
+            ));
+        }
         self.at += length + 1;
         Ok(String::from_utf8_lossy(&rest[..length]).into_owned())
     }
@@ -185,8 +205,8 @@ impl Bytes<'_> {
     }
 }
 
-fn read_cameras_bin(path: &Path) -> Result<Cameras> {
-    let data = std::fs::read(path).map_err(|e| Error::io(path, e))?;
+fn read_cameras_bin(path: &Path, access: &FileAccess) -> Result<Cameras> {
+    let data = access.read(path, "COLMAP model", MAX_BYTES)?;
     let mut bytes = Bytes { path, data: &data, at: 0 };
     let count = bytes.u64("the number of cameras")?;
     let mut cameras = Cameras::new();
@@ -200,12 +220,13 @@ fn read_cameras_bin(path: &Path) -> Result<Cameras> {
         let values = (0..parameters).map(|_| Ok(bytes.numbers::<1>(&what)?[0])).collect::<Result<Vec<_>>>()?;
         let camera = camera(model, width, height, &values).map_err(|e| Error::input(path, format!("{what}: {e}")))?;
         cameras.insert(id, camera);
+        check_count(path, "cameras", cameras.len(), access)?;
     }
     Ok(cameras)
 }
 
-fn read_images_bin(path: &Path) -> Result<Vec<Pose>> {
-    let data = std::fs::read(path).map_err(|e| Error::io(path, e))?;
+fn read_images_bin(path: &Path, access: &FileAccess) -> Result<Vec<Pose>> {
+    let data = access.read(path, "COLMAP model", MAX_BYTES)?;
     let mut bytes = Bytes { path, data: &data, at: 0 };
     let count = bytes.u64("the number of images")?;
     let mut poses = Vec::new();
@@ -219,22 +240,19 @@ fn read_images_bin(path: &Path) -> Result<Vec<Pose>> {
         let points = bytes.u64(&what)?;
         bytes.skip(points, 24, &format!("the points of {what}"))?;
         poses.push(Pose { name, camera, quaternion, translation });
+        check_count(path, "images", poses.len(), access)?;
     }
     Ok(poses)
 }
 
-fn read_text(path: &Path) -> Result<String> {
-    let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
-    String::from_utf8(bytes).map_err(|_| Error::input(path, "not UTF-8 text"))
-}
-
 fn parse<T: std::str::FromStr>(path: &Path, line: usize, what: &str, word: Option<&str>) -> Result<T> {
     let word = word.ok_or_else(|| Error::input(path, format!("line {line}: {what} is missing")))?;
-    word.parse().map_err(|_| Error::input(path, format!("line {line}: {what} should be a number, found \"{word}\"")))
+    word.parse()
+        .map_err(|_| Error::input(path, format!("line {line}: {what} should be a number, found {}", quoted(word))))
 }
 
-fn read_cameras_txt(path: &Path) -> Result<Cameras> {
-    let text = read_text(path)?;
+fn read_cameras_txt(path: &Path, access: &FileAccess) -> Result<Cameras> {
+    let text = access.read_text(path, "COLMAP model", MAX_BYTES)?;
     let mut cameras = Cameras::new();
     for (line, row) in (1..).zip(text.lines()).filter(|(_, row)| !row.trim().is_empty() && !row.starts_with('#')) {
         let mut words = row.split_whitespace();
@@ -242,17 +260,20 @@ fn read_cameras_txt(path: &Path) -> Result<Cameras> {
         let model = words.next().unwrap_or_default();
         let width = parse(path, line, "WIDTH", words.next())?;
         let height = parse(path, line, "HEIGHT", words.next())?;
+        // No model has more; one too many tells that it is wrong.
+        let words = words.take(MODELS.iter().map(|m| m.1).max().unwrap_or(0) + 1);
         let parameters =
             words.map(|w| parse(path, line, "a camera parameter", Some(w))).collect::<Result<Vec<f64>>>()?;
         let camera =
             camera(model, width, height, &parameters).map_err(|e| Error::input(path, format!("line {line}: {e}")))?;
         cameras.insert(id, camera);
+        check_count(path, "cameras", cameras.len(), access)?;
     }
     Ok(cameras)
 }
 
-fn read_images_txt(path: &Path) -> Result<Vec<Pose>> {
-    let text = read_text(path)?;
+fn read_images_txt(path: &Path, access: &FileAccess) -> Result<Vec<Pose>> {
+    let text = access.read_text(path, "COLMAP model", MAX_BYTES)?;
     let mut rows = (1..).zip(text.lines());
     let mut poses = Vec::new();
     while let Some((line, row)) = rows.next() {
@@ -267,11 +288,19 @@ fn read_images_txt(path: &Path) -> Result<Vec<Pose>> {
         }
         let camera = parse(path, line, "CAMERA_ID", words.next())?;
         let name = words.collect::<Vec<_>>().join(" ");
+        if name.len() > MAX_NAME {
+            let length = name.len();
+            return Err(Error::input(
+                path,
+                format!("line {line}: a NAME of {length} bytes, {MAX_NAME} at most are read"),
+            ));
+        }
         if name.is_empty() {
             return Err(Error::input(path, format!("line {line}: NAME is missing")));
         }
         let [qw, qx, qy, qz, tx, ty, tz] = numbers;
         poses.push(Pose { name, camera, quaternion: [qw, qx, qy, qz], translation: [tx, ty, tz] });
+        check_count(path, "images", poses.len(), access)?;
         // The line after each image lists its points, or is empty.
         rows.next();
     }
@@ -323,8 +352,8 @@ mod tests {
         let (cameras, images) = binary();
         std::fs::write(bin.join("cameras.bin"), cameras).unwrap();
         std::fs::write(bin.join("images.bin"), images).unwrap();
-        let mut from_text = describe(&text).unwrap();
-        let from_bin = describe(&bin).unwrap();
+        let mut from_text = describe(&text, &FileAccess::default()).unwrap();
+        let from_bin = describe(&bin, &FileAccess::default()).unwrap();
         from_text.path = from_bin.path.clone();
         assert_eq!(from_text, from_bin);
         assert_eq!(from_bin.name, "t");
@@ -343,29 +372,32 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let (cameras, images) = (folder.path().join("cameras.bin"), folder.path().join("images.bin"));
         let whole = binary();
+        let access = FileAccess::default();
         for length in 0..whole.0.len() {
             std::fs::write(&cameras, &whole.0[..length]).unwrap();
-            assert!(read_cameras_bin(&cameras).err().unwrap().to_string().contains("truncated"), "{length}");
+            assert!(read_cameras_bin(&cameras, &access).err().unwrap().to_string().contains("truncated"), "{length}");
         }
         for length in 0..whole.1.len() {
             std::fs::write(&images, &whole.1[..length]).unwrap();
-            assert!(read_images_bin(&images).err().unwrap().to_string().contains("truncated"), "{length}");
+            assert!(read_images_bin(&images, &access).err().unwrap().to_string().contains("truncated"), "{length}");
         }
         // A count of points that overflows.
         let mut hostile = whole.1.clone();
         let at = hostile.len() - 8;
         hostile[at..].fill(0xff);
         std::fs::write(&images, &hostile).unwrap();
-        assert!(read_images_bin(&images).is_err());
+        assert!(read_images_bin(&images, &access).is_err());
     }
 
     #[test]
     fn text_faults_name_the_line() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("x.txt");
+        let access = FileAccess::default();
         let check = |text: &str, images: bool, expected: &str| {
             std::fs::write(&path, text).unwrap();
-            let error = if images { read_images_txt(&path).err() } else { read_cameras_txt(&path).err() };
+            let error =
+                if images { read_images_txt(&path, &access).err() } else { read_cameras_txt(&path, &access).err() };
             let error = error.unwrap().to_string();
             assert!(error.contains(expected), "{error}");
         };

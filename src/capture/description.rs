@@ -4,6 +4,8 @@ use super::lens::Lens;
 use super::{ReadOptions, colmap, transforms};
 use crate::asset::{Camera, View};
 use crate::error::{Error, Result};
+use crate::input::{FileAccess, Folder};
+use crate::limits::Limits;
 use std::path::{Path, PathBuf};
 
 /// A capture without its pictures: cameras, lights and where the files are.
@@ -52,22 +54,22 @@ pub struct FrameDescription {
 }
 
 /// Reads a capture's description: a folder with `transforms.json` or a COLMAP model (in `sparse/0`, `sparse` or itself), or
-/// such a file itself.
-pub fn describe(path: impl AsRef<Path>) -> Result<Description> {
+/// such a file itself. Files that it names must lie in the capture's folder, unless `access` allows more.
+pub fn describe(path: impl AsRef<Path>, access: &FileAccess) -> Result<Description> {
     let path = path.as_ref();
     let metadata = std::fs::metadata(path).map_err(|e| Error::io(path, e))?;
-    let description = if metadata.is_file() {
+    let description = if !metadata.is_dir() {
         match path.extension().and_then(|e| e.to_str()) {
-            Some("json") => transforms::describe(path),
-            Some("bin" | "txt") => colmap::describe(path.parent().unwrap_or(Path::new("."))),
+            Some("json") => transforms::describe(path, access),
+            Some("bin" | "txt") => colmap::describe(path.parent().unwrap_or(Path::new(".")), access),
             _ => Err(Error::input(path, "a capture is a folder, a transforms.json or a COLMAP model")),
         }
     } else if path.join("transforms.json").is_file() {
-        transforms::describe(&path.join("transforms.json"))
+        transforms::describe(&path.join("transforms.json"), access)
     } else {
         let models = [path.join("sparse/0"), path.join("sparse"), path.join("colmap/sparse/0"), path.to_owned()];
         match models.iter().find(|folder| colmap::is_model(folder)) {
-            Some(folder) => colmap::describe(folder),
+            Some(folder) => colmap::describe(folder, access),
             None => Err(Error::input(
                 path,
                 "no capture here: neither transforms.json nor a COLMAP model (cameras and images, .bin or .txt, in sparse/0 \
@@ -96,7 +98,11 @@ impl Description {
         let mut found: Vec<PathBuf> = entries.filter_map(|e| Some(e.ok()?.path())).filter(is_mesh).collect();
         found.sort();
         match found.as_slice() {
-            [one] => Ok(one.clone()),
+            // It may be a link, too.
+            [one] => {
+                let name = one.file_name().unwrap_or_default();
+                Folder::new(&folder, &self.path, options.allow_outside).resolve_path(Path::new(name))
+            }
             [] => Err(Error::input(
                 &folder,
                 "the capture names no mesh and there is none beside it; give one with --mesh",
@@ -136,7 +142,7 @@ pub(super) fn folder_name(folder: &Path) -> String {
 
 /// What can't be a camera of ours, said in words.
 pub(super) fn camera_fault(camera: &Camera) -> Option<String> {
-    let side = crate::limits::Limits::default().picture_side;
+    let side = Limits::default().picture_side;
     let size_fits = (1..=side).contains(&camera.width) && (1..=side).contains(&camera.height);
     if !size_fits {
         return Some(format!("a picture of {} x {} pixels (1 to {side} each way)", camera.width, camera.height));

@@ -1,30 +1,45 @@
 //! JSON documents whose errors name file, line and key.
 
 use crate::error::{Error, Result};
+use crate::input::{FileAccess, FileText, quoted};
+use crate::limits::Held;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 
-/// A parsed JSON file, with its text for finding lines.
-pub(crate) struct Document {
+/// Bytes of a JSON document, at most.
+const MAX_BYTES: u64 = 256 << 20;
+
+/// A parsed JSON file, with its text for finding lines. Its memory is charged as long as it lives.
+pub(crate) struct Document<'a> {
     path: PathBuf,
-    text: String,
+    text: FileText<'a>,
     root: Value,
+    _held: Held<'a>,
 }
 
 /// One value of a [`Document`] and the way to it, as in `frames[3].transform_matrix`.
 #[derive(Clone)]
 pub(crate) struct Node<'a> {
-    document: &'a Document,
+    document: &'a Document<'a>,
     value: &'a Value,
     pub(crate) key: String,
 }
 
-impl Document {
-    pub(crate) fn read(path: &Path) -> Result<Self> {
-        let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
-        let text = String::from_utf8(bytes).map_err(|e| {
-            Error::input(path, format!("not UTF-8 text at byte {}; JSON is", e.utf8_error().valid_up_to()))
-        })?;
+/// What the values of a JSON text take in memory, at most; lists and objects may have grown to twice their need.
+fn parsed_bytes(text: &str) -> u64 {
+    let cost = |byte: u8| match byte {
+        b'{' => 512,
+        b'[' | b':' => 160,
+        b',' => 64,
+        _ => 1,
+    };
+    text.bytes().map(cost).sum()
+}
+
+impl<'a> Document<'a> {
+    pub(crate) fn read(path: &Path, access: &'a FileAccess) -> Result<Self> {
+        let text = access.read_text(path, "JSON document", MAX_BYTES)?;
+        let held = access.hold(path, "JSON document", parsed_bytes(&text))?;
         let root = serde_json::from_str(&text).map_err(|e| {
             let (line, column) = (e.line(), e.column());
             let before: usize = text.split_inclusive('\n').take(line.saturating_sub(1)).map(str::len).sum();
@@ -34,7 +49,7 @@ impl Document {
             };
             Error::input(path, format!("line {line}, column {column}{key}: not JSON: {}", without_place(&e)))
         })?;
-        Ok(Document { path: path.to_owned(), text, root })
+        Ok(Document { path: path.to_owned(), text, root, _held: held })
     }
     pub(crate) fn root(&self) -> Node<'_> {
         Node { document: self, value: &self.root, key: String::new() }
@@ -58,6 +73,7 @@ impl<'a> Node<'a> {
             Value::Null => "null".to_owned(),
             Value::Object(_) => "an object".to_owned(),
             Value::Array(items) => format!("a list of {}", items.len()),
+            Value::String(text) => quoted(text),
             other => other.to_string(),
         };
         self.error(format!("expected {what}, found {found}"))
@@ -80,8 +96,12 @@ impl<'a> Node<'a> {
     pub(crate) fn is_true(&self) -> bool {
         *self.value == Value::Bool(true)
     }
-    pub(crate) fn items(&self) -> Result<Vec<Node<'a>>> {
+    /// The items of a list of at most `max`.
+    pub(crate) fn items(&self, max: usize) -> Result<Vec<Node<'a>>> {
         let items = self.value.as_array().ok_or_else(|| self.expected("a list"))?;
+        if items.len() > max {
+            return Err(self.error(format!("a list of {}, {max} at most are read", items.len())));
+        }
         let node = |(index, value)| Node { document: self.document, value, key: format!("{}[{index}]", self.key) };
         Ok(items.iter().enumerate().map(node).collect())
     }
@@ -101,10 +121,10 @@ impl<'a> Node<'a> {
         self.value.as_str().ok_or_else(|| self.expected("a text"))
     }
     pub(crate) fn numbers<const N: usize>(&self) -> Result<[f64; N]> {
-        let items = self.items()?;
-        if items.len() != N {
+        if self.value.as_array().is_some_and(|items| items.len() != N) {
             return Err(self.expected(&format!("a list of {N} numbers")));
         }
+        let items = self.items(N)?;
         let mut numbers = [0.0; N];
         for (number, item) in numbers.iter_mut().zip(&items) {
             *number = item.number()?;
@@ -113,10 +133,10 @@ impl<'a> Node<'a> {
     }
     /// A 4 x 4 matrix by rows; 3 x 4 is taken with the last row `0 0 0 1`.
     pub(crate) fn matrix(&self) -> Result<[[f64; 4]; 4]> {
-        let rows = self.items()?;
-        if rows.len() != 3 && rows.len() != 4 {
+        if self.value.as_array().is_some_and(|rows| rows.len() != 3 && rows.len() != 4) {
             return Err(self.expected("a matrix of 4 rows of 4 numbers"));
         }
+        let rows = self.items(4)?;
         let mut matrix = [[0.0, 0.0, 0.0, 0.0], [0.0; 4], [0.0; 4], [0.0, 0.0, 0.0, 1.0]];
         for (target, row) in matrix.iter_mut().zip(&rows) {
             *target = row.numbers()?;
@@ -131,30 +151,17 @@ impl<'a> Node<'a> {
     }
 }
 
-enum Level {
-    Object { key: String, expects_key: bool },
+/// Where a walk stands in an object or a list.
+enum Level<'a> {
+    Object { key: &'a str, expects_key: bool },
     List { index: usize },
 }
 
-/// Walks through (possibly broken) JSON and tells `visit` the offset and key path of every value; `visit` ends it with `true`.
-fn walk(text: &str, mut visit: impl FnMut(usize, &str) -> bool) {
+/// Walks through (possibly broken) JSON and tells `visit` the offset of every value and the way to it; `visit` ends it with `true`.
+fn walk<'a>(text: &'a str, mut visit: impl FnMut(usize, &[Level<'a>]) -> bool) {
     let bytes = text.as_bytes();
     let mut stack: Vec<Level> = Vec::new();
     let mut at = 0;
-    let path = |stack: &[Level]| {
-        let mut path = String::new();
-        for level in stack {
-            match level {
-                Level::Object { key, .. } if path.is_empty() => path.push_str(key),
-                Level::Object { key, .. } => {
-                    path.push('.');
-                    path.push_str(key);
-                }
-                Level::List { index } => path.push_str(&format!("[{index}]")),
-            }
-        }
-        path
-    };
     while at < bytes.len() {
         let start = at;
         at += 1;
@@ -181,7 +188,7 @@ fn walk(text: &str, mut visit: impl FnMut(usize, &str) -> bool) {
                 if let Some(Level::Object { key, expects_key }) = stack.last_mut()
                     && *expects_key
                 {
-                    *key = content.to_owned();
+                    *key = content;
                     *expects_key = false;
                     continue;
                 }
@@ -193,22 +200,43 @@ fn walk(text: &str, mut visit: impl FnMut(usize, &str) -> bool) {
                 }
             }
         }
-        if visit(start, &path(&stack)) {
+        if visit(start, &stack) {
             return;
         }
         match bytes[start] {
-            b'{' => stack.push(Level::Object { key: String::new(), expects_key: true }),
+            b'{' => stack.push(Level::Object { key: "", expects_key: true }),
             b'[' => stack.push(Level::List { index: 0 }),
             _ => {}
         }
     }
 }
 
+/// The way to a value in words, as [`Node::key`] has it; no longer than messages can bear.
+fn key_path(stack: &[Level]) -> String {
+    let mut path = String::new();
+    for level in stack.iter().take(12) {
+        match level {
+            Level::Object { key, .. } => {
+                let dot = if path.is_empty() { "" } else { "." };
+                path.extend([dot.into(), key.chars().take(40).flat_map(char::escape_debug).collect::<String>()]);
+            }
+            Level::List { index } => path.push_str(&format!("[{index}]")),
+        }
+    }
+    path + if stack.len() > 12 { "..." } else { "" }
+}
+
 /// Line (from 1) at which the value with this key path begins.
 fn line_of(text: &str, wanted: &str) -> usize {
+    let steps: Vec<&str> = wanted.split(['.', '[']).filter(|step| !step.is_empty()).collect();
+    let is_step = |(level, step): (&Level, &&str)| match level {
+        Level::Object { key, .. } => key == step,
+        Level::List { index } => step.strip_suffix(']').is_some_and(|number| number.parse() == Ok(*index)),
+    };
     let mut offset = 0;
-    walk(text, |at, path| {
-        let found = path == wanted;
+    walk(text, |at, stack| {
+        // From the end, where most differ.
+        let found = stack.len() == steps.len() && stack.iter().rev().zip(steps.iter().rev()).all(is_step);
         if found {
             offset = at;
         }
@@ -219,47 +247,67 @@ fn line_of(text: &str, wanted: &str) -> usize {
 
 /// Key path of the last value that begins at or before an offset.
 fn key_at(text: &str, offset: usize) -> String {
-    let mut last = String::new();
-    walk(text, |at, path| {
+    let mut last = 0;
+    walk(text, |at, _| {
         if at <= offset {
-            last = path.to_owned();
+            last = at;
         }
         at > offset
     });
-    last
+    let mut key = String::new();
+    walk(text, |at, stack| {
+        if at == last {
+            key = key_path(stack);
+        }
+        at >= last
+    });
+    key
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn document(text: &str) -> Result<Document> {
+    fn document<'a>(text: &str, access: &'a FileAccess) -> Result<Document<'a>> {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("some.json");
         std::fs::write(&path, text).unwrap();
-        Document::read(&path)
+        Document::read(&path, access)
     }
 
     #[test]
     fn errors_name_line_and_key() {
         let text = "{\n \"w\": 4,\n \"frames\": [\n  {\"a\": [1, 2]},\n  {\"a\": [1, \"x\"],\n   \"b\": {\"c\\\"\": 1}}\n ]\n}";
-        let document = document(text).unwrap();
-        let frames = document.root().need("frames").unwrap().items().unwrap();
+        let access = FileAccess::default();
+        let document = document(text, &access).unwrap();
+        let frames = document.root().need("frames").unwrap().items(9).unwrap();
         assert_eq!(frames[0].need("a").unwrap().numbers::<2>().unwrap(), [1.0, 2.0]);
         let error = frames[1].need("a").unwrap().numbers::<2>().unwrap_err().to_string();
         assert!(error.ends_with("some.json: line 5, frames[1].a[1]: expected a number, found \"x\""), "{error}");
         let error = frames[1].need("name").err().unwrap().to_string();
         assert!(error.ends_with("line 5, frames[1]: key \"name\" is missing"), "{error}");
-        let error = frames[1].need("b").unwrap().items().err().unwrap().to_string();
+        let error = frames[1].need("b").unwrap().items(9).err().unwrap().to_string();
         assert!(error.ends_with("line 6, frames[1].b: expected a list, found an object"), "{error}");
     }
 
     #[test]
     fn broken_text_names_line_and_key() {
+        let access = FileAccess::default();
+        let document = |text: &str| document(text, &access);
         let error = document("{\"a\": 1,\n \"frames\": [{\"m\": [1, NaN]}]}").err().unwrap().to_string();
         assert!(error.contains("line 2") && error.contains("frames[0].m[1]"), "{error}");
         for text in ["", "{", "{\"a\"", "{\"a\": \"\\", "[1, 2", "\u{fffd}"] {
             assert!(matches!(document(text), Err(Error::Input { .. })), "{text}");
         }
+        // Neither depth nor long keys make a message long, or finding the place slow.
+        let deep = "[".repeat(100_000);
+        let error = document(&deep).err().unwrap().to_string();
+        assert!(
+            error.contains("in or after key [0][0]") && error.contains("...: not JSON: recursion limit"),
+            "{error}"
+        );
+        let long = format!("{{\"{}\": [{}x]}}", "k".repeat(100_000), "1, ".repeat(100_000));
+        let error = document(&long).err().unwrap().to_string();
+        assert!(error.contains(&format!("after key {}[100000]: not JSON", "k".repeat(40))), "{error}");
     }
 }

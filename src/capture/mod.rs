@@ -18,9 +18,11 @@ mod description;
 pub(crate) mod json;
 mod lens;
 pub(crate) mod photograph;
+mod scale;
 #[cfg(test)]
 mod tests;
 mod transforms;
+mod view_names;
 mod white;
 
 pub use description::{Description, FrameDescription, WhiteReference, describe};
@@ -31,7 +33,9 @@ pub(crate) use transforms::nearest_rotation;
 use crate::asset::{Mesh, View};
 use crate::error::{Error, Result};
 use crate::image::{Mask, RgbImage};
-use photograph::{Fault, read_mask, read_picture};
+use crate::input::{FileAccess, quoted};
+use crate::limits::Limits;
+use photograph::{Fault, read_mask, read_picture, reading_bytes};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -82,6 +86,20 @@ pub struct ReadOptions {
     pub beta: Option<[f64; 3]>,
     /// Colour space of integer pictures, see [`ColorSpace::named`]. Default: the capture's, else `srgb`.
     pub color_space: Option<String>,
+    /// Factor of the mesh's coordinates, before its pose. Default: 1, and an error where the mesh is so large or so small for the
+    /// cameras that its unit must be another than theirs.
+    pub mesh_scale: Option<f64>,
+    /// What everything that is read may use, together.
+    pub limits: Limits,
+    /// Whether files that the capture names may be hidden, or lie outside its folder.
+    pub allow_outside: bool,
+}
+
+impl ReadOptions {
+    /// The account of one capture.
+    pub fn access(&self) -> FileAccess {
+        FileAccess::new(self.limits).allow_outside(self.allow_outside)
+    }
 }
 
 /// Reads a capture: a folder or its `transforms.json` or COLMAP file. See the module for what is read, [`Capture`] for what
@@ -96,37 +114,38 @@ pub fn read_with_progress(
     options: &ReadOptions,
     progress: &(dyn Fn(usize, usize) + Sync),
 ) -> Result<Capture> {
-    let description = describe(path)?;
+    let access = options.access();
+    let description = describe(path, &access)?;
     let mut warnings = description.warnings.clone();
     let declared = options.color_space.as_ref().or(description.color_space.as_ref());
     let space = ColorSpace::named(declared.map_or("srgb", String::as_str))?;
 
     let mesh_path = description.find_mesh(options)?;
-    let (mut mesh, report) = crate::mesh::clean::clean(crate::mesh::read::read(&mesh_path)?);
+    let (mut mesh, report) = crate::mesh::clean::clean(crate::mesh::read::read(&mesh_path, &access)?);
     if mesh.triangles.is_empty() {
         return Err(Error::input(&mesh_path, "the mesh has only degenerate triangles"));
     }
     if !report.is_clean() {
         warnings.push(format!("{}: {report}", mesh_path.display()));
     }
-    if let Some(pose) = options.mesh_pose.or(description.mesh_pose) {
-        align::apply(&mut mesh, &pose);
-    }
+    let pose = options.mesh_pose.or(description.mesh_pose);
+    scale::place(&mesh_path, &mut mesh, pose, options.mesh_scale, &description.frames)?;
     check_registration(&mesh_path, &mesh, &description.frames, &mut warnings)?;
 
     let (white, measured_beta) = match &description.white_reference {
-        Some(reference) => white::calibrate(reference, &space)?,
+        Some(reference) => white::calibrate(reference, &access, &space)?,
         None => ([1.0; 3], None),
     };
     let mut described = description.frames.clone();
     let crossed = described.iter().filter(|frame| frame.cross.is_some()).count();
     let mut skipped = 0;
     if crossed > 0 && crossed < described.len() {
-        let without: Vec<_> = described.iter().filter(|f| f.cross.is_none()).map(|f| f.view.name.clone()).collect();
+        let without: Vec<_> = described.iter().filter(|f| f.cross.is_none()).map(|f| quoted(&f.view.name)).collect();
         skipped += without.len();
-        let names = without.join(", ");
-        warnings
-            .push(format!("{} frames without a cross photograph skipped, as others have one: {names}", without.len()));
+        let names = without.iter().take(MAX_NAMED).cloned().collect::<Vec<_>>().join(", ");
+        let more = if without.len() > MAX_NAMED { ", ..." } else { "" };
+        let count = without.len();
+        warnings.push(format!("{count} frames without a cross photograph skipped, as others have one: {names}{more}"));
         described.retain(|frame| frame.cross.is_some());
     }
     let beta = options.beta.or(measured_beta);
@@ -134,7 +153,10 @@ pub fn read_with_progress(
 
     let mut missing_pixels = 0;
     let mut frames = Vec::with_capacity(described.len());
-    for (outcome, frame) in read_frames(&described, &space, progress).into_iter().zip(&described) {
+    let mut faults = Vec::new();
+    for (outcome, frame) in
+        read_frames(&description.path, &described, &access, &space, progress)?.into_iter().zip(&described)
+    {
         match outcome {
             Ok((frame, missing)) => {
                 missing_pixels += missing;
@@ -142,10 +164,15 @@ pub fn read_with_progress(
             }
             Err(Fault::Unreadable(error)) => {
                 skipped += 1;
-                warnings.push(format!("frame {} skipped: {error}", frame.view.name));
+                faults.push(format!("frame {} skipped: {error}", quoted(&frame.view.name)));
             }
             Err(Fault::Wrong(error)) => return Err(error),
         }
+    }
+    let left_out = faults.len().saturating_sub(MAX_NAMED);
+    warnings.extend(faults.into_iter().take(MAX_NAMED));
+    if left_out > 0 {
+        warnings.push(format!("{left_out} more frames skipped"));
     }
     if frames.is_empty() {
         let last = warnings.last().cloned().unwrap_or_default();
@@ -189,38 +216,62 @@ fn check_beta(description: &Description, beta: Option<[f64; 3]>, crossed: bool) 
 
 type Outcome = std::result::Result<(Frame, u64), Fault>;
 
-/// Reads all frames, in order, on the current pool.
+/// Frames that a warning names, at most.
+const MAX_NAMED: usize = 20;
+
+/// Reads all frames, in order, on the current pool; as many at once as the memory allows that they need while they are read.
 fn read_frames(
+    path: &Path,
     described: &[FrameDescription],
+    access: &FileAccess,
     space: &ColorSpace,
     progress: &(dyn Fn(usize, usize) + Sync),
-) -> Vec<Outcome> {
+) -> Result<Vec<Outcome>> {
+    // What stays of each frame is known from its camera, as no picture of another size is taken.
+    let size = |file: &Path| std::fs::metadata(file).ok().map(|metadata| metadata.len());
+    let (mut kept, mut reading) = (0u64, 1u64);
+    for frame in described {
+        let Some(bytes) = size(&frame.photograph) else { continue };
+        let (width, height) = (frame.view.camera.width, frame.view.camera.height);
+        let pixels = u64::from(width) * u64::from(height);
+        kept += pixels * (if frame.cross.is_some() { 24 } else { 12 } + 1);
+        let largest = [&frame.cross, &frame.mask].into_iter().flatten().filter_map(|file| size(file));
+        let bytes = largest.fold(bytes, u64::max);
+        // Lens distortion is removed out of place.
+        reading = reading.max(reading_bytes(bytes, width, height).saturating_add(12 * pixels));
+    }
+    access.charge(path, "photographs of the capture", kept)?;
+    let at_once = (access.budget().left() / reading).max(1) as usize;
     let done = AtomicUsize::new(0);
     let one = |frame: &FrameDescription| {
-        let outcome = read_frame(frame, space);
+        let outcome = read_frame(frame, access, space);
         progress(done.fetch_add(1, Ordering::Relaxed) + 1, described.len());
         outcome
     };
-    #[cfg(feature = "parallel")]
-    {
-        use rayon::prelude::*;
-        described.par_iter().map(one).collect()
+    let mut outcomes = Vec::with_capacity(described.len());
+    for some in described.chunks(at_once) {
+        #[cfg(feature = "parallel")]
+        {
+            use rayon::prelude::*;
+            outcomes.par_extend(some.par_iter().map(one));
+        }
+        #[cfg(not(feature = "parallel"))]
+        outcomes.extend(some.iter().map(one));
     }
-    #[cfg(not(feature = "parallel"))]
-    described.iter().map(one).collect()
+    Ok(outcomes)
 }
 
-fn read_frame(described: &FrameDescription, space: &ColorSpace) -> Outcome {
+fn read_frame(described: &FrameDescription, access: &FileAccess, space: &ColorSpace) -> Outcome {
     let camera = &described.view.camera;
     let size = (camera.width, camera.height);
-    let picture = read_picture(&described.photograph, space, Some(size))?;
+    let picture = read_picture(&described.photograph, access, space, Some(size))?;
     let mut photograph = picture.colour;
     let mut cross = match &described.cross {
-        Some(path) => Some(read_picture(path, space, Some(size))?.colour),
+        Some(path) => Some(read_picture(path, access, space, Some(size))?.colour),
         None => None,
     };
     let (mut mask, mask_path) = match &described.mask {
-        Some(path) => (Some(read_mask(path, size)?), path),
+        Some(path) => (Some(read_mask(path, access, size)?), path),
         None => (picture.alpha, &described.photograph),
     };
     // A pixel missing in one of the pair is missing in both, so that both components miss the same ones.
@@ -245,6 +296,8 @@ fn read_frame(described: &FrameDescription, space: &ColorSpace) -> Outcome {
     Ok((Frame { view: described.view.clone(), photograph, cross, mask }, missing))
 }
 
+/// Projections of vertices into pictures that are tried, at most.
+const MAX_PROJECTIONS: usize = 20_000_000;
 /// Below this share of vertices in any picture the user is warned.
 const FEW_IN_VIEW: f64 = 0.02;
 
@@ -258,7 +311,10 @@ fn check_registration(path: &Path, mesh: &Mesh, frames: &[FrameDescription], war
             camera.project(p).is_some_and(|(pixel, _)| inside(pixel))
         })
     };
-    let seen = mesh.positions.iter().filter(|p| in_view(p.map(f64::from))).count();
+    // Of large meshes every so many vertices say enough.
+    let stride = (mesh.positions.len().saturating_mul(frames.len()) / MAX_PROJECTIONS).max(1);
+    let asked = mesh.positions.len().div_ceil(stride);
+    let seen = mesh.positions.iter().step_by(stride).filter(|p| in_view(p.map(f64::from))).count();
     if seen == 0 {
         // A few large triangles may fill the pictures without a corner in them.
         let met = frames.iter().take(64).any(|frame| {
@@ -284,7 +340,7 @@ fn check_registration(path: &Path, mesh: &Mesh, frames: &[FrameDescription], war
             ),
         ));
     }
-    let share = seen as f64 / mesh.positions.len() as f64;
+    let share = seen as f64 / asked as f64;
     if share < FEW_IN_VIEW {
         warnings.push(format!(
             "only {:.2} % of the mesh's vertices project into any picture: is it registered to this capture?",

@@ -2,12 +2,12 @@
 
 use crate::error::{Error, Result};
 use crate::image::{Grid, Mask, RgbImage, from_srgb};
-use image::{ColorType, DynamicImage, ImageDecoder, ImageReader};
-use std::io::Cursor;
+use crate::input::FileAccess;
+use crate::limits::Held;
 use std::path::Path;
 
-/// Bytes that one picture may take in memory while it is read.
-const PICTURE_BYTES: u64 = 8 << 30;
+mod openexr;
+mod raster;
 
 /// How the numbers of display-referred pictures (PNG, JPEG, TIFF of integers) become radiance.
 /// EXR and floating-point TIFF are linear whatever is declared.
@@ -62,6 +62,19 @@ pub(crate) enum Fault {
     Wrong(Error),
 }
 
+impl Fault {
+    /// What asks for too much, or is no file, is no accident of one frame.
+    fn of(error: Error) -> Self {
+        use std::io::ErrorKind::{InvalidInput, IsADirectory};
+        let accident = match &error {
+            Error::InputMemory { .. } => false,
+            Error::Io { source, .. } => !matches!(source.kind(), InvalidInput | IsADirectory),
+            _ => true,
+        };
+        if accident { Fault::Unreadable(error) } else { Fault::Wrong(error) }
+    }
+}
+
 impl From<Fault> for Error {
     fn from(fault: Fault) -> Self {
         match fault {
@@ -79,53 +92,125 @@ pub(crate) struct Picture {
 }
 
 /// Reads a photograph. A given `size` (width, height) is checked before the pixels are decoded.
-pub(crate) fn read_picture(path: &Path, space: &ColorSpace, size: Option<(u32, u32)>) -> Result<Picture, Fault> {
-    let raw = read_raw(path, size)?;
-    let linear = |value: f32| if raw.display_referred { space.linear(value) } else { value };
-    let colour = raw.pixels.map(|p| {
-        let rgb = [p[0], p[1], p[2]];
-        if rgb.iter().all(|c| c.is_finite()) { rgb.map(linear) } else { [f32::NAN; 3] }
-    });
-    let alpha = raw.has_alpha.then(|| raw.pixels.map(|p| p[3] >= 0.5)).filter(|mask| mask.data.contains(&false));
-    Ok(Picture { colour, alpha })
+pub(crate) fn read_picture(
+    path: &Path,
+    access: &FileAccess,
+    space: &ColorSpace,
+    size: Option<(u32, u32)>,
+) -> Result<Picture, Fault> {
+    with_raw(path, access, size, |raw| {
+        let linear = |value: f32| if raw.display_referred { space.linear(value) } else { value };
+        let colour = raw.map(|p| {
+            let rgb = [p[0], p[1], p[2]];
+            if rgb.iter().all(|c| c.is_finite()) { rgb.map(linear) } else { [f32::NAN; 3] }
+        });
+        let alpha = raw.has_alpha.then(|| raw.map(|p| p[3] >= 0.5)).filter(|mask| mask.data.contains(&false));
+        Picture { colour, alpha }
+    })
 }
 
 /// Reads a picture that belongs to no capture, such as an environment map, as linear radiance; integer pictures are sRGB.
-pub fn read_radiance(path: &Path) -> Result<RgbImage> {
-    Ok(read_picture(path, &ColorSpace::named("srgb")?, None)?.colour)
+/// Memory is charged while it is read, not the result.
+pub fn read_radiance(path: &Path, access: &FileAccess) -> Result<RgbImage> {
+    read_values(path, access, "srgb")
 }
 
 /// As [`read_radiance`], integer pictures being of another colour space (see [`ColorSpace::named`]); `linear` for numbers that are no
 /// colours.
-pub fn read_values(path: &Path, color_space: &str) -> Result<RgbImage> {
-    Ok(read_picture(path, &ColorSpace::named(color_space)?, None)?.colour)
+pub fn read_values(path: &Path, access: &FileAccess, color_space: &str) -> Result<RgbImage> {
+    Ok(read_picture(path, access, &ColorSpace::named(color_space)?, None)?.colour)
+}
+
+/// Reads a picture of 8 bits a colour as it is, not decoded to radiance. `None` for pictures of other kinds, and for damaged ones.
+pub(crate) fn read_display(path: &Path, access: &FileAccess) -> Result<Option<Grid<[u8; 3]>>> {
+    let bytes = access.read(path, "picture file", u64::MAX)?;
+    if openexr::is_exr(&bytes) {
+        return Ok(None);
+    }
+    match raster::read_eight_bits(&PictureFile { path, bytes: &bytes, access }) {
+        Ok(picture) => Ok(picture),
+        Err(Fault::Unreadable(_)) => Ok(None),
+        Err(Fault::Wrong(error)) => Err(error),
+    }
 }
 
 /// Reads a mask: pixels of one half and brighter show the object.
-pub(super) fn read_mask(path: &Path, size: (u32, u32)) -> Result<Mask, Fault> {
-    let raw = read_raw(path, Some(size))?;
-    Ok(raw.pixels.map(|p| p[0].max(p[1]).max(p[2]) >= 0.5))
+pub(super) fn read_mask(path: &Path, access: &FileAccess, size: (u32, u32)) -> Result<Mask, Fault> {
+    with_raw(path, access, Some(size), |raw| raw.map(|p| p[0].max(p[1]).max(p[2]) >= 0.5))
 }
 
+/// A picture as its file has it.
 struct RawPicture {
-    pixels: Grid<[f32; 4]>,
+    width: usize,
+    height: usize,
+    /// Red, green, blue and alpha of each pixel.
+    values: Vec<f32>,
     has_alpha: bool,
     display_referred: bool,
 }
 
-fn read_raw(path: &Path, size: Option<(u32, u32)>) -> Result<RawPicture, Fault> {
-    let bytes = std::fs::read(path).map_err(|e| Fault::Unreadable(Error::io(path, e)))?;
-    decode(path, &bytes, size)
+impl RawPicture {
+    /// A value for each pixel.
+    fn map<T>(&self, value: impl FnMut(&[f32; 4]) -> T) -> Grid<T> {
+        Grid { width: self.width, height: self.height, data: self.values.as_chunks().0.iter().map(value).collect() }
+    }
 }
 
-fn decode(path: &Path, bytes: &[u8], size: Option<(u32, u32)>) -> Result<RawPicture, Fault> {
+/// Bytes that a pixel takes while it is decoded, beside the decoder's own: four floats, and the result with its mask.
+const WORKING_BYTES: u64 = 16 + 12 + 2;
+
+/// Memory that a picture takes while it is read, at most: the file and what is made of it.
+pub(super) fn reading_bytes(file_bytes: u64, width: u32, height: u32) -> u64 {
+    // A decoder has up to four floats a pixel, and may hold the file a second time.
+    2 * file_bytes + u64::from(width) * u64::from(height) * (WORKING_BYTES + 24)
+}
+
+/// Reads a file, and gives what is decoded of it to `take` while its memory is charged.
+fn with_raw<T>(
+    path: &Path,
+    access: &FileAccess,
+    size: Option<(u32, u32)>,
+    take: impl FnOnce(&RawPicture) -> T,
+) -> Result<T, Fault> {
+    let bytes = access.read(path, "picture file", u64::MAX).map_err(Fault::of)?;
+    decode(path, &bytes, access, size, take)
+}
+
+fn decode<T>(
+    path: &Path,
+    bytes: &[u8],
+    access: &FileAccess,
+    size: Option<(u32, u32)>,
+    take: impl FnOnce(&RawPicture) -> T,
+) -> Result<T, Fault> {
     if bytes.is_empty() {
         return Err(unreadable(path, "the picture file is empty (0 bytes)"));
     }
-    if bytes.starts_with(&[0x76, 0x2f, 0x31, 0x01]) {
-        read_exr(path, bytes, size)
-    } else {
-        read_display_referred(path, bytes, size)
+    let file = PictureFile { path, bytes, access };
+    let (raw, _held) = if openexr::is_exr(bytes) { openexr::read(&file, size)? } else { raster::read(&file, size)? };
+    Ok(take(&raw))
+}
+
+/// A picture's bytes, and what reading them may use.
+struct PictureFile<'a> {
+    path: &'a Path,
+    bytes: &'a [u8],
+    access: &'a FileAccess,
+}
+
+impl<'a> PictureFile<'a> {
+    /// Charges the memory of decoding, `decoder_bytes` and what every pixel takes, before anything is decoded.
+    fn hold(&self, width: u64, height: u64, decoder_bytes: u64) -> Result<Held<'a>, Fault> {
+        let side = u64::from(self.access.budget().limits().picture_side);
+        if width == 0 || height == 0 || width > side || height > side {
+            let message = format!("a picture of {width} x {height} pixels; 1 to {side} each way are read");
+            return Err(Fault::Wrong(Error::input(self.path, message)));
+        }
+        let bytes = (width * height * WORKING_BYTES).saturating_add(decoder_bytes);
+        self.access.hold(self.path, "picture", bytes).map_err(Fault::Wrong)
+    }
+    fn damaged(&self, message: impl std::fmt::Display) -> Fault {
+        unreadable(self.path, message)
     }
 }
 
@@ -145,88 +230,6 @@ fn check_size(path: &Path, found: (u32, u32), declared: Option<(u32, u32)>) -> R
         ))),
         _ => Ok(()),
     }
-}
-
-fn read_display_referred(path: &Path, bytes: &[u8], size: Option<(u32, u32)>) -> Result<RawPicture, Fault> {
-    let damaged = |e: image::ImageError| unreadable(path, format!("not readable as a picture: {e}"));
-    let mut reader = ImageReader::new(Cursor::new(bytes))
-        .with_guessed_format()
-        .map_err(|e| Fault::Unreadable(Error::io(path, e)))?;
-    if reader.format().is_none() {
-        return Err(unreadable(path, "not a picture that tsuya reads: it should be EXR, PNG, JPEG or TIFF"));
-    }
-    let mut limits = image::Limits::default();
-    limits.max_alloc = Some(PICTURE_BYTES);
-    reader.limits(limits);
-    let decoder = reader.into_decoder().map_err(damaged)?;
-    check_size(path, decoder.dimensions(), size)?;
-    let picture = DynamicImage::from_decoder(decoder).map_err(damaged)?;
-    let colour_type = picture.color();
-    let display_referred = !matches!(colour_type, ColorType::Rgb32F | ColorType::Rgba32F);
-    let has_alpha = colour_type.has_alpha();
-    let (width, height) = (picture.width() as usize, picture.height() as usize);
-    let pixels = picture.into_rgba32f().into_raw().chunks_exact(4).map(|p| [p[0], p[1], p[2], p[3]]).collect();
-    Ok(RawPicture { pixels: Grid { width, height, data: pixels }, has_alpha, display_referred })
-}
-
-fn read_exr(path: &Path, bytes: &[u8], size: Option<(u32, u32)>) -> Result<RawPicture, Fault> {
-    use exr::prelude::{ReadChannels, ReadLayers};
-    let damaged = |e: exr::error::Error| unreadable(path, format!("EXR: {e}"));
-    let meta = exr::meta::MetaData::read_from_buffered(Cursor::new(bytes), false).map_err(damaged)?;
-    let Some(header) = meta.headers.first() else {
-        return Err(unreadable(path, "EXR: no layer"));
-    };
-    let window = header.shared_attributes.display_window;
-    let (width, height) = (window.size.0, window.size.1);
-    check_size(path, (width as u32, height as u32), size)?;
-    let in_layers = meta.headers.iter().map(|h| h.layer_size.0 as u64 * h.layer_size.1 as u64).max().unwrap_or(0);
-    if in_layers.max(width as u64 * height as u64).saturating_mul(32) > PICTURE_BYTES {
-        return Err(unreadable(path, "EXR: the picture claims more pixels than tsuya reads"));
-    }
-    let image = exr::prelude::read()
-        .no_deep_data()
-        .largest_resolution_level()
-        .all_channels()
-        .first_valid_layer()
-        .all_attributes()
-        .non_parallel()
-        .from_buffered(Cursor::new(bytes))
-        .map_err(damaged)?;
-    let layer = &image.layer_data;
-    let channels = &layer.channel_data.list;
-    let named = |wanted: &str| channels.iter().position(|c| c.name.to_string().eq_ignore_ascii_case(wanted));
-    let colour = match (named("R"), named("G"), named("B"), named("Y")) {
-        (Some(r), Some(g), Some(b), _) => [r, g, b],
-        (.., Some(y)) if named("RY").is_none() => [y; 3],
-        _ if channels.len() == 1 => [0; 3],
-        _ => {
-            let names: Vec<_> = channels.iter().map(|c| c.name.to_string()).collect();
-            return Err(unreadable(path, format!("EXR: channels R, G, B or Y are needed, found {}", names.join(", "))));
-        }
-    };
-    let alpha = named("A");
-    // What lies in the display window but not in the data window was not stored, because it is black.
-    let mut pixels = Grid::filled(width, height, [0.0, 0.0, 0.0, if alpha.is_some() { 0.0 } else { 1.0 }]);
-    let offset = layer.attributes.layer_position - window.position;
-    for (slot, channel) in colour.into_iter().chain(alpha).enumerate() {
-        let channel = &channels[channel];
-        if channel.sampling.0 != 1 || channel.sampling.1 != 1 {
-            return Err(unreadable(path, "EXR: subsampled channels are not supported"));
-        }
-        let samples: Vec<f32> = channel.sample_data.values_as_f32().collect();
-        for (y, row) in (offset.1 as i64..).zip(samples.chunks_exact(layer.size.0.max(1))) {
-            if !(0..height as i64).contains(&y) {
-                continue;
-            }
-            let target = &mut pixels.data[y as usize * width..(y as usize + 1) * width];
-            let start = (offset.0 as i64).clamp(0, width as i64) as usize;
-            let skip = (-(offset.0 as i64)).max(0) as usize;
-            for (pixel, value) in target[start..].iter_mut().zip(row.iter().skip(skip)) {
-                pixel[slot] = *value;
-            }
-        }
-    }
-    Ok(RawPicture { pixels, has_alpha: alpha.is_some(), display_referred: false })
 }
 
 #[cfg(test)]
@@ -255,7 +258,7 @@ mod tests {
         let space = ColorSpace::named("srgb").unwrap();
         let read = |name: &str| {
             let path = folder.path().join(name);
-            match read_picture(&path, &space, Some((3, 2))) {
+            match read_picture(&path, &FileAccess::default(), &space, Some((3, 2))) {
                 Ok(picture) => picture,
                 Err(fault) => panic!("{}", Error::from(fault)),
             }
@@ -303,7 +306,7 @@ mod tests {
         let window = IntegerBounds { position: Vec2(10, 5), size: Vec2(4, 3) };
         Image { attributes: ImageAttributes::new(window), layer_data: layer }.write().to_file(&path).unwrap();
         let space = ColorSpace::named("srgb").unwrap();
-        let picture = read_picture(&path, &space, Some((4, 3))).ok().unwrap().colour;
+        let picture = read_picture(&path, &FileAccess::default(), &space, Some((4, 3))).ok().unwrap().colour;
         assert_eq!(*picture.at(0, 0), [0.0; 3]);
         assert_eq!(*picture.at(1, 1), [1.0, 0.0, 3.0]);
         assert_eq!(*picture.at(2, 2), [2.0, 1.0, 3.0]);
@@ -311,7 +314,10 @@ mod tests {
         let whole = std::fs::read(&path).unwrap();
         for length in [0, 1, 4, 20, whole.len() / 2, whole.len() - 1] {
             std::fs::write(&path, &whole[..length]).unwrap();
-            assert!(matches!(read_picture(&path, &space, None), Err(Fault::Unreadable(_))), "{length}");
+            assert!(
+                matches!(read_picture(&path, &FileAccess::default(), &space, None), Err(Fault::Unreadable(_))),
+                "{length}"
+            );
         }
     }
 
@@ -330,8 +336,10 @@ mod tests {
                 for value in [0, 0x7f, 0xff, whole[at] ^ 1] {
                     let mut bytes = whole.clone();
                     bytes[at] = value;
-                    if let Ok(picture) = decode(&file, &bytes, Some((9, 7))) {
-                        assert_eq!(picture.pixels.data.len(), 63);
+                    let access = FileAccess::default();
+                    let read = |raw: &RawPicture| raw.values.len();
+                    if let Ok(count) = decode(&file, &bytes, &access, Some((9, 7)), read) {
+                        assert_eq!(count, 4 * 63);
                     }
                 }
             }

@@ -105,10 +105,10 @@ fn white_boards_of_the_shared_captures() {
     ];
     for (part, frames, white) in figures {
         let Some(path) = data(part) else { continue };
-        let description = describe(path.join("transforms.json")).unwrap();
+        let description = describe(path.join("transforms.json"), &FileAccess::default()).unwrap();
         assert_eq!(description.frames.len(), frames);
         let space = ColorSpace::named("srgb").unwrap();
-        let (found, _) = white::calibrate(&description.white_reference.unwrap(), &space).unwrap();
+        let (found, _) = white::calibrate(&description.white_reference.unwrap(), &FileAccess::default(), &space).unwrap();
         (0..3).for_each(|c| assert!((found[c] - white[c]).abs() < 4e-6, "{part} {:?}", found));
     }
 }
@@ -347,7 +347,7 @@ fn display_referred_photographs_with_alpha() {
 
 #[test]
 fn alignment_of_the_sample_from_a_points_file() {
-    let description = describe(sample()).unwrap();
+    let description = describe(sample(), &FileAccess::default()).unwrap();
     let capture = read(sample(), &ReadOptions::default()).unwrap();
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("points.json");
@@ -363,7 +363,7 @@ fn alignment_of_the_sample_from_a_points_file() {
     }
     fs::write(&path, format!("{{\"points\": [\n{}]}}", points.join(",\n"))).unwrap();
     // Names that are not unique must be whole.
-    let points = align::read_points(&path, &description).unwrap();
+    let points = align::read_points(&path, &description, &FileAccess::default()).unwrap();
     let cameras: Vec<_> = description.frames.iter().map(|f| f.view.camera).collect();
     let found = align::align(&cameras, &points, true).unwrap();
     assert!((found.scale - 0.001).abs() < 1e-9 && found.max_pixels < 1e-6, "{found:?}");
@@ -374,7 +374,7 @@ fn alignment_of_the_sample_from_a_points_file() {
 
     let fault = |text: &str| {
         fs::write(&path, text).unwrap();
-        align::read_points(&path, &description).unwrap_err().to_string()
+        align::read_points(&path, &description, &FileAccess::default()).unwrap_err().to_string()
     };
     let unknown = fault("{\"points\": [\n{\"frame\": \"off/999.exr\", \"pixel\": [1, 1], \"mesh\": [0, 0, 0]}]}");
     assert!(unknown.contains("line 2, points[0].frame: the capture has no frame \"off/999.exr\""), "{unknown}");

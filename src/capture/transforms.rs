@@ -3,50 +3,61 @@
 use super::description::{Description, FrameDescription, WhiteReference, camera_fault, capture_folder, folder_name};
 use super::json::{Document, Node};
 use super::lens::Lens;
+use super::view_names::view_names;
 use crate::asset::{Camera, PointLight, View};
 use crate::error::Result;
+use crate::input::{FileAccess, Folder, quoted};
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-pub(super) fn describe(path: &Path) -> Result<Description> {
-    let document = Document::read(path)?;
+pub(super) fn describe(path: &Path, access: &FileAccess) -> Result<Description> {
+    let document = Document::read(path, access)?;
     let root = document.root();
-    let folder = capture_folder(path);
-    let mut warnings = Vec::new();
+    let folder = Folder::new(capture_folder(path), path, access.allows_outside());
+    let mut lights = LightWarnings::default();
     let mut frames = Vec::new();
-    for frame in root.need("frames")?.items()? {
-        frames.push(read_frame(&root, &frame, &folder, &mut warnings)?);
+    let list = root.need("frames")?.items(access.budget().limits().frames as usize)?;
+    let paths: Vec<&str> = list.iter().map(|frame| frame.need("file_path")?.text()).collect::<Result<_>>()?;
+    let names = view_names(&folder, &paths);
+    for (frame, name) in list.iter().zip(names) {
+        frames.push(read_frame(&root, frame, name, &folder, &mut lights)?);
     }
-    let file = |node: &Node| Ok(folder.join(node.text()?));
+    let file = |node: &Node| folder.resolve(node.text()?);
     let white_reference = root.optional("white_reference", |node| {
         Ok(WhiteReference {
-            photograph: folder.join(node.need("file_path")?.text()?),
+            photograph: file(&node.need("file_path")?)?,
             cross: node.optional("cross_file_path", file)?,
         })
     })?;
     Ok(Description {
         path: path.to_owned(),
-        name: folder_name(&folder),
+        name: folder_name(folder.path()),
         frames,
         mesh_file: root.optional("mesh_file", file)?,
         mesh_pose: root.optional("mesh_transform", Node::matrix)?,
         white_reference,
         color_space: root.optional("color_space", |node| Ok(node.text()?.to_owned()))?,
-        warnings,
+        warnings: lights.sentences(),
     })
 }
 
-fn read_frame(root: &Node, frame: &Node, folder: &Path, warnings: &mut Vec<String>) -> Result<FrameDescription> {
+fn read_frame(
+    root: &Node,
+    frame: &Node,
+    name: String,
+    folder: &Folder,
+    lights: &mut LightWarnings,
+) -> Result<FrameDescription> {
     let file_path = frame.need("file_path")?;
-    let name = file_path.text()?.trim_start_matches("./").to_owned();
     let (mut camera, lens) = read_intrinsics(root, frame)?;
     (camera.rotation, camera.translation) = read_pose(&frame.need("transform_matrix")?)?;
     if let Some(fault) = camera_fault(&camera) {
         return Err(frame.error(format!("the camera has {fault}")));
     }
-    let light = read_light(root, frame, warnings)?;
-    let file = |node: &Node| Ok(find_picture(folder, node.text()?));
+    let light = read_light(root, frame, lights)?;
+    let file = |node: &Node| find_picture(folder, node.text()?);
     Ok(FrameDescription {
-        photograph: find_picture(folder, file_path.text()?),
+        photograph: file(&file_path)?,
         cross: frame.optional("cross_file_path", file)?,
         mask: frame.optional("mask_path", file)?,
         lens,
@@ -55,15 +66,17 @@ fn read_frame(root: &Node, frame: &Node, folder: &Path, warnings: &mut Vec<Strin
 }
 
 /// Some data sets leave the extension away.
-fn find_picture(folder: &Path, name: &str) -> PathBuf {
-    let path = folder.join(name);
+fn find_picture(folder: &Folder, name: &str) -> Result<PathBuf> {
+    let path = folder.resolve(name)?;
     if path.extension().is_none() && !path.exists() {
-        let with = |extension| path.with_extension(extension);
-        if let Some(found) = ["exr", "png", "jpg", "jpeg", "tif", "tiff"].map(with).into_iter().find(|p| p.exists()) {
-            return found;
+        for extension in ["exr", "png", "jpg", "jpeg", "tif", "tiff"] {
+            // It may be a link, which is another path to judge.
+            if path.with_extension(extension).exists() {
+                return folder.resolve(&format!("{name}.{extension}"));
+            }
         }
     }
-    path
+    Ok(path)
 }
 
 /// Camera and lens from the frame's own keys, else the capture's. Needed: `w`, `h`, `fl_x` (or `camera_angle_x`).
@@ -101,8 +114,9 @@ pub(super) fn read_intrinsics(root: &Node, frame: &Node) -> Result<(Camera, Lens
         }
         Some(other) => {
             let message = format!(
-                "camera model {other} is not supported; known: PINHOLE, SIMPLE_PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV, \
-                 OPENCV_FISHEYE"
+                "camera model {} is not supported; known: PINHOLE, SIMPLE_PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV, \
+                 OPENCV_FISHEYE",
+                other.escape_debug().take(80).collect::<String>()
             );
             return Err(model.map_or_else(|| frame.error(&message), |node| node.error(&message)));
         }
@@ -150,19 +164,47 @@ pub(crate) fn nearest_rotation(rows: [[f64; 3]; 3]) -> std::result::Result<[[f64
     Ok(rotation.transpose().to_cols_array_2d())
 }
 
-/// The frame's point light: position and intensity from the frame's own keys, else the capture's.
-fn read_light(root: &Node, frame: &Node, warnings: &mut Vec<String>) -> Result<Option<PointLight>> {
-    let mut warn = |text: String| {
-        if !warnings.contains(&text) {
-            warnings.push(text);
+/// What should be said of the lights, however many frames it is true of.
+#[derive(Default)]
+struct LightWarnings {
+    /// Types that are not points, the first few.
+    types: BTreeSet<String>,
+    /// Frames with yet other types.
+    more: usize,
+    without_intensity: bool,
+}
+
+impl LightWarnings {
+    fn other_type(&mut self, name: &str) {
+        let name = quoted(name);
+        if self.types.len() < 8 || self.types.contains(&name) {
+            self.types.insert(name);
+        } else {
+            self.more += 1;
         }
-    };
+    }
+
+    fn sentences(self) -> Vec<String> {
+        let of_type = |name: &String| format!("light type {name} is not a point light: taken as unknown");
+        let mut all: Vec<String> = self.types.iter().map(of_type).collect();
+        if self.more > 0 {
+            all.push(format!("the lights of {} frames are of yet other types: taken as unknown", self.more));
+        }
+        if self.without_intensity {
+            all.push("the lights have a position but no intensity: taken as 1".into());
+        }
+        all
+    }
+}
+
+/// The frame's point light: position and intensity from the frame's own keys, else the capture's.
+fn read_light(root: &Node, frame: &Node, warnings: &mut LightWarnings) -> Result<Option<PointLight>> {
     let lights = [frame.get("light"), root.get("light")];
     let find = |key: &str| lights.iter().flatten().find_map(|light| light.get(key));
     if let Some(kind) = find("type")
         && kind.text()? != "point"
     {
-        warn(format!("light type \"{}\" is not a point light: taken as unknown", kind.text()?));
+        warnings.other_type(kind.text()?);
         return Ok(None);
     }
     let Some(position) = frame.get("light_position").or_else(|| find("position")) else {
@@ -173,7 +215,7 @@ fn read_light(root: &Node, frame: &Node, warnings: &mut Vec<String>) -> Result<O
         Some(node) if node.is_list() => node.numbers::<3>()?,
         Some(node) => [node.number()?; 3],
         None => {
-            warn("the lights have a position but no intensity: taken as 1".into());
+            warnings.without_intensity = true;
             [1.0; 3]
         }
     };
@@ -191,7 +233,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("transforms.json");
         std::fs::write(&path, text).unwrap();
-        describe(&path)
+        describe(&path, &FileAccess::default())
     }
 
     const POSE: &str = "[[0, 0, 1, 5], [1, 0, 0, 6], [0, 1, 0, 7], [0, 0, 0, 1]]";

@@ -4,13 +4,18 @@ use super::description::WhiteReference;
 use super::photograph::{ColorSpace, read_picture};
 use crate::error::{Error, Result};
 use crate::image::RgbImage;
+use crate::input::FileAccess;
 use std::path::Path;
 
 /// Radiance of the unpolarised white board, and `beta = on_board / off_board` per colour (Miyazaki 2007, equation A.2), both
 /// over the middle quarter of the picture each way.
-pub(super) fn calibrate(reference: &WhiteReference, space: &ColorSpace) -> Result<([f64; 3], Option<[f64; 3]>)> {
+pub(super) fn calibrate(
+    reference: &WhiteReference,
+    access: &FileAccess,
+    space: &ColorSpace,
+) -> Result<([f64; 3], Option<[f64; 3]>)> {
     let read = |path: &Path| -> Result<[f64; 3]> {
-        let picture = read_picture(path, space, None)?;
+        let picture = read_picture(path, access, space, None)?;
         let mean = middle_mean(&picture.colour);
         let bright = mean.iter().all(|m| m.is_finite() && *m > 0.0);
         let message =

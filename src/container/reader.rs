@@ -33,7 +33,7 @@ impl Container<std::fs::File> {
     /// Opens a file on disk.
     pub fn open_path(path: impl AsRef<Path>, limits: Limits) -> Result<Self> {
         let path = path.as_ref();
-        let file = std::fs::File::open(path).map_err(|e| Error::io(path, e))?;
+        let (file, _) = crate::input::open(path)?;
         Container::open_named(file, path.to_owned(), limits)
     }
 }

@@ -1,6 +1,7 @@
 //! GLB and glTF files as JSON and bytes. Nothing is lost by reading and writing: unknown members and chunks stay.
 
 use crate::error::{Error, Result};
+use crate::input::percent_decoded;
 use crate::limits::Budget;
 use serde_json::{Map, Value, json};
 use std::borrow::Cow;
@@ -22,6 +23,7 @@ pub struct Document {
     /// Chunks after these, type and content, kept as they are.
     others: Vec<(u32, Vec<u8>)>,
     is_glb: bool,
+    allow_outside: bool,
     /// How errors call the file.
     path: PathBuf,
 }
@@ -32,14 +34,22 @@ pub type Files<'a> = &'a dyn Fn(&str) -> Result<Vec<u8>>;
 impl Document {
     /// A GLB around a JSON object and the content of its buffer 0.
     pub fn new_glb(json: Map<String, Value>, binary: Vec<u8>) -> Self {
-        Document { json, binary: Some(binary), others: Vec::new(), is_glb: true, path: PathBuf::from("-") }
+        Document {
+            json,
+            binary: Some(binary),
+            others: Vec::new(),
+            is_glb: true,
+            allow_outside: false,
+            path: PathBuf::from("-"),
+        }
     }
 
     /// Reads a GLB (version 2) or the JSON of a glTF file; `path` is only named in errors.
     pub fn parse(path: impl AsRef<Path>, bytes: &[u8], budget: &Budget) -> Result<Self> {
         let path = path.as_ref();
+        let path_of = path.to_owned();
         let mut document =
-            Document { json: Map::new(), binary: None, others: Vec::new(), is_glb: false, path: path.to_owned() };
+            Document { is_glb: false, path: path_of, binary: None, ..Document::new_glb(Map::new(), Vec::new()) };
         let text = if bytes.starts_with(&MAGIC) {
             document.is_glb = true;
             budget.charge("GLB file", bytes.len() as u64)?;
@@ -188,7 +198,12 @@ impl Document {
         }
     }
 
-    /// The path that a relative reference means; only files beside the document or below are followed.
+    /// The same, whose references may lead out of its folder where `allowed`.
+    pub fn allow_outside(self, allowed: bool) -> Self {
+        Document { allow_outside: allowed, ..self }
+    }
+
+    /// The path that a relative reference means; only files beside the document or below are followed, unless outside is allowed.
     pub fn check_uri(&self, uri: &str) -> Result<String> {
         let refused = |why: &str| Err(self.wrong(format!("the reference {:?} {why}", uri.get(..60).unwrap_or(uri))));
         let Some(path) = percent_decoded(uri) else { return refused("has a wrong % escape") };
@@ -196,29 +211,11 @@ impl Document {
         if uri.starts_with("data:") {
             return refused("holds the data itself, which is not read; write a GLB");
         }
-        if !path.split('/').all(is_plain) {
+        if !self.allow_outside && !path.split('/').all(is_plain) {
             return refused("leads out of the document's folder; only files beside it are read");
         }
         Ok(path)
     }
-}
-
-/// A relative reference without its % escapes: the inverse of [`percent_encoded`]. `None` where an escape is not two hexadecimal digits, or
-/// not UTF-8 comes out.
-pub fn percent_decoded(uri: &str) -> Option<String> {
-    let mut bytes = Vec::new();
-    let mut rest = uri.as_bytes();
-    while let Some((&byte, tail)) = rest.split_first() {
-        rest = tail;
-        if byte == b'%' {
-            let digits = rest.get(..2).filter(|digits| digits.iter().all(u8::is_ascii_hexdigit))?;
-            bytes.push(u8::from_str_radix(std::str::from_utf8(digits).ok()?, 16).ok()?);
-            rest = &rest[2..];
-        } else {
-            bytes.push(byte);
-        }
-    }
-    String::from_utf8(bytes).ok()
 }
 
 /// The reference to a file beside the document: everything but letters, digits and `-_.~` escaped.

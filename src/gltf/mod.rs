@@ -16,9 +16,10 @@ mod look;
 mod metallic_roughness;
 mod stream;
 
+pub use crate::input::percent_decoded as path_of;
 pub use appearance::{Appearance, Source, appearances, bound_materials};
 pub use binding::{Fit, compare_mesh};
-pub use document::{Document, Files, percent_decoded as path_of, percent_encoded as reference};
+pub use document::{Document, Files, percent_encoded as reference};
 pub use export::{ExportOptions, Exported, Placement, export};
 pub use fallback::{Fallback, bake};
 pub use levels::levels;

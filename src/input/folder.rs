@@ -52,6 +52,23 @@ impl Folder {
         Ok(path)
     }
 
+    /// As [`Folder::resolve`] for a path that was read as one.
+    pub fn resolve_path(&self, path: &Path) -> Result<PathBuf> {
+        match path.to_str() {
+            Some(name) => self.resolve(name),
+            None => Err(Error::input(&self.named_by, format!("the path {path:?} is not UTF-8 text"))),
+        }
+    }
+
+    /// As [`Folder::resolve`] for a relative reference with its `%` escapes; where outside is allowed, also for a `file:` URI.
+    pub fn resolve_uri(&self, uri: &str) -> Result<PathBuf> {
+        let Some(name) = percent_decoded(uri) else {
+            return Err(Error::input(&self.named_by, format!("the reference {} has a wrong % escape", quoted(uri))));
+        };
+        let local = name.strip_prefix("file:").filter(|_| self.allow_outside);
+        self.resolve(local.map_or(name.as_str(), |path| path.strip_prefix("//").unwrap_or(path)))
+    }
+
     fn refused(&self, name: &str, why: &str) -> Error {
         let message = format!(
             "the path {} {why}; only files in its own folder are read, unless --allow-outside is given",
@@ -105,6 +122,23 @@ impl Folder {
         let hidden = |part: Component<'_>| part.as_os_str().to_string_lossy().starts_with('.');
         if below.components().any(hidden) { Err("names something hidden by a link") } else { Ok(()) }
     }
+}
+
+/// A relative reference without its `%` escapes. `None` where an escape is not two hexadecimal digits, or not UTF-8 comes out.
+pub fn percent_decoded(uri: &str) -> Option<String> {
+    let mut bytes = Vec::new();
+    let mut rest = uri.as_bytes();
+    while let Some((&byte, tail)) = rest.split_first() {
+        rest = tail;
+        if byte == b'%' {
+            let digits = rest.get(..2).filter(|digits| digits.iter().all(u8::is_ascii_hexdigit))?;
+            bytes.push(u8::from_str_radix(std::str::from_utf8(digits).ok()?, 16).ok()?);
+            rest = &rest[2..];
+        } else {
+            bytes.push(byte);
+        }
+    }
+    String::from_utf8(bytes).ok()
 }
 
 /// `C:` and `C:name`, `file:` and `https:`.
@@ -161,7 +195,13 @@ mod tests {
         }
         let message = folder.resolve("../x\u{1b}[2J.png").unwrap_err().to_string();
         assert!(message.contains("\\u{1b}") && !message.contains('\u{1b}'), "{message}");
+        assert_eq!(folder.resolve_uri("images/%61.png").unwrap(), root.join("images/a.png"));
+        for uri in ["%2e%2e/secret.png", "..%5csecret.png", "%2Fetc/passwd", "file:///etc/passwd", "%2essh/id_rsa"] {
+            assert!(folder.resolve_uri(uri).unwrap_err().to_string().contains("--allow-outside"), "{uri}");
+        }
+        assert!(folder.resolve_uri("a%2").unwrap_err().to_string().contains("wrong % escape"));
         let outside = Folder::of(&root.join("transforms.json"), true);
+        assert_eq!(outside.resolve_uri("file:///etc/pass%77d").unwrap(), Path::new("/etc/passwd"));
         assert_eq!(outside.resolve("../secret.png").unwrap(), root.join("../secret.png"));
         assert_eq!(outside.resolve("/etc/passwd").unwrap(), Path::new("/etc/passwd"));
     }

@@ -5,7 +5,7 @@
 
 mod folder;
 
-pub use folder::Folder;
+pub use folder::{Folder, percent_decoded};
 
 use crate::error::{Error, Result};
 use crate::limits::{Budget, Held, Limits};

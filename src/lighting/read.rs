@@ -8,6 +8,8 @@ use super::projection::{Projection, unwrap};
 use crate::capture::photograph::{ColorSpace, read_picture};
 use crate::error::{Error, Result};
 use crate::image::{RgbImage, from_srgb};
+use crate::input::FileAccess;
+use crate::limits::Limits;
 use std::path::Path;
 
 /// How environments are read.
@@ -21,6 +23,8 @@ pub struct ReadOptions {
     pub color_space: Option<String>,
     /// Exposure (seconds, or any number proportional to the light let in) of each picture; empty for a single picture.
     pub exposures: Vec<f64>,
+    /// What the pictures may use, together.
+    pub limits: Limits,
 }
 
 /// Reads an environment from one picture, or from several of different exposure.
@@ -38,9 +42,12 @@ pub fn read<P: AsRef<Path>>(paths: &[P], options: &ReadOptions) -> Result<(Envir
         return Err(Error::parameter("exposures must be positive"));
     }
     let space = ColorSpace::named(options.color_space.as_deref().unwrap_or("srgb"))?;
+    let access = FileAccess::new(options.limits);
     let mut bracket: Vec<RgbImage> = Vec::new();
     for path in paths.iter().map(AsRef::as_ref) {
-        let picture = read_picture(path, &space, None).map_err(Error::from)?.colour;
+        let picture = read_picture(path, &access, &space, None).map_err(Error::from)?.colour;
+        // It stays, and so does the environment that is made of it.
+        access.charge(path, "environment", 2 * size_of_val(&picture.data[..]) as u64)?;
         if let Some(before) = bracket.first()
             && (before.width, before.height) != (picture.width, picture.height)
         {

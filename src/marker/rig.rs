@@ -3,7 +3,11 @@
 use super::{Family, Pose};
 use crate::capture::json::{Document, Node};
 use crate::error::{Error, Result};
+use crate::input::FileAccess;
 use std::path::Path;
+
+/// Markers of a rig, at most.
+const MAX_MARKERS: usize = 4096;
 
 /// A marker of a rig.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -58,10 +62,10 @@ impl Rig {
 
     /// Reads a rig: `{"markers": [{"family": "tag36h11", "id": 3, "size": 0.08, "pose": [[...] * 4]}]}`, `pose` the marker's frame in
     /// the rig's by rows (a rotation and a place), the identity if it is left out.
-    pub fn read(path: impl AsRef<Path>) -> Result<Self> {
-        let document = Document::read(path.as_ref())?;
+    pub fn read(path: impl AsRef<Path>, access: &FileAccess) -> Result<Self> {
+        let document = Document::read(path.as_ref(), access)?;
         let mut markers: Vec<RigMarker> = Vec::new();
-        for node in document.root().need("markers")?.items()? {
+        for node in document.root().need("markers")?.items(MAX_MARKERS)? {
             let marker = read_marker(&node)?;
             if markers.iter().any(|m| (m.family, m.id) == (marker.family, marker.id)) {
                 return Err(node.error("this marker is there twice"));

@@ -1,7 +1,7 @@
 use super::*;
 
 fn read_bytes(name: &str, bytes: &[u8]) -> Result<Mesh> {
-    parse(Path::new(name), bytes)
+    parse(name, bytes, &FileAccess::default())
 }
 
 fn fault(name: &str, bytes: &[u8]) -> String {
@@ -147,7 +147,7 @@ fn shared_meshes_read() {
             println!("skipped: {} is not there", path.display());
             continue;
         }
-        let mesh = read(&path).unwrap();
+        let mesh = read(&path, &FileAccess::default()).unwrap();
         assert_eq!(mesh.triangles.len(), triangles, "{name}");
     }
 }
@@ -160,7 +160,7 @@ fn flipped_bytes_never_panic() {
             for value in [0, b'9', 0xff, whole[at] ^ 1] {
                 let mut bytes = whole.clone();
                 bytes[at] = value;
-                if let Ok(mesh) = parse(Path::new(name), &bytes) {
+                if let Ok(mesh) = parse(name, &bytes, &FileAccess::default()) {
                     crate::mesh::clean::clean(mesh);
                 }
             }

@@ -7,9 +7,10 @@ use crate::brdf::models::{ClassicalModel, Lobe};
 use crate::brdf::{Brdf, materials};
 use crate::container::{Container, Tag};
 use crate::error::{Error, Result};
+use crate::input::Folder;
 use crate::limits::Limits;
 use serde::{Deserialize, Serialize};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// What to render. Paths are relative to the folder of the job's file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -244,8 +245,8 @@ impl JobMaterial {
         Ok(Some(Box::new(ClassicalModel { diffuse: [0.0; 3], specular: [1.0; 3], lobe })))
     }
 
-    /// The material, read from its file (relative to `folder`) where the model needs one.
-    pub fn material(&self, folder: &Path, limits: Limits) -> Result<Material> {
+    /// The material, read from its file in `folder` where the model needs one.
+    pub fn material(&self, folder: &Folder, limits: Limits) -> Result<Material> {
         if !matches!(self.model.as_str(), "dsbrdf" | "fitted") {
             return self.uniform();
         }
@@ -260,9 +261,8 @@ impl JobMaterial {
         let Some(file) = &self.file else {
             return Err(Error::parameter(format!("material: {} needs file", self.model)));
         };
-        let path = folder.join(file);
-        let reader = std::fs::File::open(&path).map_err(|e| Error::io(&path, e))?;
-        let mut container = Container::open_seek(reader, limits)?;
+        let path = folder.resolve_path(file)?;
+        let mut container = Container::open_seek(crate::input::open(&path)?.0, limits)?;
         let section = container.read_section(Tag::MATERIALS)?;
         let materials = materials::decode(&section, &container.budget())?;
         let known = || materials.iter().map(|m| m.name.as_str()).collect::<Vec<_>>().join(", ");

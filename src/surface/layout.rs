@@ -9,6 +9,10 @@ use std::collections::{HashMap, VecDeque};
 const STEEPEST: f64 = 0.3;
 /// Price of a unit of chart border, in units of (area lost to tilt) / (square root of the mesh's area).
 const BORDER_PRICE: f64 = 0.08;
+/// Texels of an atlas, at most: 8192 each way. Work and memory follow them.
+const MAX_TEXELS: f64 = (1u64 << 26) as f64;
+/// Steps of packing charts, about, beyond which fewer widths of the atlas are tried.
+const MANY_STEPS: i64 = 1 << 31;
 /// Free texels between the packed charts and around them, beyond the texels that bilinear reading touches.
 const GUTTER: i64 = 1;
 
@@ -47,6 +51,7 @@ pub fn layout(mesh: &Mesh, texels_per_unit: f64) -> Result<Charts> {
     if mesh.positions.iter().flatten().any(|x| !x.is_finite()) {
         return Err(Error::parameter("the mesh has a vertex that is not finite"));
     }
+    check_work(mesh, texels_per_unit)?;
     let neighbours = neighbours(mesh);
     let facings = smoothed_facings(mesh, &neighbours);
     let pieces = split(mesh, &neighbours, &facings, texels_per_unit);
@@ -63,6 +68,29 @@ pub fn layout(mesh: &Mesh, texels_per_unit: f64) -> Result<Charts> {
     }
     pack(mesh, &mut charts)?;
     Ok(charts)
+}
+
+/// Whether the surface fits an atlas, before anything is laid out: by its area, and by the rows of texels that thin triangles cross.
+fn check_work(mesh: &Mesh, texels_per_unit: f64) -> Result<()> {
+    let texels = |t: usize| {
+        let area = area_normal(mesh, t).iter().map(|x| x * x).sum::<f64>().sqrt() / 2.0;
+        let corners = mesh.triangles[t].map(|v| mesh.positions[v as usize].map(f64::from));
+        let side = |k: usize| {
+            let along = corners.map(|corner| corner[k]);
+            along.into_iter().fold(f64::MIN, f64::max) - along.into_iter().fold(f64::MAX, f64::min)
+        };
+        area * texels_per_unit * texels_per_unit + side(0).max(side(1)).max(side(2)) * texels_per_unit
+    };
+    let total: f64 = (0..mesh.triangles.len()).map(texels).sum();
+    if total <= MAX_TEXELS {
+        return Ok(());
+    }
+    Err(Error::parameter(format!(
+        "an atlas of the mesh would have {:.0} million texels, {:.0} at most: is the mesh in another unit than the cameras \
+         (--mesh-scale), or its density too high?",
+        total / 1e6,
+        MAX_TEXELS / 1e6
+    )))
 }
 
 /// A facing for every triangle: least area lost to tilt plus least border.
@@ -110,11 +138,10 @@ fn smoothed_facings(mesh: &Mesh, neighbours: &[[u32; 3]]) -> Vec<u8> {
         for t in 0..count {
             members[regions[t] as usize].push(t);
         }
-        members.sort_by(|a, b| {
-            let sum = |m: &[usize]| m.iter().map(|&t| area(t)).sum::<f64>();
-            sum(a).total_cmp(&sum(b)).then(a[0].cmp(&b[0]))
-        });
-        for member in members {
+        let mut members: Vec<(f64, Vec<usize>)> =
+            members.into_iter().map(|member| (member.iter().map(|&t| area(t)).sum(), member)).collect();
+        members.sort_by(|(a, one), (b, other)| a.total_cmp(b).then(one[0].cmp(&other[0])));
+        for (_, member) in members {
             let own = facings[member[0]];
             let mut border = [0.0; 6];
             for &t in &member {
@@ -240,7 +267,7 @@ fn covered(mesh: &Mesh, triangle: usize, facing: u8, texels_per_unit: f64) -> Ve
     let bound = |k: usize, pick: fn(f64, f64) -> f64| corners.iter().map(|c| c[k]).reduce(pick).unwrap_or(0.0);
     let mut texels = Vec::new();
     for y in bound(1, f64::min).floor() as i64..=bound(1, f64::max).ceil() as i64 {
-        for x in bound(0, f64::min).floor() as i64..=bound(0, f64::max).ceil() as i64 {
+        for x in row_range(&corners, y as f64 + 0.5) {
             let centre = [x as f64 + 0.5, y as f64 + 0.5];
             // side[k] is opposite corner (k + 2) % 3.
             let side: [f64; 3] = std::array::from_fn(|k| {
@@ -260,6 +287,23 @@ fn covered(mesh: &Mesh, triangle: usize, facing: u8, texels_per_unit: f64) -> Ve
         }
     }
     texels
+}
+
+/// Columns that a triangle may cover in a row of texels: where the row's middle crosses its edges, and one more on either side.
+fn row_range(corners: &[[f64; 2]; 3], y: f64) -> std::ops::RangeInclusive<i64> {
+    let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+    for k in 0..3 {
+        let (a, b) = (corners[k], corners[(k + 1) % 3]);
+        if a[1].min(b[1]) > y || a[1].max(b[1]) < y {
+            continue;
+        }
+        let crossing = a[0] + (b[0] - a[0]) * ((y - a[1]) / (b[1] - a[1]));
+        // A level edge is crossed all along.
+        let ends = if a[1] == b[1] { [a[0], b[0]] } else { [crossing; 2] };
+        low = low.min(ends[0]).min(ends[1]);
+        high = high.max(ends[0]).max(ends[1]);
+    }
+    if low > high { 1..=0 } else { low.floor() as i64 - 1..=high.ceil() as i64 + 1 }
 }
 
 /// Packs the charts' rectangles, highest first, on a skyline; tries a few widths and keeps the smallest atlas.
@@ -284,11 +328,12 @@ fn pack(mesh: &Mesh, charts: &mut Charts) -> Result<()> {
     order.sort_by_key(|&k| (-rectangles[k][3], -rectangles[k][2], k));
     let area: i64 = rectangles.iter().map(|r| r[2].saturating_mul(r[3])).fold(0, i64::saturating_add);
     let widest = rectangles.iter().map(|r| r[2]).max().unwrap_or(1);
-    if widest.max((area as f64).sqrt() as i64) > 60_000 {
+    if widest.max(area_width(area)) > 60_000 {
         return Err(Error::parameter("the atlas would be over 60000 texels wide; lower its density"));
     }
     let mut best: Option<(i64, i64, Vec<[i64; 2]>)> = None;
-    for step in 0..12 {
+    let steps = area_width(area).saturating_mul(rectangles.len() as i64).max(1);
+    for step in 0..(MANY_STEPS / steps).clamp(1, 12) {
         let width = widest.max(((area as f64).sqrt() * (0.9 + 0.05 * step as f64)) as i64) + GUTTER;
         let (height, places) = skyline(&rectangles, &order, width);
         if best.as_ref().is_none_or(|b| width * height < b.0 * b.1) {
@@ -303,6 +348,11 @@ fn pack(mesh: &Mesh, charts: &mut Charts) -> Result<()> {
     Ok(())
 }
 
+/// Width of a square of this area.
+fn area_width(area: i64) -> i64 {
+    (area as f64).sqrt() as i64
+}
+
 /// Bottom-left packing; returns the height used and each rectangle's place.
 fn skyline(rectangles: &[[i64; 4]], order: &[usize], width: i64) -> (i64, Vec<[i64; 2]>) {
     let mut tops = vec![GUTTER; width as usize];
@@ -311,8 +361,21 @@ fn skyline(rectangles: &[[i64; 4]], order: &[usize], width: i64) -> (i64, Vec<[i
     for &k in order {
         let (w, h) = (rectangles[k][2] as usize, rectangles[k][3]);
         let mut best = (i64::MAX, 0);
+        // Columns of the window whose tops are higher than all to their right in it: the first is the highest.
+        let mut highest: VecDeque<usize> = VecDeque::new();
+        let mut next = GUTTER as usize;
         for x in GUTTER as usize..=(width as usize).saturating_sub(w).max(GUTTER as usize) {
-            let top = tops[x..(x + w).min(width as usize)].iter().copied().max().unwrap_or(GUTTER);
+            for column in next..(x + w).min(width as usize) {
+                while highest.back().is_some_and(|&k| tops[k] <= tops[column]) {
+                    highest.pop_back();
+                }
+                highest.push_back(column);
+            }
+            next = next.max((x + w).min(width as usize));
+            while highest.front().is_some_and(|&k| k < x) {
+                highest.pop_front();
+            }
+            let top = highest.front().map_or(GUTTER, |&k| tops[k]);
             if top < best.0 {
                 best = (top, x);
             }

@@ -37,7 +37,7 @@ fn main() -> Result<()> {
     let mut published = Vec::new();
     if let Some(folder) = folders.get(2) {
         for path in files(folder, "fit")? {
-            published.push((stem(&path), read_published(&path)?));
+            published.push((stem(&path), read_published(&path, &Default::default())?));
         }
     }
     let mut rows = Vec::new();
@@ -45,7 +45,7 @@ fn main() -> Result<()> {
     let merl = files(tables, "binary")?;
     for path in &merl {
         let begun = Instant::now();
-        let table = MerlTable::read(path)?;
+        let table = MerlTable::read(path, &Default::default())?;
         reading += begun.elapsed().as_secs_f64();
         bytes += std::fs::metadata(path)?.len();
         let name = stem(path);
@@ -80,7 +80,7 @@ fn main() -> Result<()> {
     if let Some(folder) = folders.get(1).filter(|_| !plans_alone()) {
         let mut rows = Vec::new();
         for path in files(folder, "bsdf")? {
-            let table = MerlTable::of(&RglMaterial::read(&path)?.reciprocal());
+            let table = MerlTable::of(&RglMaterial::read(&path, &Default::default())?.reciprocal());
             fit_all(&stem(&path), &table, &Reference::new(&table, &scenes), &mut rows)?;
         }
         print("RGL materials", &rows);
@@ -97,7 +97,7 @@ fn plans(merl: &[PathBuf]) -> Result<()> {
     for part in [1, 0, 2] {
         let mut population = Population::new();
         for path in merl.iter().enumerate().filter(|(k, _)| k % 3 != part).map(|(_, path)| path) {
-            population.add(&MerlTable::read(path)?)?;
+            population.add(&MerlTable::read(path, &Default::default())?)?;
         }
         let judged: Vec<&PathBuf> = merl.iter().enumerate().filter(|(k, _)| k % 3 == part).map(|(_, p)| p).collect();
         println!(
@@ -135,7 +135,7 @@ fn plans(merl: &[PathBuf]) -> Result<()> {
         }
         let mut errors = vec![[Vec::new(), Vec::new()]; rows.len()];
         for path in judged {
-            let table = MerlTable::read(path)?;
+            let table = MerlTable::read(path, &Default::default())?;
             for ((_, plan, form), [all, from_5_deg]) in rows.iter().zip(&mut errors) {
                 let fitted = fit_planned(&table, plan, *form, &FitSettings::default())?;
                 let found = cell_errors(&table, &fitted);

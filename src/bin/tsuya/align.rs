@@ -1,5 +1,6 @@
 //! `tsuya align`: where a mesh stands in the photographs' world.
 
+use crate::values::OutsideArgument;
 use crate::{output, ply, source};
 use anyhow::Result;
 use clap::Args;
@@ -33,6 +34,8 @@ pub struct Align {
     /// Finds the mesh's scale, too; needs points in two frames.
     #[arg(long)]
     scale: bool,
+    #[command(flatten)]
+    outside: OutsideArgument,
     /// Overwrites existing files.
     #[arg(long)]
     force: bool,
@@ -46,8 +49,9 @@ impl Align {
         for path in self.output.iter().chain(&self.write_mesh) {
             output::check_free(path, self.force)?;
         }
-        let description = describe(&self.capture)?;
-        let points = read_points(&self.points, &description)?;
+        let access = self.outside.access();
+        let description = describe(&self.capture, &access)?;
+        let points = read_points(&self.points, &description, &access)?;
         let cameras: Vec<Camera> = description.frames.iter().map(|frame| frame.view.camera).collect();
         let alignment = align(&cameras, &points, self.scale)?;
         let report = json!({
@@ -63,7 +67,7 @@ impl Align {
         }
         if let Some(path) = &self.write_mesh {
             let options = ReadOptions { mesh: self.mesh.clone(), ..Default::default() };
-            let mut mesh = tsuya::mesh::read::read(description.find_mesh(&options)?)?;
+            let mut mesh = tsuya::mesh::read::read(description.find_mesh(&options)?, &access)?;
             apply(&mut mesh, &alignment.pose);
             output::write(path, &ply::write(&mesh), self.force)?;
         }
@@ -89,9 +93,12 @@ impl Align {
     }
 }
 
+/// Bytes of a pose with its errors, at most.
+const MAX_POSE_BYTES: u64 = 1 << 20;
+
 /// The pose in a file that `align -o` wrote.
 pub fn read_pose(path: &Path) -> tsuya::Result<[[f64; 4]; 4]> {
-    let bytes = source::read(path)?;
+    let bytes = source::read_at_most(path, "pose", MAX_POSE_BYTES)?;
     let value: Value = serde_json::from_slice(&bytes).map_err(|e| Error::input(path, e.to_string()))?;
     let pose: Option<[[f64; 4]; 4]> =
         value.get("mesh_transform").and_then(|rows| serde_json::from_value(rows.clone()).ok());

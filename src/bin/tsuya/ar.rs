@@ -156,11 +156,11 @@ struct Place {
 impl Ar {
     pub fn run(self) -> Result<()> {
         let began = Instant::now();
-        let calibration = calibration::read(&self.camera)?;
+        let calibration = calibration::read(&self.camera, &source::access())?;
         let rig = if self.marker.contains(':') && !Path::new(&self.marker).exists() {
             Rig::parse(&self.marker)?
         } else {
-            Rig::read(&self.marker)?
+            Rig::read(&self.marker, &source::access())?
         };
         let mut source = Source::open(&self.frames, &self.ffmpeg)?;
         let rate = self.rate.map(|rate| [rate, 1]);
@@ -359,7 +359,12 @@ impl LightArguments {
             }
             paths => {
                 let exposures = self.env_exposures.clone().map_or(Vec::new(), |numbers| numbers.0);
-                let options = ReadOptions { projection: self.projection(), exposures, ..ReadOptions::default() };
+                let options = ReadOptions {
+                    projection: self.projection(),
+                    exposures,
+                    limits: source::limits(),
+                    ..ReadOptions::default()
+                };
                 let environment = read(paths, &options)?.0;
                 let display = paths.iter().all(|p| !["exr", "hdr"].iter().any(|e| source::has_extension(p, e)));
                 if display && paths.len() == 1 && gain > 1.0 {

@@ -1,6 +1,7 @@
 //! `tsuya bake`: what a mesh's surface sees.
 
 use crate::source::limits;
+use crate::values::OutsideArgument;
 use crate::{output, progress, source, values};
 use anyhow::{Context, Result};
 use clap::Args;
@@ -38,6 +39,8 @@ pub struct Bake {
     /// Bits of a coordinate of a mesh that is not coded yet, 8 to 24.
     #[arg(long, value_name = "BITS", default_value_t = 14, value_parser = clap::value_parser!(u8).range(8..=24))]
     position_bits: u8,
+    #[command(flatten)]
+    outside: OutsideArgument,
     /// Overwrites an existing file.
     #[arg(long)]
     force: bool,
@@ -52,7 +55,7 @@ impl Bake {
             output::check_free(path, self.force)?;
         }
         let options = self.options()?;
-        let (old, mesh, mesh_bytes) = read(&self.input, self.position_bits)?;
+        let (old, mesh, mesh_bytes) = read(&self.input, self.position_bits, self.outside)?;
         let baked = {
             let _busy = progress::busy("baking visibility");
             bake(&mesh, &options)?
@@ -127,7 +130,7 @@ impl Bake {
 }
 
 /// The bytes of a .tsuya file, if it is one, the mesh as a decoder has it, and its section.
-fn read(path: &Path, position_bits: u8) -> Result<(Option<Vec<u8>>, asset::Mesh, Vec<u8>)> {
+fn read(path: &Path, position_bits: u8, outside: OutsideArgument) -> Result<(Option<Vec<u8>>, asset::Mesh, Vec<u8>)> {
     let bytes = source::read(path)?;
     if bytes.starts_with(&SIGNATURE) {
         let mut file = Container::open_slice(&bytes, limits()).with_context(|| source::name(path))?;
@@ -135,7 +138,7 @@ fn read(path: &Path, position_bits: u8) -> Result<(Option<Vec<u8>>, asset::Mesh,
         let mesh = mesh::code::decode(&section, &file.budget()).with_context(|| source::name(path))?;
         return Ok((Some(bytes), mesh, section));
     }
-    let (mesh, cleaned) = mesh::clean::clean(mesh::read::read(path)?);
+    let (mesh, cleaned) = mesh::clean::clean(mesh::read::parse(path, &bytes, &outside.access())?);
     if !cleaned.is_clean() {
         output::warn(&[format!("{}: {cleaned}", source::name(path))]);
     }

@@ -1,7 +1,8 @@
 //! `tsuya composite`: an object over a photograph, with its shadow on the ground.
 
 use crate::surroundings::{self, Quality};
-use crate::{output, pictures, progress};
+use crate::values::OutsideArgument;
+use crate::{output, pictures, progress, source};
 use anyhow::Result;
 use clap::Args;
 use std::path::PathBuf;
@@ -32,6 +33,8 @@ pub struct Composite {
     /// Brighter by this many stops.
     #[arg(long, value_name = "STOPS", default_value_t = 0.0, allow_hyphen_values = true)]
     exposure: f64,
+    #[command(flatten)]
+    outside: OutsideArgument,
     /// Overwrites an existing picture.
     #[arg(long)]
     force: bool,
@@ -41,7 +44,7 @@ impl Composite {
     pub fn run(self) -> Result<()> {
         let is_exr = crate::render::is_exr(&self.output)?;
         output::check_free(&self.output, self.force)?;
-        let (job, folder) = surroundings::read_job(&self.job)?;
+        let (job, folder) = surroundings::read_job(&self.job, self.outside)?;
         let camera = job.camera()?;
         let _busy = progress::busy("rendering");
         let light = surroundings::light(&job.environment, &folder)?;
@@ -55,7 +58,7 @@ impl Composite {
             };
             RgbImage { width, height, data: (0..width * height).map(pixel).collect() }
         } else {
-            read_radiance(&self.photograph)?
+            read_radiance(&self.photograph, &source::access())?
         };
         if [photograph.width, photograph.height] != job.size.map(|side| side as usize) {
             let message = format!("{} x {} pixels, the job says {:?}", photograph.width, photograph.height, job.size);

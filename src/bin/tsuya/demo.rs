@@ -3,7 +3,7 @@
 use crate::compare::side_by_side;
 use crate::encode::decibel;
 use crate::render::numbered;
-use crate::{output, pictures, progress};
+use crate::{output, pictures, progress, source};
 use anyhow::Result;
 use clap::Args;
 use std::fmt::Write;
@@ -49,7 +49,8 @@ impl Demo {
             return Err(Error::parameter(message).into());
         }
         std::fs::create_dir_all(&self.output).map_err(|e| Error::io(&self.output, e))?;
-        let captured = progress::read_capture(&path, &ReadOptions::default())?;
+        let options = ReadOptions { limits: source::limits(), ..Default::default() };
+        let captured = progress::read_capture(&path, &options)?;
         output::warn(&captured.warnings);
         let frames = captured.frames.len();
         let photograph_bytes = photograph_bytes(&path)?;
@@ -166,7 +167,7 @@ fn enlarge(camera: tsuya::asset::Camera, factor: usize) -> tsuya::asset::Camera 
 
 /// Bytes of the capture's photographs on disk.
 fn photograph_bytes(path: &Path) -> Result<u64> {
-    let description = capture::describe(path)?;
+    let description = capture::describe(path, &source::access())?;
     let files = description.frames.iter().flat_map(|frame| std::iter::once(&frame.photograph).chain(&frame.cross));
     Ok(files.filter_map(|file| std::fs::metadata(file).ok()).map(|metadata| metadata.len()).sum())
 }

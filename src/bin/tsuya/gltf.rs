@@ -2,7 +2,7 @@
 
 use crate::comparison::compare;
 use crate::source::{limits, name, read};
-use crate::values::{CaptureArguments, find_view};
+use crate::values::{CaptureArguments, OutsideArgument, find_view};
 use crate::{Failed, output, pictures, progress};
 use anyhow::{Context, Result};
 use clap::{Args, Subcommand};
@@ -207,6 +207,8 @@ pub struct Import {
     /// Which appearance, where the file has several.
     #[arg(long, value_name = "N", default_value_t = 0)]
     appearance: usize,
+    #[command(flatten)]
+    outside: OutsideArgument,
     /// Overwrites an existing file.
     #[arg(long)]
     force: bool,
@@ -215,8 +217,8 @@ pub struct Import {
 impl Import {
     fn run(self) -> Result<()> {
         output::check_free(&self.output, self.force)?;
-        let document = document(&self.file)?;
-        let files = |name: &str| beside_document(&self.file, name);
+        let document = document(&self.file, self.outside)?;
+        let files = |name: &str| beside_document(&self.file, name, self.outside);
         let taken = gltf::take(&document, self.appearance, &files)?;
         let of_stream = || format!("{}: the stream of appearance {}", name(&self.file), self.appearance);
         container::verify(&taken.stream[..], limits()).with_context(of_stream)?;
@@ -245,6 +247,8 @@ pub struct Inject {
     /// Does not ask whether the mesh is the one that was captured.
     #[arg(long)]
     any_mesh: bool,
+    #[command(flatten)]
+    outside: OutsideArgument,
     /// Overwrites existing files.
     #[arg(long)]
     force: bool,
@@ -252,7 +256,7 @@ pub struct Inject {
 
 impl Inject {
     fn run(self) -> Result<()> {
-        let mut document = document(&self.file)?;
+        let mut document = document(&self.file, self.outside)?;
         let stream = read(&self.stream)?;
         container::verify(&stream[..], limits()).with_context(|| name(&self.stream))?;
         let asset = without_photographs(&self.stream, &stream)?;
@@ -270,7 +274,7 @@ impl Inject {
         };
         let binding = gltf::put(&mut document, material, &stream, levels, uri.as_deref())?.1;
         if !self.any_mesh {
-            let files = |name: &str| beside_document(&self.file, name);
+            let files = |name: &str| beside_document(&self.file, name, self.outside);
             check_mesh(&document, &[material], &binding, &asset, &files)?;
         }
         let bytes = document.to_bytes()?;
@@ -295,6 +299,8 @@ pub struct Extract {
     /// Also writes the document without the extension.
     #[arg(long, value_name = "FILE")]
     rest: Option<PathBuf>,
+    #[command(flatten)]
+    outside: OutsideArgument,
     /// Overwrites existing files.
     #[arg(long)]
     force: bool,
@@ -305,8 +311,8 @@ impl Extract {
         for path in [Some(&self.output), self.rest.as_ref()].into_iter().flatten() {
             output::check_free(path, self.force)?;
         }
-        let mut document = document(&self.file)?;
-        let taken = gltf::take(&document, self.appearance, &|name| beside_document(&self.file, name))?;
+        let mut document = document(&self.file, self.outside)?;
+        let taken = gltf::take(&document, self.appearance, &|name| beside_document(&self.file, name, self.outside))?;
         output::write(&self.output, &taken.stream, self.force)?;
         if let Some(rest) = &self.rest {
             gltf::remove(&mut document)?;
@@ -351,18 +357,19 @@ fn without_photographs(path: &Path, stream: &[u8]) -> Result<Asset> {
     decode(stream, &lightly()).with_context(|| name(path))
 }
 
-fn document(path: &Path) -> Result<Document> {
-    Ok(Document::parse(path, &read(path)?, &Budget::new(limits()))?)
+fn document(path: &Path, outside: OutsideArgument) -> Result<Document> {
+    let document = Document::parse(path, &read(path)?, &Budget::new(limits()))?;
+    Ok(document.allow_outside(outside.allow_outside))
 }
 
 /// What a document's references lead to.
-fn beside_document(document: &Path, name: &str) -> tsuya::Result<Vec<u8>> {
+fn beside_document(document: &Path, name: &str, outside: OutsideArgument) -> tsuya::Result<Vec<u8>> {
     if output::is_stream(document) {
         return Err(Error::parameter(format!(
             "the document refers to {name:?}: read it from its folder, not from standard input"
         )));
     }
-    read(&document.with_file_name("").join(name))
+    read(&outside.folder(document).resolve(name)?)
 }
 
 /// The file beside a document that holds its stream.

@@ -173,6 +173,7 @@ impl Fit {
             width: self.width.map(usize::from),
             color_space: self.color_space.clone(),
             exposures: self.exposures.clone().map_or(Vec::new(), |numbers| numbers.0),
+            limits: limits(),
         }
     }
 }

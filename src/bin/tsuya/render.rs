@@ -1,7 +1,7 @@
 //! `tsuya render`: pictures from any camera, under any point lights or an environment.
 
 use crate::surroundings::{self, Quality, Subject};
-use crate::values::{Numbers, find_view, numbers, size, triple};
+use crate::values::{Numbers, OutsideArgument, find_view, numbers, size, triple};
 use crate::{output, pictures, progress, source};
 use anyhow::Result;
 use clap::{Args, ValueEnum};
@@ -10,6 +10,7 @@ use tsuya::Error;
 use tsuya::asset::{Asset, Camera, PointLight};
 use tsuya::decoder::Selection;
 use tsuya::image::RgbImage;
+use tsuya::input::Folder;
 use tsuya::measure::to_display;
 use tsuya::relight::job::{JobEnvironment, JobEvaluator};
 use tsuya::relight::{self, Layers, Lighting, RenderOptions, Renderer};
@@ -58,6 +59,8 @@ pub struct Render {
     /// Brighter by this many stops.
     #[arg(long, value_name = "STOPS", default_value_t = 0.0, allow_hyphen_values = true)]
     exposure: f64,
+    #[command(flatten)]
+    outside: OutsideArgument,
     /// Overwrites existing pictures.
     #[arg(long)]
     force: bool,
@@ -165,7 +168,7 @@ impl Render {
 
     fn run_job(&self, path: &Path, is_exr: bool) -> Result<()> {
         output::check_free(&self.output, self.force)?;
-        let (job, folder) = surroundings::read_job(path)?;
+        let (job, folder) = surroundings::read_job(path, self.outside)?;
         let quality = Quality {
             evaluator: self.evaluator(job.evaluator),
             shadows: job.shadows && !self.no_shadows,
@@ -194,7 +197,7 @@ impl Render {
         let Surround { env_scale: scale, env_rotation: rotation_y_deg, .. } = self.surround;
         let environment = JobEnvironment { file: file.to_owned(), scale, rotation_y_deg };
         let _busy = progress::busy("rendering");
-        let light = surroundings::light(&environment, Path::new(""))?;
+        let light = surroundings::light(&environment, &Folder::new("", file, true))?;
         let gain = self.exposure.exp2() as f32;
         surroundings::pictures(&Subject::Asset(Box::new(asset)), &light, &cameras, quality, |k, relit| {
             self.write(&relit.image, gain, [1.0; 3], &paths[k], is_exr)

@@ -5,10 +5,11 @@ use anyhow::{Context, Result};
 use std::io::{Cursor, Read, Seek};
 use std::path::Path;
 use std::sync::OnceLock;
+use tsuya::Limits;
 use tsuya::asset::Asset;
 use tsuya::container::{Container, Tag};
 use tsuya::decoder::{DecodeOptions, Selection, decode_from};
-use tsuya::{Error, Limits};
+use tsuya::input::{self, FileAccess};
 
 static LIMITS: OnceLock<Limits> = OnceLock::new();
 
@@ -29,30 +30,30 @@ impl<T: Read + Seek> Source for T {}
 /// A readable file; `-` is standard input.
 pub fn open(path: &Path) -> tsuya::Result<Box<dyn Source>> {
     if is_stream(path) {
-        return Ok(Box::new(Cursor::new(bounded(path, std::io::stdin().lock())?)));
+        return Ok(Box::new(Cursor::new(read(path)?)));
     }
-    let failed = |e| Error::io(path, e);
-    let file = std::fs::File::open(path).map_err(failed)?;
-    if file.metadata().map_err(failed)?.is_dir() {
-        return Err(failed(std::io::Error::new(std::io::ErrorKind::IsADirectory, "is a folder, not a file")));
-    }
-    Ok(Box::new(file))
+    Ok(Box::new(input::open(path)?.0))
+}
+
+/// The account of one job's input: as much as a file may ask for.
+pub fn access() -> FileAccess {
+    FileAccess::new(limits())
 }
 
 /// The bytes of a file or of standard input, no more than the limit.
 pub fn read(path: &Path) -> tsuya::Result<Vec<u8>> {
-    if is_stream(path) { bounded(path, std::io::stdin().lock()) } else { bounded(path, open(path)?) }
+    read_at_most(path, "file", u64::MAX)
 }
 
-fn bounded(path: &Path, source: impl Read) -> tsuya::Result<Vec<u8>> {
-    let most = limits().memory_bytes;
-    let mut bytes = Vec::new();
-    source.take(most.saturating_add(1)).read_to_end(&mut bytes).map_err(|e| Error::io(path, e))?;
-    if bytes.len() as u64 > most {
-        let what = if is_stream(path) { "standard input" } else { "a file" };
-        return Err(Error::Limits { what, asked: bytes.len() as u64, allowed: most });
-    }
-    Ok(bytes)
+/// The same, of at most `max_bytes`, which what it is has.
+pub fn read_at_most(path: &Path, what: &'static str, max_bytes: u64) -> tsuya::Result<Vec<u8>> {
+    let access = access();
+    let bytes = if is_stream(path) {
+        access.read_stream(path, what, std::io::stdin().lock(), max_bytes)?
+    } else {
+        access.read(path, what, max_bytes)?
+    };
+    Ok(bytes.keep())
 }
 
 /// Whether a path has an extension, in small or capital letters.

@@ -1,11 +1,14 @@
 //! Pictures under an environment: what `render --env`, `render --job` and `composite` share.
 
 use crate::source;
+use crate::values::OutsideArgument;
 use anyhow::Result;
 use std::path::{Path, PathBuf};
 use tsuya::asset::{Asset, Camera, Mesh};
 use tsuya::decoder::Selection;
 use tsuya::image::RgbImage;
+use tsuya::input::{FileAccess, Folder};
+use tsuya::lighting::read::ReadOptions;
 use tsuya::lighting::{self, Environment, fit, levels};
 use tsuya::relight::job::{Job, JobEnvironment, JobEvaluator, JobMaterial, Parameter};
 use tsuya::relight::{
@@ -16,13 +19,15 @@ use tsuya::visibility::Visibility;
 use tsuya::visibility::bake::{BakeOptions, bake};
 use tsuya::{Error, mesh};
 
+/// Bytes of a job, at most.
+const MAX_JOB_BYTES: u64 = 1 << 20;
 /// Cells along a side of the sharpest level.
 const LEVEL_SIDE: usize = 256;
 
 /// What is shown: an asset, or a mesh of one material.
 pub enum Subject {
     Asset(Box<Asset>),
-    Mesh { mesh: Mesh, visibility: Option<Box<Visibility>>, material: Box<JobMaterial>, folder: PathBuf, file: PathBuf },
+    Mesh { mesh: Mesh, visibility: Option<Box<Visibility>>, material: Box<JobMaterial>, folder: Folder, file: PathBuf },
 }
 
 impl Subject {
@@ -73,13 +78,13 @@ pub struct Light {
 }
 
 /// Reads the environment of a job: a picture, or the light of a `.tsuya` file.
-pub fn light(job: &JobEnvironment, folder: &Path) -> Result<Light> {
+pub fn light(job: &JobEnvironment, folder: &Folder) -> Result<Light> {
     if !(job.scale.is_finite() && job.scale >= 0.0 && job.rotation_y_deg.is_finite()) {
         return Err(
             Error::parameter("an environment's scale and rotation are finite, the scale is not negative").into()
         );
     }
-    let path = folder.join(&job.file);
+    let path = folder.resolve_path(&job.file)?;
     if source::has_extension(&path, "tsuya") {
         let stored = source::read_light(&path)?.turned_y(job.rotation_y_deg).scaled(job.scale);
         let Some(environment) = stored.environment() else {
@@ -87,7 +92,8 @@ pub fn light(job: &JobEnvironment, folder: &Path) -> Result<Light> {
         };
         return Ok(Light { environment, stored: Some(stored) });
     }
-    let (environment, cleaned) = lighting::read::read(&[path], &Default::default())?;
+    let (environment, cleaned) =
+        lighting::read::read(&[path], &ReadOptions { limits: source::limits(), ..Default::default() })?;
     if cleaned.negative + cleaned.not_finite > 0 {
         tracing::info!("{} negative and {} missing pixels replaced", cleaned.negative, cleaned.not_finite);
     }
@@ -167,29 +173,29 @@ pub fn occlusion(subject: &Subject) -> Result<Occlusion> {
 }
 
 /// Reads a job; paths in it are relative to its folder, which comes with it.
-pub fn read_job(path: &Path) -> Result<(Job, PathBuf)> {
-    let bytes = source::read(path)?;
+pub fn read_job(path: &Path, outside: OutsideArgument) -> Result<(Job, Folder)> {
+    let bytes = source::read_at_most(path, "job", MAX_JOB_BYTES)?;
     let job = serde_json::from_slice(&bytes).map_err(|e| Error::input(path, e.to_string()))?;
-    Ok((job, path.parent().unwrap_or(Path::new("")).to_owned()))
+    Ok((job, outside.folder(path)))
 }
 
 /// What a job shows.
-pub fn subject(job: &Job, folder: &Path, detail: bool) -> Result<Subject> {
+pub fn subject(job: &Job, folder: &Folder, detail: bool) -> Result<Subject> {
     match (&job.asset, &job.mesh, &job.material) {
         (Some(asset), None, None) => {
             let selection = if detail { Selection::All } else { Selection::None };
-            Ok(Subject::Asset(Box::new(source::decode(&folder.join(asset), selection)?.0)))
+            Ok(Subject::Asset(Box::new(source::decode(&folder.resolve_path(asset)?, selection)?.0)))
         }
         (None, Some(file), Some(material)) => {
-            let file = folder.join(file);
+            let file = folder.resolve_path(file)?;
             // What `tsuya bake` writes brings its visibility along.
             let (mesh, visibility) = if source::has_extension(&file, "tsuya") {
                 let (asset, _) = source::decode(&file, Selection::None)?;
                 (asset.mesh, asset.visibility.map(Box::new))
             } else {
-                (mesh::read::read(&file)?, None)
+                (mesh::read::read(&file, &source::access().allow_outside(folder.allows_outside()))?, None)
             };
-            let (material, folder) = (Box::new(material.clone()), folder.to_owned());
+            let (material, folder) = (Box::new(material.clone()), folder.clone());
             Ok(Subject::Mesh { mesh, visibility, material, folder, file })
         }
         _ => Err(Error::parameter("a job has either asset, or mesh and material").into()),
@@ -197,25 +203,27 @@ pub fn subject(job: &Job, folder: &Path, detail: bool) -> Result<Subject> {
 }
 
 /// A picture in linear values: numbers as they are, not decoded from sRGB, unless it is a colour.
-fn read_texture(path: &Path, colour: bool, scale: f64) -> Result<Texture> {
+fn read_texture(path: &Path, access: &FileAccess, colour: bool, scale: f64) -> Result<Texture> {
     let space = if colour { "srgb" } else { "linear" };
-    let image: RgbImage = tsuya::capture::read_values(path, space)?;
+    let image: RgbImage = tsuya::capture::read_values(path, access, space)?;
+    access.charge(path, "texture", size_of_val(&image.data[..]) as u64)?;
     Ok(Texture { image, scale: scale as f32 })
 }
 
-fn textures(material: &JobMaterial, folder: &Path, mesh: &Path) -> Result<Textures> {
+fn textures(material: &JobMaterial, folder: &Folder, mesh: &Path) -> Result<Textures> {
+    let access = source::access();
     let mut textures = Textures::default();
     if let Some(Parameter::Texture { texture, scale }) = &material.diffuse {
-        textures.diffuse = Some(read_texture(&folder.join(texture), true, *scale)?);
+        textures.diffuse = Some(read_texture(&folder.resolve_path(texture)?, &access, true, *scale)?);
     }
     if let Some(Parameter::Texture { texture, scale }) = &material.specular {
-        textures.specular = Some(read_texture(&folder.join(texture), true, *scale)?);
+        textures.specular = Some(read_texture(&folder.resolve_path(texture)?, &access, true, *scale)?);
     }
     if let Some(Parameter::Texture { texture, scale }) = &material.roughness {
-        textures.roughness = Some(read_texture(&folder.join(texture), false, *scale)?);
+        textures.roughness = Some(read_texture(&folder.resolve_path(texture)?, &access, false, *scale)?);
     }
     if textures != Textures::default() {
-        textures.coordinates = mesh::read::texture_coordinates(mesh)?;
+        textures.coordinates = mesh::read::texture_coordinates(mesh, &access)?;
     }
     Ok(textures)
 }

@@ -1,9 +1,11 @@
 //! Values on the command line, and the arguments that several subcommands share.
 
+use crate::source;
 use clap::Args;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use tsuya::asset::View;
 use tsuya::capture::ReadOptions;
+use tsuya::input::{FileAccess, Folder};
 use tsuya::{Error, Result};
 
 /// Numbers with commas between them.
@@ -52,13 +54,46 @@ pub struct CaptureArguments {
     /// [default: the one that the capture names, or srgb].
     #[arg(long, value_name = "NAME")]
     pub color_space: Option<String>,
+    /// Multiplies the mesh's coordinates, where its unit is not the cameras': 0.001 for millimetres and metres. 1 takes it as it is,
+    /// however large.
+    #[arg(long, value_name = "FACTOR")]
+    pub mesh_scale: Option<f64>,
+    #[command(flatten)]
+    pub outside: OutsideArgument,
+}
+
+/// Where the paths that an input names may lead.
+#[derive(Args, Debug, Clone, Copy, Default)]
+pub struct OutsideArgument {
+    /// Also reads what an input names outside its own folder, by .., absolute paths or links, and hidden files. For inputs that you trust.
+    #[arg(long)]
+    pub allow_outside: bool,
+}
+
+impl OutsideArgument {
+    /// The account of one job's input.
+    pub fn access(self) -> FileAccess {
+        source::access().allow_outside(self.allow_outside)
+    }
+    /// The folder of a file, for the paths in it.
+    pub fn folder(self, file: &Path) -> Folder {
+        Folder::of(file, self.allow_outside)
+    }
 }
 
 impl CaptureArguments {
     /// The library's options.
     pub fn read_options(&self) -> Result<ReadOptions> {
         let mesh_pose = self.mesh_pose.as_ref().map(|path| crate::align::read_pose(path)).transpose()?;
-        Ok(ReadOptions { mesh: self.mesh.clone(), mesh_pose, beta: self.beta, color_space: self.color_space.clone() })
+        Ok(ReadOptions {
+            mesh: self.mesh.clone(),
+            mesh_pose,
+            beta: self.beta,
+            color_space: self.color_space.clone(),
+            mesh_scale: self.mesh_scale,
+            limits: source::limits(),
+            allow_outside: self.outside.allow_outside,
+        })
     }
 }
 

@@ -1,8 +1,8 @@
 //! Reading and writing `.binary` files, in blocks.
 
 use super::{CELLS, MerlTable, PHI_D_BINS, SCALES, THETA_D_BINS, THETA_H_BINS};
+use crate::input::{FileAccess, open};
 use crate::{Error, Result};
-use std::fs::File;
 use std::io::{BufWriter, Read, Write};
 use std::path::Path;
 
@@ -10,14 +10,16 @@ const COUNTS: [u32; 3] = [THETA_H_BINS as u32, THETA_D_BINS as u32, PHI_D_BINS a
 /// Bytes of a file.
 const FILE_BYTES: u64 = 12 + 8 * 3 * CELLS as u64;
 const BLOCK_BYTES: usize = 1 << 16;
+/// Bytes of a table in memory: three floats a cell, in a list that has grown to their number.
+const MEMORY_BYTES: u64 = 2 * 12 * CELLS as u64;
 
 impl MerlTable {
-    /// Reads a file. Errors name the file.
-    pub fn read(path: impl AsRef<Path>) -> Result<Self> {
+    /// Reads a file. The table stays charged; errors name the file.
+    pub fn read(path: impl AsRef<Path>, access: &FileAccess) -> Result<Self> {
         let path = path.as_ref();
-        let file = File::open(path).map_err(|e| Error::io(path, e))?;
-        let metadata = file.metadata().map_err(|e| Error::io(path, e))?;
-        Self::read_sized(file, path, metadata.is_file().then_some(metadata.len()))
+        let (file, size) = open(path)?;
+        access.charge(path, "MERL table", MEMORY_BYTES)?;
+        Self::read_sized(file, path, Some(size))
     }
 
     /// Reads a stream to its end; `path` is how errors call it.

@@ -2,6 +2,7 @@
 //! `NAME = Aggregate(Lambertian(albedo = [..]), MODEL(..))`.
 
 use super::{ClassicalModel, Lobe, ShiftedGamma};
+use crate::input::FileAccess;
 use crate::{Error, Result};
 use std::f64::consts::PI;
 use std::path::Path;
@@ -22,11 +23,9 @@ const NGAN_SCALES: [f64; 3] = [1.0, 1.15, 1.66];
 const MOST_BYTES: u64 = 16 << 20;
 
 /// Reads a list. Comments (`#`) and empty lines are skipped.
-pub fn read_published(path: impl AsRef<Path>) -> Result<Vec<PublishedFit>> {
+pub fn read_published(path: impl AsRef<Path>, access: &FileAccess) -> Result<Vec<PublishedFit>> {
     let path = path.as_ref();
-    let size = std::fs::metadata(path).map_err(|e| Error::io(path, e))?.len();
-    crate::limits::check("list of fits", size, MOST_BYTES)?;
-    let text = std::fs::read_to_string(path).map_err(|e| Error::io(path, e))?;
+    let text = access.read_text(path, "list of fits", MOST_BYTES)?;
     parse(&text, path)
 }
 

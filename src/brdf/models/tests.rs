@@ -143,7 +143,7 @@ fn published_lists_are_read() {
         ("ngan_lafortune", 86),
         ("bagher_sgd", 100),
     ] {
-        let fits = read_published(folder.join(format!("{name}.fit"))).unwrap();
+        let fits = read_published(folder.join(format!("{name}.fit")), &Default::default()).unwrap();
         assert_eq!(fits.len(), count, "{name}");
     }
     let path = Path::new("x.fit");

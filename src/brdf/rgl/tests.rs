@@ -24,7 +24,7 @@ fn values_are_those_of_another_reader() {
     ];
     for (name, incoming, outgoing, expected) in known {
         let Some(path) = shared(&format!("brdf/rgl/{name}")) else { return };
-        let material = RglMaterial::read(path).unwrap();
+        let material = RglMaterial::read(path, &Default::default()).unwrap();
         assert!(!material.description().is_empty());
         let (incoming, outgoing) = (direction(incoming), direction(outgoing));
         let found = material.evaluate(incoming, outgoing).map(|x| x * outgoing[2]);
@@ -39,7 +39,7 @@ fn values_are_those_of_another_reader() {
 #[test]
 fn paper_is_nearly_reciprocal_and_made_so() {
     let Some(path) = shared("brdf/rgl/paper_white_rgb.bsdf") else { return };
-    let material = RglMaterial::read(path).unwrap();
+    let material = RglMaterial::read(path, &Default::default()).unwrap();
     let (a, b) = (direction([0.7, 0.1]), direction([-0.2, 0.3]));
     let (there, back) = (material.evaluate(a, b), material.evaluate(b, a));
     assert!((there[1] / back[1] - 1.0).abs() < 0.05, "{there:?} {back:?}");

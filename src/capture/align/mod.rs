@@ -18,13 +18,18 @@ pub(crate) mod refine;
 pub(crate) mod start;
 
 use super::description::Description;
-use super::json::Document;
+use super::json::{Document, Node};
 use crate::asset::{Camera, Mesh};
 use crate::error::{Error, Result};
+use crate::input::{FileAccess, quoted};
+use std::collections::HashMap;
+use std::ffi::OsStr;
 use std::path::Path;
 
 /// Fewest correspondences that determine a pose linearly.
 pub const FEWEST_POINTS: usize = 6;
+/// Most correspondences that a file may hold; people mark some dozens.
+const MAX_POINTS: usize = 4096;
 
 /// A mesh point and where one frame shows it.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -67,29 +72,17 @@ impl Similarity {
 }
 
 /// Reads a points file and takes the lens distortion off its image positions.
-pub fn read_points(path: impl AsRef<Path>, description: &Description) -> Result<Vec<Correspondence>> {
-    let document = Document::read(path.as_ref())?;
+pub fn read_points(
+    path: impl AsRef<Path>,
+    description: &Description,
+    access: &FileAccess,
+) -> Result<Vec<Correspondence>> {
+    let document = Document::read(path.as_ref(), access)?;
     let mut correspondences = Vec::new();
-    for point in document.root().need("points")?.items()? {
+    let frames = FrameNames::of(description);
+    for point in document.root().need("points")?.items(MAX_POINTS)? {
         let node = point.need("frame")?;
-        let name = node.text()?.trim_start_matches("./");
-        let file_name = |name: &str| Path::new(name).file_name().map(|n| n.to_owned());
-        let exact: Vec<_> = description.frames.iter().enumerate().filter(|(_, f)| f.view.name == name).collect();
-        let frame = match exact.as_slice() {
-            [(index, _), ..] => *index,
-            [] => {
-                let same_file = |name_of: &str| file_name(name_of) == file_name(name) && file_name(name).is_some();
-                let found: Vec<_> =
-                    description.frames.iter().enumerate().filter(|(_, f)| same_file(&f.view.name)).collect();
-                match found.as_slice() {
-                    [(index, _)] if !name.contains('/') => *index,
-                    [_, _, ..] if !name.contains('/') => {
-                        return Err(node.error(format!("several frames are called \"{name}\": give the whole path")));
-                    }
-                    _ => return Err(node.error(format!("the capture has no frame \"{name}\""))),
-                }
-            }
-        };
+        let frame = frames.find(&node)?;
         let described = &description.frames[frame];
         let camera = &described.view.camera;
         let pixel_node = point.need("pixel")?;
@@ -107,6 +100,40 @@ pub fn read_points(path: impl AsRef<Path>, description: &Description) -> Result<
         correspondences.push(Correspondence { frame, pixel, mesh: point.need("mesh")?.numbers()? });
     }
     Ok(correspondences)
+}
+
+/// The frames of a capture by their names, and by their files' alone.
+struct FrameNames<'a> {
+    whole: HashMap<&'a str, usize>,
+    /// `None` where several frames have it.
+    file: HashMap<&'a OsStr, Option<usize>>,
+}
+
+impl<'a> FrameNames<'a> {
+    fn of(description: &'a Description) -> Self {
+        let mut names = FrameNames { whole: HashMap::new(), file: HashMap::new() };
+        for (index, frame) in description.frames.iter().enumerate() {
+            let name = frame.view.name.as_str();
+            names.whole.entry(name).or_insert(index);
+            if let Some(file) = Path::new(name).file_name() {
+                names.file.entry(file).and_modify(|only| *only = None).or_insert(Some(index));
+            }
+        }
+        names
+    }
+
+    fn find(&self, node: &Node) -> Result<usize> {
+        let name = node.text()?.trim_start_matches("./");
+        if let Some(&index) = self.whole.get(name) {
+            return Ok(index);
+        }
+        let file = Path::new(name).file_name().filter(|_| !name.contains('/')).and_then(|file| self.file.get(file));
+        match file {
+            Some(Some(index)) => Ok(*index),
+            Some(None) => Err(node.error(format!("several frames are called {}: give the whole path", quoted(name)))),
+            None => Err(node.error(format!("the capture has no frame {}", quoted(name)))),
+        }
+    }
 }
 
 /// Finds the pose of the mesh from correspondences with known cameras; with `with_scale` also its scale, which needs points in

@@ -103,7 +103,7 @@ fn direct_linear(camera: &Camera, points: &[Correspondence]) -> Option<(DMat3, D
             _ => 0.0,
         }
     });
-    let svd = apart(|| matrix.svd()).ok()?;
+    let svd = apart(|| matrix.thin_svd()).ok()?;
     let values = svd.S().column_vector();
     if values[10] <= 1e-9 * values[0] {
         return None;

@@ -35,7 +35,11 @@ fn main() -> Outcome {
     let wants = |part: &str| asked.is_empty() || asked.iter().any(|a| a == part);
     let data = std::env::var("TSUYA_DATA")?;
     let data = Path::new(&data);
-    let bunny = tsuya::mesh::clean::clean(tsuya::mesh::read::read(data.join("meshes/stanford-bunny.obj"))?).0;
+    let bunny = tsuya::mesh::clean::clean(tsuya::mesh::read::read(
+        data.join("meshes/stanford-bunny.obj"),
+        &Default::default(),
+    )?)
+    .0;
     let environments = ["museum.exr", "KernerEnvLatLong.exr", "studio.exr"];
     if wants("bake") {
         baking(&bunny)?;

@@ -70,7 +70,7 @@ impl Source {
             Source::Pictures { paths, next } => {
                 let Some(path) = paths.get(*next) else { return Ok(None) };
                 *next += 1;
-                Plate::read(path).map(Some)
+                Plate::read(path, &crate::source::access()).map(Some)
             }
         }
     }

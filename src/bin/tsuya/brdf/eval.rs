@@ -1,11 +1,10 @@
 //! `tsuya brdf eval`: values at directions.
 
 use super::material::read_one;
-use crate::output;
+use crate::{output, source};
 use anyhow::Result;
 use clap::Args;
 use std::fmt::Write;
-use std::io::Read;
 use std::path::{Path, PathBuf};
 use tsuya::brdf::Brdf;
 use tsuya::{Error, Result as TsuyaResult};
@@ -45,29 +44,21 @@ impl Eval {
 }
 
 /// 256 MiB of text are three million rows.
-const MOST_BYTES: u64 = 256 << 20;
+const MAX_BYTES: u64 = 256 << 20;
 
 fn read_directions(path: &Path) -> Result<Vec<([f64; 3], [f64; 3])>> {
-    let mut text = String::new();
-    let failed = |e| Error::io(path, e);
-    let read =
-        |reader: &mut dyn Read, text: &mut String| reader.take(MOST_BYTES + 1).read_to_string(text).map_err(failed);
-    let size = if output::is_stream(path) {
-        read(&mut std::io::stdin().lock(), &mut text)?
-    } else {
-        read(&mut std::fs::File::open(path).map_err(failed)?, &mut text)?
-    };
-    if size as u64 > MOST_BYTES {
-        return Err(Error::Limits { what: "file of directions", asked: size as u64, allowed: MOST_BYTES }.into());
-    }
-    Ok(tsuya::brdf::directions::parse(&text, path)?)
+    let bytes = source::read_at_most(path, "file of directions", MAX_BYTES)?;
+    let text = std::str::from_utf8(&bytes).map_err(|e| Error::input(path, format!("not UTF-8 text: {e}")))?;
+    // A row has twelve bytes at least, a pair of directions 48, in a list that has grown.
+    source::access().charge(path, "file of directions", 9 * bytes.len() as u64)?;
+    Ok(tsuya::brdf::directions::parse(text, path)?)
 }
 
 /// An environment map out of a picture, or the standard one.
 pub fn environment(path: Option<&Path>) -> TsuyaResult<tsuya::brdf::sphere::Environment> {
     use tsuya::brdf::sphere::{Environment, studio};
     Ok(match path {
-        Some(path) => Environment::new(&tsuya::capture::read_radiance(path)?),
+        Some(path) => Environment::new(&tsuya::capture::read_radiance(path, &source::access())?),
         None => Environment::new(&studio()),
     })
 }

@@ -112,8 +112,8 @@ impl Kind {
 pub fn read_all(path: &Path) -> Result<Vec<Named>> {
     let named = |material| vec![Named { name: name_of(path), material }];
     Ok(match Kind::of(path)? {
-        Kind::Merl => named(Material::Merl(MerlTable::read(path)?)),
-        Kind::Rgl => named(Material::Rgl(Box::new(RglMaterial::read(path)?))),
+        Kind::Merl => named(Material::Merl(MerlTable::read(path, &source::access())?)),
+        Kind::Rgl => named(Material::Rgl(Box::new(RglMaterial::read(path, &source::access())?))),
         Kind::Models => read_models(path)?,
         Kind::Tsuya => read_tsuya(path)?,
     })
@@ -150,11 +150,7 @@ fn read_tsuya(path: &Path) -> Result<Vec<Named>> {
 }
 
 fn read_models(path: &Path) -> Result<Vec<Named>> {
-    let size = std::fs::metadata(path).map_err(|e| Error::io(path, e))?.len();
-    if size > MOST_MODEL_BYTES {
-        return Err(Error::Limits { what: "file of models", asked: size, allowed: MOST_MODEL_BYTES }.into());
-    }
-    let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
+    let bytes = source::read_at_most(path, "file of models", MOST_MODEL_BYTES)?;
     let wrong = |what: String| Error::input(path, format!("not a file of fitted models: {what}"));
     let file: ModelFile = serde_json::from_slice(&bytes).map_err(|e| wrong(e.to_string()))?;
     if file.format != MODEL_FORMAT {

@@ -1,7 +1,7 @@
 //! `tsuya brdf plan`: what to measure, chosen from a population of measured materials.
 
 use super::material::{Kind, Material, expand, read_all};
-use crate::{output, progress};
+use crate::{output, progress, source};
 use anyhow::Result;
 use clap::{Args, ValueEnum};
 use serde_json::json;
@@ -112,10 +112,6 @@ impl Plan {
 
 /// Reads a plan.
 pub fn read(path: &Path) -> Result<plan::Plan> {
-    let size = std::fs::metadata(path).map_err(|e| Error::io(path, e))?.len();
-    if size > MOST_PLAN_BYTES {
-        return Err(Error::Limits { what: "sampling plan", asked: size, allowed: MOST_PLAN_BYTES }.into());
-    }
-    let text = std::fs::read(path).map_err(|e| Error::io(path, e))?;
+    let text = source::read_at_most(path, "sampling plan", MOST_PLAN_BYTES)?;
     Ok(plan::Plan::from_json(&text).map_err(|e| Error::input(path, e.to_string()))?)
 }

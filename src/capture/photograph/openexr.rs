@@ -1,0 +1,78 @@
+//! OpenEXR.
+
+use super::{Fault, PictureFile, RawPicture, check_size};
+use crate::limits::Held;
+use exr::prelude::{ReadChannels, ReadLayers};
+use std::io::Cursor;
+
+/// Whether the bytes begin as an OpenEXR file.
+pub(super) fn is_exr(bytes: &[u8]) -> bool {
+    bytes.starts_with(&[0x76, 0x2f, 0x31, 0x01])
+}
+
+pub(super) fn read<'a>(file: &PictureFile<'a>, size: Option<(u32, u32)>) -> Result<(RawPicture, Held<'a>), Fault> {
+    let damaged = |e: exr::error::Error| file.damaged(format!("EXR: {e}"));
+    let meta = exr::meta::MetaData::read_from_buffered(Cursor::new(file.bytes), false).map_err(damaged)?;
+    let Some(header) = meta.headers.first() else {
+        return Err(file.damaged("EXR: no layer"));
+    };
+    let window = header.shared_attributes.display_window;
+    let (width, height) = (window.size.0, window.size.1);
+    // Any of the layers may be the one that is read: its samples as they are stored, and of one channel as floats.
+    let layers = meta.headers.iter().map(|layer| {
+        let area = (layer.layer_size.0 as u64).saturating_mul(layer.layer_size.1 as u64);
+        area.saturating_mul(layer.channels.bytes_per_pixel as u64 + 4)
+    });
+    let held = file.hold(width as u64, height as u64, layers.max().unwrap_or(0))?;
+    check_size(file.path, (width as u32, height as u32), size)?;
+    let image = exr::prelude::read()
+        .no_deep_data()
+        .largest_resolution_level()
+        .all_channels()
+        .first_valid_layer()
+        .all_attributes()
+        .non_parallel()
+        .from_buffered(Cursor::new(file.bytes))
+        .map_err(damaged)?;
+    let layer = &image.layer_data;
+    let channels = &layer.channel_data.list;
+    let named = |wanted: &str| channels.iter().position(|c| c.name.to_string().eq_ignore_ascii_case(wanted));
+    let colour = match (named("R"), named("G"), named("B"), named("Y")) {
+        (Some(r), Some(g), Some(b), _) => [r, g, b],
+        (.., Some(y)) if named("RY").is_none() => [y; 3],
+        _ if channels.len() == 1 => [0; 3],
+        _ => {
+            let names: Vec<_> = channels.iter().map(|c| c.name.to_string()).collect();
+            return Err(file.damaged(format!("EXR: channels R, G, B or Y are needed, found {}", names.join(", "))));
+        }
+    };
+    let alpha = named("A");
+    // What lies in the display window but not in the data window was not stored, because it is black.
+    let black = [0.0, 0.0, 0.0, if alpha.is_some() { 0.0 } else { 1.0 }];
+    let mut values = black.repeat(width * height);
+    let pixels = values.as_chunks_mut::<4>().0;
+    let (layer_position, window_position) = (layer.attributes.layer_position, window.position);
+    let offset = [
+        i64::from(layer_position.0) - i64::from(window_position.0),
+        i64::from(layer_position.1) - i64::from(window_position.1),
+    ];
+    for (slot, channel) in colour.into_iter().chain(alpha).enumerate() {
+        let channel = &channels[channel];
+        if channel.sampling.0 != 1 || channel.sampling.1 != 1 {
+            return Err(file.damaged("EXR: subsampled channels are not supported"));
+        }
+        let samples: Vec<f32> = channel.sample_data.values_as_f32().collect();
+        for (y, row) in (offset[1]..).zip(samples.chunks_exact(layer.size.0.max(1))) {
+            if !(0..height as i64).contains(&y) {
+                continue;
+            }
+            let target = &mut pixels[y as usize * width..(y as usize + 1) * width];
+            let start = offset[0].clamp(0, width as i64) as usize;
+            let skip = (-offset[0]).max(0) as usize;
+            for (pixel, value) in target[start..].iter_mut().zip(row.iter().skip(skip)) {
+                pixel[slot] = *value;
+            }
+        }
+    }
+    Ok((RawPicture { width, height, values, has_alpha: alpha.is_some(), display_referred: false }, held))
+}

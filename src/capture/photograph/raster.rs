@@ -1,0 +1,60 @@
+//! PNG, JPEG, TIFF and Radiance HDR.
+
+use super::{Fault, PictureFile, RawPicture, check_size};
+use crate::image::Grid;
+use crate::limits::Held;
+use image::{ColorType, DynamicImage, ImageDecoder, ImageFormat, ImageReader};
+use std::io::Cursor;
+
+/// Pixels that a byte of a JPEG can stand for, at most: a bit for a grey block of 8 x 8.
+const JPEG_PIXELS_PER_BYTE: u64 = 512;
+
+/// Decodes, once the header's size has been checked and its memory charged.
+fn decode<'a>(file: &PictureFile<'a>, size: Option<(u32, u32)>) -> Result<(DynamicImage, Held<'a>), Fault> {
+    let damaged = |e: image::ImageError| file.damaged(format!("not readable as a picture: {e}"));
+    let mut reader = ImageReader::new(Cursor::new(file.bytes))
+        .with_guessed_format()
+        .map_err(|e| file.damaged(format!("not readable as a picture: {e}")))?;
+    let Some(format) = reader.format() else {
+        return Err(file.damaged("not a picture that tsuya reads: it should be EXR, PNG, JPEG or TIFF"));
+    };
+    let mut limits = image::Limits::default();
+    limits.max_alloc = Some(file.access.budget().left());
+    reader.limits(limits);
+    let decoder = reader.into_decoder().map_err(damaged)?;
+    let (width, height) = decoder.dimensions();
+    let pixels = u64::from(width) * u64::from(height);
+    // A progressive JPEG holds its coefficients, and the decoder the file once more.
+    let is_jpeg = format == ImageFormat::Jpeg;
+    let decoder_bytes = decoder.total_bytes().saturating_add(if is_jpeg { 8 * pixels } else { 0 });
+    let held = file.hold(width.into(), height.into(), decoder_bytes.saturating_add(file.bytes.len() as u64))?;
+    check_size(file.path, (width, height), size)?;
+    if is_jpeg && pixels > file.bytes.len() as u64 * JPEG_PIXELS_PER_BYTE {
+        let count = file.bytes.len();
+        return Err(
+            file.damaged(format!("a JPEG of {width} x {height} pixels does not fit in {count} bytes: truncated"))
+        );
+    }
+    Ok((DynamicImage::from_decoder(decoder).map_err(damaged)?, held))
+}
+
+pub(super) fn read<'a>(file: &PictureFile<'a>, size: Option<(u32, u32)>) -> Result<(RawPicture, Held<'a>), Fault> {
+    let (picture, held) = decode(file, size)?;
+    let colour_type = picture.color();
+    let display_referred = !matches!(colour_type, ColorType::Rgb32F | ColorType::Rgba32F);
+    let has_alpha = colour_type.has_alpha();
+    let (width, height) = (picture.width() as usize, picture.height() as usize);
+    let values = picture.into_rgba32f().into_raw();
+    Ok((RawPicture { width, height, values, has_alpha, display_referred }, held))
+}
+
+/// The picture where it has 8 bits a colour.
+pub(super) fn read_eight_bits(file: &PictureFile) -> Result<Option<Grid<[u8; 3]>>, Fault> {
+    let (picture, _held) = decode(file, None)?;
+    if !matches!(picture.color(), ColorType::L8 | ColorType::La8 | ColorType::Rgb8 | ColorType::Rgba8) {
+        return Ok(None);
+    }
+    let picture = picture.into_rgb8();
+    let (width, height) = (picture.width() as usize, picture.height() as usize);
+    Ok(Some(Grid { width, height, data: picture.as_raw().as_chunks().0.to_vec() }))
+}

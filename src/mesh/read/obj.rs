@@ -1,0 +1,138 @@
+//! Wavefront OBJ. Materials are not followed.
+
+use super::charge;
+use crate::asset::Mesh;
+use crate::error::{Error, Result};
+use crate::input::FileAccess;
+use crate::limits::Held;
+use std::io::{BufRead, Cursor};
+use std::path::Path;
+
+/// Counts the lines that the OBJ parser has taken, since its errors don't say where they are.
+struct CountLines<'a> {
+    inner: Cursor<&'a [u8]>,
+    lines: std::rc::Rc<std::cell::Cell<usize>>,
+}
+
+impl std::io::Read for CountLines<'_> {
+    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
+        self.inner.read(buffer)
+    }
+}
+
+impl BufRead for CountLines<'_> {
+    fn fill_buf(&mut self) -> std::io::Result<&[u8]> {
+        // One line at a time, so that the count stands at the line being parsed.
+        let rest = self.inner.fill_buf()?;
+        let end = rest.iter().position(|&b| b == b'\n').map_or(rest.len(), |n| n + 1);
+        Ok(&rest[..end])
+    }
+    fn consume(&mut self, amount: usize) {
+        self.lines.set(self.lines.get() + (amount > 0) as usize);
+        self.inner.consume(amount);
+    }
+}
+
+/// Charges what the parser makes of the text, for as long as it holds it: lists that may have grown to twice their need, and tables that
+/// find the vertices of each object again.
+fn hold_parsed<'a>(path: &Path, bytes: &[u8], access: &'a FileAccess) -> Result<Held<'a>> {
+    let mut asked = 0;
+    for line in bytes.split(|&b| b == b'\n') {
+        let line = line.trim_ascii_start();
+        asked += match line {
+            [b'v', ..] => 160,
+            [b'f', ..] => {
+                let corners = line.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty()).count() - 1;
+                160 + 128 * corners as u64
+            }
+            // Each begins a new object.
+            [b'o' | b'g' | b'u', ..] => 1024 + 4 * line.len() as u64,
+            _ => 0,
+        };
+    }
+    access.hold(path, "OBJ file", asked)
+}
+
+pub(super) fn read(path: &Path, bytes: &[u8], access: &FileAccess) -> Result<Mesh> {
+    let _parsed = hold_parsed(path, bytes, access)?;
+    let lines = std::rc::Rc::new(std::cell::Cell::new(0));
+    let mut reader = CountLines { inner: Cursor::new(bytes), lines: lines.clone() };
+    let options =
+        tobj::LoadOptions { triangulate: true, ignore_points: true, ignore_lines: true, ..Default::default() };
+    // Materials are not needed, and a missing .mtl file must not matter.
+    let no_materials = |_: &Path| Ok((Vec::new(), Default::default()));
+    let (models, _) = tobj::load_obj_buf(&mut reader, &options, no_materials).map_err(|e| {
+        Error::input(path, format!("{}: {e}", locate_obj_fault(bytes).unwrap_or(format!("line {}", lines.get()))))
+    })?;
+    let count = |of: fn(&tobj::Mesh) -> usize| models.iter().map(|model| of(&model.mesh) as u64 / 3).sum();
+    let mut mesh = Mesh::default();
+    charge(path, access, &mesh, count(|mesh| mesh.positions.len()), count(|mesh| mesh.indices.len()))?;
+    for model in models {
+        let offset = mesh.positions.len() as u32;
+        mesh.positions.extend(model.mesh.positions.chunks_exact(3).map(|p| [p[0], p[1], p[2]]));
+        mesh.triangles
+            .extend(model.mesh.indices.chunks_exact(3).map(|t| [t[0] + offset, t[1] + offset, t[2] + offset]));
+    }
+    if mesh.positions.iter().flatten().any(|c| !c.is_finite()) {
+        let place = locate_obj_fault(bytes).unwrap_or_default();
+        return Err(Error::input(path, format!("{place}: a vertex is not finite")));
+    }
+    Ok(mesh)
+}
+
+/// Texture coordinates of each triangle's corners of an OBJ file, parallel to the triangles that [`super::read`] gives. Empty for other
+/// formats and for files without them.
+pub fn texture_coordinates(path: impl AsRef<Path>, access: &FileAccess) -> Result<Vec<[[f32; 2]; 3]>> {
+    let path = path.as_ref();
+    let bytes = access.read(path, "mesh file", u64::MAX)?;
+    let _parsed = hold_parsed(path, &bytes, access)?;
+    let options =
+        tobj::LoadOptions { triangulate: true, ignore_points: true, ignore_lines: true, ..Default::default() };
+    let no_materials = |_: &Path| Ok((Vec::new(), Default::default()));
+    let Ok((models, _)) = tobj::load_obj_buf(&mut Cursor::new(&bytes[..]), &options, no_materials) else {
+        return Ok(Vec::new());
+    };
+    let mut coordinates = Vec::new();
+    for mesh in models.into_iter().map(|model| model.mesh) {
+        // A corner's own index, or where all its indices are one, that of its vertex.
+        let own = mesh.texcoord_indices.len() == mesh.indices.len();
+        let indices = if own { &mesh.texcoord_indices } else { &mesh.indices };
+        for corners in indices.chunks_exact(3) {
+            let at = |k: usize| {
+                let first = corners[k] as usize * 2;
+                mesh.texcoords.get(first..first + 2).map(|uv| [uv[0], uv[1]])
+            };
+            let (Some(a), Some(b), Some(c)) = (at(0), at(1), at(2)) else { return Ok(Vec::new()) };
+            coordinates.push([a, b, c]);
+        }
+    }
+    Ok(coordinates)
+}
+
+/// The line of the first vertex that is not finite or face corner out of range; only asked after something went wrong.
+fn locate_obj_fault(bytes: &[u8]) -> Option<String> {
+    let text = String::from_utf8_lossy(bytes);
+    let total = text.lines().filter(|l| l.trim_start().starts_with("v ")).count() as i64;
+    let mut vertices = 0;
+    for (number, line) in text.lines().enumerate() {
+        let mut words = line.split_whitespace();
+        match words.next() {
+            Some("v") => {
+                if words.any(|w| w.parse::<f32>().is_ok_and(|c| !c.is_finite())) {
+                    return Some(format!("line {}, vertex {}", number + 1, vertices + 1));
+                }
+                vertices += 1;
+            }
+            Some("f") => {
+                for corner in words.filter_map(|w| w.split('/').next()?.parse::<i64>().ok()) {
+                    let index = if corner < 0 { vertices + corner + 1 } else { corner };
+                    if !(1..=total).contains(&index) {
+                        return Some(format!("line {}, a face names vertex {corner} of {total}", number + 1));
+                    }
+                }
+            }
+            _ => {}
+        }
+    }
+    None
+}

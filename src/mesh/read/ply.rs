@@ -1,0 +1,171 @@
+//! PLY, text and binary.
+
+use super::charge;
+use crate::asset::Mesh;
+use crate::error::{Error, Result};
+use crate::input::FileAccess;
+use ply_rs_bw::parser::{Parser, Reader};
+use ply_rs_bw::ply::{ElementDef, Encoding, Property, PropertyAccess, PropertyAccessResult, PropertyType, ScalarType};
+use std::io::Cursor;
+use std::path::Path;
+
+#[derive(Default)]
+struct PlyVertex([f64; 3]);
+
+impl PropertyAccess for PlyVertex {
+    fn new() -> Self {
+        PlyVertex([f64::NAN; 3])
+    }
+    fn set_property(&mut self, name: &str, value: Property) -> PropertyAccessResult {
+        let axis = match name {
+            "x" => 0,
+            "y" => 1,
+            "z" => 2,
+            _ => return PropertyAccessResult::Ignored,
+        };
+        self.0[axis] = match value {
+            Property::Double(v) => v,
+            other => match other.to_f32_lossy() {
+                Some(v) => v as f64,
+                None => return PropertyAccessResult::UnsupportedType,
+            },
+        };
+        PropertyAccessResult::Set
+    }
+}
+
+#[derive(Default)]
+struct PlyFace(Vec<u32>);
+
+impl PropertyAccess for PlyFace {
+    fn new() -> Self {
+        PlyFace::default()
+    }
+    fn set_property(&mut self, name: &str, value: Property) -> PropertyAccessResult {
+        if !matches!(name, "vertex_indices" | "vertex_index") {
+            return PropertyAccessResult::Ignored;
+        }
+        match value.to_u32_list() {
+            Some(list) => {
+                self.0 = list;
+                PropertyAccessResult::Set
+            }
+            None => PropertyAccessResult::UnsupportedType,
+        }
+    }
+}
+
+/// An element that is read past.
+struct PlyOther;
+
+impl PropertyAccess for PlyOther {
+    fn new() -> Self {
+        PlyOther
+    }
+}
+
+/// Bytes of a header with its comments, at most.
+const MAX_HEADER_BYTES: usize = 1 << 20;
+/// What the parser keeps of a vertex and of a face beside its corners while it reads them; lists may have grown to twice their need.
+const VERTEX_BYTES: u64 = 2 * size_of::<PlyVertex>() as u64;
+const FACE_BYTES: u64 = 2 * size_of::<PlyFace>() as u64 + 32;
+
+pub(super) fn read(path: &Path, bytes: &[u8], access: &FileAccess) -> Result<Mesh> {
+    let in_element = |element: &str, e: ply_rs_bw::parser::ParseError| {
+        // The parser's messages run over several lines; the first two say where and what.
+        let text: Vec<_> = e.to_string().lines().take(2).map(|line| line.trim().to_owned()).collect();
+        Error::input(path, format!("{element}: {} (truncated or damaged PLY?)", text.join(" ")))
+    };
+    const END: &[u8] = b"end_header";
+    let start = &bytes[..bytes.len().min(MAX_HEADER_BYTES)];
+    let Some(header_bytes) = start.windows(END.len()).position(|window| window == END) else {
+        return Err(Error::input(path, format!("PLY header: no end_header within {} bytes", start.len())));
+    };
+    // A line of the header may become some hundred bytes of names and lists.
+    let _header = access.hold(path, "PLY header", 64 * header_bytes as u64)?;
+    let mut reader = Reader::new(Cursor::new(bytes));
+    let header = Parser::<PlyOther>::new().read_header(&mut reader).map_err(|e| in_element("PLY header", e))?;
+    let mut mesh = Mesh::default();
+    for (name, element) in &header.elements {
+        let what = format!("PLY element {} of {}", quoted_name(name), element.count);
+        let left = (bytes.len() as u64).saturating_sub(reader.get_ref().position());
+        check_count(element, header.encoding, left).map_err(|e| Error::input(path, format!("{what}: {e}")))?;
+        let count = element.count as u64;
+        match name.as_str() {
+            "vertex" => {
+                charge(path, access, &mesh, count, 0)?;
+                let _parsed = access.hold(path, "PLY vertices", count * VERTEX_BYTES)?;
+                let vertices = Parser::<PlyVertex>::new().read_payload_for_element(&mut reader, element, &header);
+                let vertices = vertices.map_err(|e| in_element(&what, e))?;
+                mesh.positions = vertices.iter().map(|v| v.0.map(|c| c as f32)).collect();
+            }
+            "face" => {
+                // Corners take four bytes, and at least one byte, or two of text, in the file.
+                let corners =
+                    (left / if header.encoding == Encoding::Ascii { 2 } else { 1 }).min(left - count.min(left));
+                let _parsed = access.hold(path, "PLY faces", count * FACE_BYTES + 8 * corners)?;
+                let faces = Parser::<PlyFace>::new().read_payload_for_element(&mut reader, element, &header);
+                let faces = faces.map_err(|e| in_element(&what, e))?;
+                append_faces(path, &faces, &mut mesh, access)?;
+            }
+            _ if element.count == 0 => {}
+            _ => {
+                let other = Parser::<PlyOther>::new().read_payload_for_element(&mut reader, element, &header);
+                other.map_err(|e| in_element(&what, e))?;
+            }
+        }
+    }
+    Ok(mesh)
+}
+
+fn append_faces(path: &Path, faces: &[PlyFace], mesh: &mut Mesh, access: &FileAccess) -> Result<()> {
+    let triangles = faces.iter().map(|face| face.0.len().saturating_sub(2) as u64).sum();
+    charge(path, access, mesh, 0, triangles)?;
+    mesh.triangles.reserve_exact(triangles as usize);
+    let count = mesh.positions.len();
+    for (index, face) in faces.iter().enumerate() {
+        // Vertices may follow the faces in the file; the check of the whole mesh then finds the fault.
+        if let Some(corner) = face.0.iter().find(|&&v| count > 0 && v as usize >= count) {
+            return Err(Error::input(path, format!("face {index} names vertex {corner}, the mesh has {count}")));
+        }
+        push_fan(&mut mesh.triangles, &face.0);
+    }
+    Ok(())
+}
+
+/// Cuts a polygon into a fan around its first corner.
+fn push_fan(triangles: &mut Vec<[u32; 3]>, corners: &[u32]) {
+    if let [first, rest @ ..] = corners {
+        triangles.extend(rest.windows(2).map(|pair| [*first, pair[0], pair[1]]));
+    }
+}
+
+/// A name out of a header, in quotes.
+fn quoted_name(name: &str) -> String {
+    format!("'{}'", name.escape_debug().take(80).collect::<String>())
+}
+
+/// Whether as many items as an element claims can stand in the bytes that are left.
+fn check_count(element: &ElementDef, encoding: Encoding, left: u64) -> std::result::Result<(), String> {
+    let scalar = |kind: &ScalarType| match kind {
+        ScalarType::Char | ScalarType::UChar => 1,
+        ScalarType::Short | ScalarType::UShort => 2,
+        ScalarType::Int | ScalarType::UInt | ScalarType::Float => 4,
+        ScalarType::Double => 8,
+    };
+    let item: u64 = match encoding {
+        // A digit and a space or line end each.
+        Encoding::Ascii => (2 * element.properties.len() as u64).max(1),
+        _ => (element.properties.iter())
+            .map(|(_, property)| match &property.data_type {
+                PropertyType::Scalar(kind) | PropertyType::List(kind, _) => scalar(kind),
+            })
+            .sum(),
+    };
+    if element.count > 0 && element.properties.is_empty() {
+        return Err("an element without properties".into());
+    }
+    // The last line may have no end.
+    let room = (left + 1) / item.max(1);
+    if element.count as u64 > room { Err(format!("{left} bytes are left, room for {room}")) } else { Ok(()) }
+}
