@@ -50,7 +50,7 @@ pub enum Error {
         allowed: u64,
     },
     /// An input file asks for more memory than its [`crate::Limits`] allow.
-    #[error("{path}: {what} needs {asked} bytes of memory, {allowed} are left; if the file is trusted, raise --max-memory", path = path.display())]
+    #[error("{path}: {what}: {asked} bytes of memory are asked for, {allowed} are left; if the file is trusted, raise --max-memory", path = path.display())]
     InputMemory {
         /// The file.
         path: PathBuf,

@@ -7,7 +7,7 @@ use serde_json::Value;
 use std::path::{Path, PathBuf};
 
 /// Bytes of a JSON document, at most.
-const MAX_BYTES: u64 = 256 << 20;
+const MAX_BYTES: u64 = 64 << 20;
 
 /// A parsed JSON file, with its text for finding lines. Its memory is charged as long as it lives.
 pub(crate) struct Document<'a> {

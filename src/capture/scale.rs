@@ -12,6 +12,8 @@ const USUAL_SHARE: f64 = 0.6;
 /// Beyond this factor, either way, the unit must be another one. Rooms seen from within, and objects in a corner of the pictures, stay
 /// below it.
 const SUSPICIOUS_FACTOR: f64 = 30.0;
+/// Half the picture's size in focal lengths, at most.
+const WIDEST: f64 = 3.0;
 /// Vertices that are looked at.
 const MAX_VERTICES: usize = 100_000;
 
@@ -51,7 +53,7 @@ fn message(factor: f64) -> String {
         3.0 => ": millimetres?",
         -2.0 => ": metres, and the cameras in centimetres?",
         -3.0 => ": metres, and the cameras in millimetres?",
-        _ => ", which can't be one unit of length",
+        _ => ", which is no unit of length.",
     };
     let (times, word) = (grouped(10f64.powf(power.abs())), if factor > 1.0 { "larger" } else { "smaller" });
     let scale = 10f64.powf(-power);
@@ -99,7 +101,8 @@ fn factor(mesh: &Mesh, frames: &[FrameDescription]) -> Option<f64> {
         .map(|(frame, (centre, _))| {
             let camera = &frame.view.camera;
             let half = 0.5 * f64::from(camera.width.min(camera.height)) / camera.focal[0].min(camera.focal[1]);
-            (*centre - target).length() * half
+            // Wide lenses bend what they see.
+            (*centre - target).length() * half.min(WIDEST)
         })
         .collect();
     let stride = (mesh.positions.len() / MAX_VERTICES).max(1);

@@ -108,7 +108,8 @@ fn white_boards_of_the_shared_captures() {
         let description = describe(path.join("transforms.json"), &FileAccess::default()).unwrap();
         assert_eq!(description.frames.len(), frames);
         let space = ColorSpace::named("srgb").unwrap();
-        let (found, _) = white::calibrate(&description.white_reference.unwrap(), &FileAccess::default(), &space).unwrap();
+        let (found, _) =
+            white::calibrate(&description.white_reference.unwrap(), &FileAccess::default(), &space).unwrap();
         (0..3).for_each(|c| assert!((found[c] - white[c]).abs() < 4e-6, "{part} {:?}", found));
     }
 }

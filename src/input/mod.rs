@@ -197,7 +197,7 @@ mod tests {
         let error = access.read(&path, "table", 1000).unwrap_err().to_string();
         assert!(
             error.ends_with(
-                "a: table needs 1000 bytes of memory, 500 are left; if the file is trusted, raise --max-memory"
+                "a: table: 1000 bytes of memory are asked for, 500 are left; if the file is trusted, raise --max-memory"
             ),
             "{error}"
         );

@@ -41,7 +41,7 @@ struct Cli {
     /// Threads to work with [default: one for each processor]. The output never depends on it.
     #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
-    /// Memory that a .tsuya file may ask for, in MiB [default: 4096].
+    /// Memory that what is read may ask for, in MiB [default: 4096]: a .tsuya file, or a capture, pictures, meshes and tables.
     #[arg(long, global = true, value_name = "MIB")]
     max_memory: Option<u64>,
     /// Says more of what is done; twice: much more.

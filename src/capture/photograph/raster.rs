@@ -9,6 +9,9 @@ use std::io::Cursor;
 /// Pixels that a byte of a JPEG can stand for, at most: a bit for a grey block of 8 x 8.
 const JPEG_PIXELS_PER_BYTE: u64 = 512;
 
+/// Memory for the colour profile of a PNG, which may be compressed a thousand times.
+const PNG_PROFILE_BYTES: u64 = 16 << 20;
+
 /// Decodes, once the header's size has been checked and its memory charged.
 fn decode<'a>(file: &PictureFile<'a>, size: Option<(u32, u32)>) -> Result<(DynamicImage, Held<'a>), Fault> {
     let damaged = |e: image::ImageError| file.damaged(format!("not readable as a picture: {e}"));
@@ -19,7 +22,12 @@ fn decode<'a>(file: &PictureFile<'a>, size: Option<(u32, u32)>) -> Result<(Dynam
         return Err(file.damaged("not a picture that tsuya reads: it should be EXR, PNG, JPEG or TIFF"));
     };
     let mut limits = image::Limits::default();
-    limits.max_alloc = Some(file.access.budget().left());
+    // PNG's is for colour profiles, not for the picture; TIFF's for the picture, too.
+    let is_png = format == ImageFormat::Png;
+    let most = if is_png { PNG_PROFILE_BYTES } else { u64::MAX };
+    limits.max_alloc = Some(file.access.budget().left().min(most));
+    let profile = if is_png { PNG_PROFILE_BYTES } else { 0 };
+    let _profile = file.access.hold(file.path, "picture", profile).map_err(Fault::Wrong)?;
     reader.limits(limits);
     let decoder = reader.into_decoder().map_err(damaged)?;
     let (width, height) = decoder.dimensions();

@@ -10,6 +10,8 @@ use std::path::Path;
 /// Bytes that an object and a value of the JSON become at most: a node without members has 300, lists may have grown to twice their need.
 const OBJECT_BYTES: u64 = 1024;
 const VALUE_BYTES: u64 = 64;
+/// Primitives at most, those of a mesh counted for each node that it stands in.
+const MAX_PRIMITIVES: u64 = 1 << 20;
 /// Bytes of the JSON at most: a million nodes have some 100 MB.
 const MAX_JSON_BYTES: usize = 256 << 20;
 
@@ -66,7 +68,35 @@ pub(super) fn read(path: &Path, bytes: &[u8], access: &FileAccess) -> Result<Mes
     let file = gltf::Gltf::from_slice(bytes).map_err(damaged)?;
     let document = file.document;
     let file = File { path, access, buffers: read_buffers(path, &document, file.blob, access)? };
+    let nodes = mesh_nodes(path, &document)?;
+    // Meshes may stand in many nodes and accessors in many primitives, so that the file's bytes do not bound what comes of them.
+    let sizes: Vec<MeshSize> = document.meshes().map(|mesh| MeshSize::of(path, &mesh)).collect::<Result<_>>()?;
+    let mut total = MeshSize::default();
+    for index in nodes.iter().filter_map(|(node, _)| Some(node.mesh()?.index())) {
+        total.add(&sizes[index]);
+    }
+    if total.primitives > MAX_PRIMITIVES {
+        let count = total.primitives;
+        return Err(Error::input(path, format!("glTF: {count} primitives, {MAX_PRIMITIVES} at most are read")));
+    }
     let mut mesh = Mesh::default();
+    charge(path, access, &mesh, total.vertices, total.triangles)?;
+    for (part, to_world) in nodes.iter().filter_map(|(node, to_world)| Some((node.mesh()?, *to_world))) {
+        for primitive in part.primitives() {
+            append_primitive(&file, &describe(&part, &primitive), &primitive, to_world, &mut mesh)?;
+        }
+    }
+    Ok(mesh)
+}
+
+/// What of the file errors are about.
+fn describe(mesh: &gltf::Mesh<'_>, primitive: &gltf::Primitive<'_>) -> String {
+    format!("glTF: mesh {}, primitive {}", mesh.index(), primitive.index())
+}
+
+/// The nodes of the scene, from the first on and each before its children, with the transforms to the world.
+fn mesh_nodes<'a>(path: &Path, document: &'a gltf::Document) -> Result<Vec<(gltf::Node<'a>, glam::DMat4)>> {
+    let mut nodes = Vec::new();
     let scene = document.default_scene().or_else(|| document.scenes().next());
     let Some(scene) = scene else {
         return Err(Error::input(path, "glTF: the file has no scene"));
@@ -81,17 +111,52 @@ pub(super) fn read(path: &Path, bytes: &[u8], access: &FileAccess) -> Result<Mes
         }
         let local = node.transform().matrix().map(|column| column.map(f64::from));
         let to_world = parent * glam::DMat4::from_cols_array_2d(&local);
-        if let Some(part) = node.mesh() {
-            for primitive in part.primitives() {
-                let what = format!("glTF: mesh {}, primitive {}", part.index(), primitive.index());
-                append_primitive(&file, &what, &primitive, to_world, &mut mesh)?;
-            }
-        }
         let children = stack.len();
         stack.extend(node.children().map(|child| (child, to_world)));
         stack[children..].reverse();
+        nodes.push((node, to_world));
     }
-    Ok(mesh)
+    Ok(nodes)
+}
+
+/// What a mesh adds wherever it stands.
+#[derive(Default)]
+struct MeshSize {
+    primitives: u64,
+    vertices: u64,
+    triangles: u64,
+}
+
+impl MeshSize {
+    /// Checks the accessors of every primitive on the way.
+    fn of(path: &Path, mesh: &gltf::Mesh<'_>) -> Result<Self> {
+        let mut size = MeshSize::default();
+        for primitive in mesh.primitives().filter(is_surface) {
+            let count = |name: &str, accessor: Option<gltf::Accessor<'_>>| match accessor {
+                Some(accessor) => check_accessor(name, &accessor)
+                    .map(|()| Some(accessor.count() as u64))
+                    .map_err(|e| Error::input(path, format!("{}, {name}: {e}", describe(mesh, &primitive)))),
+                None => Ok(None),
+            };
+            let vertices = count("positions", primitive.get(&gltf::Semantic::Positions))?.unwrap_or(0);
+            let corners = count("indices", primitive.indices())?.unwrap_or(vertices);
+            let triangles = if primitive.mode() == gltf::mesh::Mode::Triangles { corners / 3 } else { corners };
+            size.add(&MeshSize { primitives: 1, vertices, triangles });
+        }
+        Ok(size)
+    }
+
+    fn add(&mut self, other: &MeshSize) {
+        self.primitives = self.primitives.saturating_add(other.primitives);
+        self.vertices = self.vertices.saturating_add(other.vertices);
+        self.triangles = self.triangles.saturating_add(other.triangles);
+    }
+}
+
+/// Whether a primitive has triangles.
+fn is_surface(primitive: &gltf::Primitive<'_>) -> bool {
+    use gltf::mesh::Mode;
+    matches!(primitive.mode(), Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan)
 }
 
 /// A file with the content of its buffers.
@@ -138,21 +203,11 @@ fn append_primitive(
 ) -> Result<()> {
     use gltf::mesh::Mode;
     let &File { path, access, ref buffers } = file;
-    if !matches!(primitive.mode(), Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan) {
+    if !is_surface(primitive) {
         return Ok(());
     }
-    let positions = primitive.get(&gltf::Semantic::Positions);
-    let accessors = [("positions", positions), ("indices", primitive.indices())];
-    for (name, accessor) in accessors.iter().filter_map(|(name, a)| Some((name, a.as_ref()?))) {
-        check_accessor(name, accessor).map_err(|e| Error::input(path, format!("{what}, {name}: {e}")))?;
-    }
-    // Accessors may be shared by any number of primitives, so that the file's bytes do not bound them.
-    let count = |accessor: &Option<gltf::Accessor<'_>>| accessor.as_ref().map_or(0, |a| a.count() as u64);
-    let vertices = count(&accessors[0].1);
-    let corners = if accessors[1].1.is_some() { count(&accessors[1].1) } else { vertices };
-    let triangles = if primitive.mode() == Mode::Triangles { corners / 3 } else { corners };
-    charge(path, access, mesh, vertices, triangles)?;
-    let _indices = access.hold(path, "glTF indices", 4 * corners)?;
+    let corners = primitive.indices().or_else(|| primitive.get(&gltf::Semantic::Positions)).map_or(0, |a| a.count());
+    let _indices = access.hold(path, "glTF indices", 4 * corners as u64)?;
     let reader = primitive.reader(|buffer| buffers.get(buffer.index()).map(Vec::as_slice));
     let Some(positions) = reader.read_positions() else {
         return Err(Error::input(path, format!("{what}: no positions (or compressed ones, which are not read)")));

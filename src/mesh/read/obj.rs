@@ -33,16 +33,17 @@ impl BufRead for CountLines<'_> {
     }
 }
 
-/// Charges what the parser makes of the text, for as long as it holds it: lists that may have grown to twice their need, and tables that
+/// What the parser makes of the text, charged for as long as it holds it, and the triangles that come of it: lists that may have grown to twice their need, and tables that
 /// find the vertices of each object again.
-fn hold_parsed<'a>(path: &Path, bytes: &[u8], access: &'a FileAccess) -> Result<Held<'a>> {
-    let mut asked = 0;
+fn hold_parsed<'a>(path: &Path, bytes: &[u8], access: &'a FileAccess) -> Result<(Held<'a>, u64)> {
+    let (mut asked, mut triangles) = (0, 0);
     for line in bytes.split(|&b| b == b'\n') {
         let line = line.trim_ascii_start();
         asked += match line {
             [b'v', ..] => 160,
             [b'f', ..] => {
                 let corners = line.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty()).count() - 1;
+                triangles += corners.saturating_sub(2) as u64;
                 160 + 128 * corners as u64
             }
             // Each begins a new object.
@@ -50,11 +51,12 @@ fn hold_parsed<'a>(path: &Path, bytes: &[u8], access: &'a FileAccess) -> Result<
             _ => 0,
         };
     }
-    access.hold(path, "OBJ file", asked)
+    Ok((access.hold(path, "OBJ file", asked)?, triangles))
 }
 
 pub(super) fn read(path: &Path, bytes: &[u8], access: &FileAccess) -> Result<Mesh> {
-    let _parsed = hold_parsed(path, bytes, access)?;
+    let (_parsed, triangles) = hold_parsed(path, bytes, access)?;
+    charge(path, access, &Mesh::default(), 0, triangles)?;
     let lines = std::rc::Rc::new(std::cell::Cell::new(0));
     let mut reader = CountLines { inner: Cursor::new(bytes), lines: lines.clone() };
     let options =
@@ -64,9 +66,9 @@ pub(super) fn read(path: &Path, bytes: &[u8], access: &FileAccess) -> Result<Mes
     let (models, _) = tobj::load_obj_buf(&mut reader, &options, no_materials).map_err(|e| {
         Error::input(path, format!("{}: {e}", locate_obj_fault(bytes).unwrap_or(format!("line {}", lines.get()))))
     })?;
-    let count = |of: fn(&tobj::Mesh) -> usize| models.iter().map(|model| of(&model.mesh) as u64 / 3).sum();
     let mut mesh = Mesh::default();
-    charge(path, access, &mesh, count(|mesh| mesh.positions.len()), count(|mesh| mesh.indices.len()))?;
+    let vertices = models.iter().map(|model| model.mesh.positions.len() as u64 / 3).sum();
+    charge(path, access, &mesh, vertices, 0)?;
     for model in models {
         let offset = mesh.positions.len() as u32;
         mesh.positions.extend(model.mesh.positions.chunks_exact(3).map(|p| [p[0], p[1], p[2]]));

@@ -110,7 +110,8 @@ def main():
             with open(place + ".json", "w") as file:
                 json.dump(job, file, indent=1)
             start = time.time()
-            subprocess.run([options.tsuya, "render", "--job", place + ".json", "-o", f"{place}-{evaluator}.exr", "--force"],
+            subprocess.run([options.tsuya, "render", "--job", place + ".json", "-o", f"{place}-{evaluator}.exr", "--force",
+                            "--allow-outside"],
                            check=True)
             seconds = time.time() - start
             found = read(f"{place}-{evaluator}.exr")
