@@ -162,7 +162,7 @@ const WORKING_BYTES: u64 = 16 + 12 + 2;
 /// Memory that a picture takes while it is read, at most: the file and what is made of it.
 pub(super) fn reading_bytes(file_bytes: u64, width: u32, height: u32) -> u64 {
     // A decoder has up to four floats a pixel, and may hold the file a second time.
-    2 * file_bytes + u64::from(width) * u64::from(height) * (WORKING_BYTES + 24)
+    2 * file_bytes + u64::from(width) * u64::from(height) * (WORKING_BYTES + 24) + raster::PNG_PROFILE_BYTES
 }
 
 /// Reads a file, and gives what is decoded of it to `take` while its memory is charged.

@@ -14,6 +14,7 @@ use tsuya::container;
 use tsuya::decoder::{DecodeOptions, Selection, decode};
 use tsuya::encoder::sum_of_components;
 use tsuya::gltf::{self, Document, ExportOptions, Fallback, Fit, Placement};
+use tsuya::input::{FileAccess, Folder};
 use tsuya::measure::{FrameError, to_display};
 use tsuya::relight::{Layers, Lighting, RenderOptions, Renderer};
 use tsuya::surface::raster::rasterise;
@@ -218,7 +219,8 @@ impl Import {
     fn run(self) -> Result<()> {
         output::check_free(&self.output, self.force)?;
         let document = document(&self.file, self.outside)?;
-        let files = |name: &str| beside_document(&self.file, name, self.outside);
+        let access = self.outside.access();
+        let files = |name: &str| beside_document(&self.file, name, &access);
         let taken = gltf::take(&document, self.appearance, &files)?;
         let of_stream = || format!("{}: the stream of appearance {}", name(&self.file), self.appearance);
         container::verify(&taken.stream[..], limits()).with_context(of_stream)?;
@@ -274,7 +276,8 @@ impl Inject {
         };
         let binding = gltf::put(&mut document, material, &stream, levels, uri.as_deref())?.1;
         if !self.any_mesh {
-            let files = |name: &str| beside_document(&self.file, name, self.outside);
+            let access = self.outside.access();
+            let files = |name: &str| beside_document(&self.file, name, &access);
             check_mesh(&document, &[material], &binding, &asset, &files)?;
         }
         let bytes = document.to_bytes()?;
@@ -312,7 +315,8 @@ impl Extract {
             output::check_free(path, self.force)?;
         }
         let mut document = document(&self.file, self.outside)?;
-        let taken = gltf::take(&document, self.appearance, &|name| beside_document(&self.file, name, self.outside))?;
+        let access = self.outside.access();
+        let taken = gltf::take(&document, self.appearance, &|name| beside_document(&self.file, name, &access))?;
         output::write(&self.output, &taken.stream, self.force)?;
         if let Some(rest) = &self.rest {
             gltf::remove(&mut document)?;
@@ -362,14 +366,15 @@ fn document(path: &Path, outside: OutsideArgument) -> Result<Document> {
     Ok(document.allow_outside(outside.allow_outside))
 }
 
-/// What a document's references lead to.
-fn beside_document(document: &Path, name: &str, outside: OutsideArgument) -> tsuya::Result<Vec<u8>> {
+/// What a document's references lead to. It stays charged, so that what is referred to again and again is read no more than memory lasts.
+fn beside_document(document: &Path, name: &str, access: &FileAccess) -> tsuya::Result<Vec<u8>> {
     if output::is_stream(document) {
         return Err(Error::parameter(format!(
             "the document refers to {name:?}: read it from its folder, not from standard input"
         )));
     }
-    read(&outside.folder(document).resolve(name)?)
+    let path = Folder::of(document, access.allows_outside()).resolve(name)?;
+    Ok(access.read(&path, "referenced file", u64::MAX)?.keep())
 }
 
 /// The file beside a document that holds its stream.

@@ -42,7 +42,7 @@ pub(super) fn read<'a>(file: &PictureFile<'a>, size: Option<(u32, u32)>) -> Resu
         (.., Some(y)) if named("RY").is_none() => [y; 3],
         _ if channels.len() == 1 => [0; 3],
         _ => {
-            let names: Vec<_> = channels.iter().map(|c| c.name.to_string()).collect();
+            let names: Vec<_> = channels.iter().take(12).map(|c| c.name.to_string()).collect();
             return Err(file.damaged(format!("EXR: channels R, G, B or Y are needed, found {}", names.join(", "))));
         }
     };

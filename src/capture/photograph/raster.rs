@@ -10,7 +10,7 @@ use std::io::Cursor;
 const JPEG_PIXELS_PER_BYTE: u64 = 512;
 
 /// Memory for the colour profile of a PNG, which may be compressed a thousand times.
-const PNG_PROFILE_BYTES: u64 = 16 << 20;
+pub(super) const PNG_PROFILE_BYTES: u64 = 4 << 20;
 
 /// Decodes, once the header's size has been checked and its memory charged.
 fn decode<'a>(file: &PictureFile<'a>, size: Option<(u32, u32)>) -> Result<(DynamicImage, Held<'a>), Fault> {

@@ -52,7 +52,9 @@ fn check_glb_head(path: &Path, bytes: &[u8]) -> Result<()> {
 pub(super) fn read(path: &Path, bytes: &[u8], access: &FileAccess) -> Result<Mesh> {
     check_glb_head(path, bytes)?;
     let _json = hold_json(path, bytes, access)?;
-    let damaged = |e: gltf::Error| Error::input(path, format!("glTF: {e}"));
+    // It may list as many faults as there are objects.
+    let damaged =
+        |e: gltf::Error| Error::input(path, format!("glTF: {}", e.to_string().chars().take(300).collect::<String>()));
     // The glTF crate's validation itself takes the index of the positions on trust.
     let unchecked = gltf::Gltf::from_slice_without_validation(bytes).map_err(damaged)?;
     let json = unchecked.document.as_json();

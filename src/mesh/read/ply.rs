@@ -64,6 +64,8 @@ impl PropertyAccess for PlyOther {
     }
 }
 
+/// Letters of the parser's messages that are kept: they may repeat a line of any length.
+const MAX_MESSAGE: usize = 300;
 /// Bytes of a header with its comments, at most.
 const MAX_HEADER_BYTES: usize = 1 << 20;
 /// What the parser keeps of a vertex and of a face beside its corners while it reads them; lists may have grown to twice their need.
@@ -74,7 +76,8 @@ pub(super) fn read(path: &Path, bytes: &[u8], access: &FileAccess) -> Result<Mes
     let in_element = |element: &str, e: ply_rs_bw::parser::ParseError| {
         // The parser's messages run over several lines; the first two say where and what.
         let text: Vec<_> = e.to_string().lines().take(2).map(|line| line.trim().to_owned()).collect();
-        Error::input(path, format!("{element}: {} (truncated or damaged PLY?)", text.join(" ")))
+        let text: String = text.join(" ").chars().take(MAX_MESSAGE).collect();
+        Error::input(path, format!("{element}: {text} (truncated or damaged PLY?)"))
     };
     const END: &[u8] = b"end_header";
     let start = &bytes[..bytes.len().min(MAX_HEADER_BYTES)];
