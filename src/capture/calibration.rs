@@ -10,7 +10,7 @@ use super::json::Document;
 use super::transforms::read_intrinsics;
 use crate::asset::Camera;
 use crate::error::{Error, Result};
-use crate::input::{FileAccess, quoted};
+use crate::input::{FileAccess, plain};
 use std::collections::HashMap;
 use std::path::Path;
 use yaml_rust2::parser::{Event, Parser, Tag};
@@ -182,7 +182,7 @@ fn of_yaml(text: &str) -> std::result::Result<Calibration, String> {
         other => {
             return Err(format!(
                 "distortion model {} is not supported; known: plumb_bob, rational_polynomial, equidistant, fisheye",
-                quoted(other)
+                plain(other)
             ));
         }
     };

@@ -5,7 +5,7 @@ use super::lens::Lens;
 use super::view_names::view_names;
 use crate::asset::{Camera, View};
 use crate::error::{Error, Result};
-use crate::input::{FileAccess, Folder, quoted};
+use crate::input::{FileAccess, Folder, plain, quoted};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -83,7 +83,7 @@ pub(super) fn describe(folder: &Path, access: &FileAccess) -> Result<Description
 }
 
 fn frame(path: &Path, root: &Folder, cameras: &Cameras, pose: Pose, name: String) -> Result<FrameDescription> {
-    let wrong = |message: String| Error::input(path, format!("image {}: {message}", quoted(&pose.name)));
+    let wrong = |message: String| Error::input(path, format!("image {}: {message}", plain(&pose.name)));
     let Some((mut camera, lens)) = cameras.get(&pose.camera).copied() else {
         return Err(wrong(format!("camera {} is not in the camera list", pose.camera)));
     };
@@ -136,7 +136,7 @@ fn camera(model: &str, width: u64, height: u64, p: &[f64]) -> std::result::Resul
         ("SIMPLE_RADIAL_FISHEYE", &[f, x, y, k]) => ([f, f], [x, y], fisheye([k, 0.0, 0.0, 0.0])),
         ("RADIAL_FISHEYE", &[f, x, y, k, l]) => ([f, f], [x, y], fisheye([k, l, 0.0, 0.0])),
         _ => {
-            let model = model.escape_debug().take(80).collect::<String>();
+            let model = plain(model);
             return Err(format!(
                 "camera model {model} is not supported; undistort the photographs first (colmap image_undistorter)"
             ));

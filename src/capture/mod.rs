@@ -33,7 +33,7 @@ pub(crate) use transforms::nearest_rotation;
 use crate::asset::{Mesh, View};
 use crate::error::{Error, Result};
 use crate::image::{Mask, RgbImage};
-use crate::input::{FileAccess, quoted};
+use crate::input::{FileAccess, plain};
 use crate::limits::Limits;
 use photograph::{Fault, read_mask, read_picture, reading_bytes};
 use std::path::{Path, PathBuf};
@@ -140,7 +140,7 @@ pub fn read_with_progress(
     let crossed = described.iter().filter(|frame| frame.cross.is_some()).count();
     let mut skipped = 0;
     if crossed > 0 && crossed < described.len() {
-        let without: Vec<_> = described.iter().filter(|f| f.cross.is_none()).map(|f| quoted(&f.view.name)).collect();
+        let without: Vec<_> = described.iter().filter(|f| f.cross.is_none()).map(|f| plain(&f.view.name)).collect();
         skipped += without.len();
         let names = without.iter().take(MAX_NAMED).cloned().collect::<Vec<_>>().join(", ");
         let more = if without.len() > MAX_NAMED { ", ..." } else { "" };
@@ -164,7 +164,7 @@ pub fn read_with_progress(
             }
             Err(Fault::Unreadable(error)) => {
                 skipped += 1;
-                faults.push(format!("frame {} skipped: {error}", quoted(&frame.view.name)));
+                faults.push(format!("frame {} skipped: {error}", plain(&frame.view.name)));
             }
             Err(Fault::Wrong(error)) => return Err(error),
         }

@@ -6,7 +6,7 @@ use super::lens::Lens;
 use super::view_names::view_names;
 use crate::asset::{Camera, PointLight, View};
 use crate::error::Result;
-use crate::input::{FileAccess, Folder, quoted};
+use crate::input::{FileAccess, Folder, plain, quoted};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
@@ -116,7 +116,7 @@ pub(super) fn read_intrinsics(root: &Node, frame: &Node) -> Result<(Camera, Lens
             let message = format!(
                 "camera model {} is not supported; known: PINHOLE, SIMPLE_PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV, \
                  OPENCV_FISHEYE",
-                other.escape_debug().take(80).collect::<String>()
+                plain(other)
             );
             return Err(model.map_or_else(|| frame.error(&message), |node| node.error(&message)));
         }

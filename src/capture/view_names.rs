@@ -29,7 +29,12 @@ pub(super) fn view_names(folder: &Folder, paths: &[&str]) -> Vec<String> {
     let skipped = common.map_or(0, |parts| parts.len());
     let name = |(path, inside): (&&str, &Option<String>)| match inside {
         Some(name) => name.trim_start_matches("./").to_owned(),
-        None => path.split(['/', '\\']).skip(skipped).filter(|part| *part != "..").collect::<Vec<_>>().join("/"),
+        None => path
+            .split(['/', '\\'])
+            .skip(skipped)
+            .filter(|part| !["", ".", ".."].contains(part))
+            .collect::<Vec<_>>()
+            .join("/"),
     };
     paths.iter().zip(&relative).map(name).collect()
 }

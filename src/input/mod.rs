@@ -174,12 +174,17 @@ fn check_regular(path: &Path, metadata: &Metadata) -> Result<()> {
     Err(Error::io(path, IoError::new(kind, message)))
 }
 
-/// A text out of a file as messages show it: in quotes, control characters escaped, cut after 80 characters.
-pub fn quoted(text: &str) -> String {
+/// A text out of a file as messages show it: control characters escaped, cut after 80 characters.
+pub fn plain(text: &str) -> String {
     match text.char_indices().nth(80) {
-        Some((end, _)) => format!("{:?}...", &text[..end]),
-        None => format!("{text:?}"),
+        Some((end, _)) => format!("{}...", text[..end].escape_debug()),
+        None => text.escape_debug().to_string(),
     }
+}
+
+/// The same in quotes.
+pub fn quoted(text: &str) -> String {
+    format!("\"{}\"", plain(text))
 }
 
 #[cfg(test)]

@@ -3,7 +3,7 @@
 use super::charge;
 use crate::asset::Mesh;
 use crate::error::{Error, Result};
-use crate::input::FileAccess;
+use crate::input::{FileAccess, plain};
 use ply_rs_bw::parser::{Parser, Reader};
 use ply_rs_bw::ply::{ElementDef, Encoding, Property, PropertyAccess, PropertyAccessResult, PropertyType, ScalarType};
 use std::io::Cursor;
@@ -90,7 +90,7 @@ pub(super) fn read(path: &Path, bytes: &[u8], access: &FileAccess) -> Result<Mes
     let header = Parser::<PlyOther>::new().read_header(&mut reader).map_err(|e| in_element("PLY header", e))?;
     let mut mesh = Mesh::default();
     for (name, element) in &header.elements {
-        let what = format!("PLY element {} of {}", quoted_name(name), element.count);
+        let what = format!("PLY element '{}' of {}", plain(name), element.count);
         let left = (bytes.len() as u64).saturating_sub(reader.get_ref().position());
         check_count(element, header.encoding, left).map_err(|e| Error::input(path, format!("{what}: {e}")))?;
         let count = element.count as u64;
@@ -141,11 +141,6 @@ fn push_fan(triangles: &mut Vec<[u32; 3]>, corners: &[u32]) {
     if let [first, rest @ ..] = corners {
         triangles.extend(rest.windows(2).map(|pair| [*first, pair[0], pair[1]]));
     }
-}
-
-/// A name out of a header, in quotes.
-fn quoted_name(name: &str) -> String {
-    format!("'{}'", name.escape_debug().take(80).collect::<String>())
 }
 
 /// Whether as many items as an element claims can stand in the bytes that are left.
