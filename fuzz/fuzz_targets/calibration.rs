@@ -7,13 +7,13 @@ use tsuya_fuzz::folder;
 
 fuzz_target!(|bytes: &[u8]| {
     let path = folder::file("calibration.yaml", bytes);
-    if let Ok(calibration) = calibration::read(&path) {
+    if let Ok(calibration) = calibration::read(&path, &folder::access()) {
         let camera = &calibration.camera;
         assert!(camera.width > 0 && camera.height > 0);
         assert!(camera.focal.iter().all(|f| f.is_finite() && *f > 0.0));
         assert!(camera.principal.iter().all(|x| x.is_finite()));
     }
-    if let Ok(rig) = Rig::read(&path) {
+    if let Ok(rig) = Rig::read(&path, &folder::access()) {
         assert!(!rig.families().is_empty());
         let _ = rig.describe();
     }

@@ -18,9 +18,9 @@ fuzz_target!(init: pictures::put_capture(), |bytes: &[u8]| {
             }
         }
     }
-    if let Ok(description) = describe(folder::path())
+    if let Ok(description) = describe(folder::path(), &folder::access())
         && description.frames.len() <= 16
     {
-        let _ = read(folder::path(), &ReadOptions::default());
+        let _ = read(folder::path(), &ReadOptions { limits: folder::limits(), ..ReadOptions::default() });
     }
 });

@@ -26,7 +26,7 @@ fuzz_target!(|bytes: &[u8]| {
     if let Ok(model) = serde_json::from_slice::<ClassicalModel>(bytes) {
         check(&model);
     }
-    if let Ok(fits) = read_published(folder::file("fits.txt", bytes)) {
+    if let Ok(fits) = read_published(folder::file("fits.txt", bytes), &folder::access()) {
         fits.iter().for_each(|fit| check(&fit.model));
     }
 });

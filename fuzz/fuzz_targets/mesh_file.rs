@@ -8,8 +8,8 @@ fuzz_target!(|bytes: &[u8]| {
     let Some((&kind, bytes)) = bytes.split_first() else { return };
     let extension = read::EXTENSIONS[kind as usize % read::EXTENSIONS.len()];
     let path = folder::file(&format!("mesh.{extension}"), bytes);
-    let coordinates = read::texture_coordinates(&path);
-    let Ok(mesh) = read::read(&path) else { return };
+    let coordinates = read::texture_coordinates(&path, &folder::access());
+    let Ok(mesh) = read::read(&path, &folder::access()) else { return };
     assert!(mesh.triangles.iter().flatten().all(|&vertex| (vertex as usize) < mesh.positions.len()));
     assert!(mesh.positions.iter().flatten().all(|x| x.is_finite()));
     if let Ok(coordinates) = coordinates {

@@ -2,17 +2,17 @@
 #![no_main]
 use libfuzzer_sys::fuzz_target;
 use tsuya::capture::{ReadOptions, describe, read};
-use tsuya_fuzz::pictures;
+use tsuya_fuzz::{folder, pictures};
 
 fuzz_target!(init: pictures::put_capture(), |bytes: &[u8]| {
-    let path = tsuya_fuzz::folder::file("transforms.json", bytes);
-    if let Ok(description) = describe(&path) {
+    let path = folder::file("transforms.json", bytes);
+    if let Ok(description) = describe(&path, &folder::access()) {
         assert!(description.frames.iter().all(|frame| {
             let camera = &frame.view.camera;
             camera.rotation.iter().flatten().chain(&camera.translation).all(|x| x.is_finite())
         }));
         if description.frames.len() <= 16
-            && let Ok(capture) = read(&path, &ReadOptions::default())
+            && let Ok(capture) = read(&path, &ReadOptions { limits: folder::limits(), ..ReadOptions::default() })
         {
             assert!(!capture.frames.is_empty() && !capture.mesh.triangles.is_empty());
         }

@@ -237,8 +237,7 @@ fn check_order(decoding: Decoding) {
     let expected = if decoding == Decoding::Small { 24..48 } else { 48..72 };
     assert!(expected.contains(&roomy), "{roomy} views decoded");
     // Room for the longest chain only: what was given up is decoded again.
-    let (least, tight) =
-        (10..200).map(|k| k * 100_000).find_map(|memory| Some((memory, run(memory).ok()?))).unwrap();
+    let (least, tight) = (10..200).map(|k| k * 100_000).find_map(|memory| Some((memory, run(memory).ok()?))).unwrap();
     assert!(tight > roomy, "{tight} views decoded with {least} bytes");
     assert!(matches!(run(least / 2), Err(crate::Error::Limits { .. })));
 }
