@@ -1,13 +1,14 @@
 //! From a file back to photographs, mesh and reflectance: the encoder's stages from bottom to top.
 
-use crate::asset::{Asset, Photograph, View};
+use crate::asset::{Asset, Mesh, Photograph, View};
 use crate::brdf::materials;
 use crate::container::{Container, Tag, metadata, views};
 use crate::error::{Error, Result};
-use crate::limits::Limits;
+use crate::limits::{Held, Limits};
 use crate::reflectance::code as reflectance_code;
 use crate::surface::{charts, raster};
 use crate::tuned::header::{Header, PREFIX_BYTES};
+use crate::tuned::workspace::photograph_bytes;
 use crate::{Budget, lighting, mesh, paper, tuned, visibility};
 use std::io::{Read, Seek};
 
@@ -51,6 +52,36 @@ pub fn decode(bytes: &[u8], options: &DecodeOptions) -> Result<Asset> {
 
 /// Decodes an open file; reads only the sections, and of the planes only the views, that are asked for.
 pub fn decode_from<R: Read + Seek>(file: &mut Container<R>, options: &DecodeOptions) -> Result<Asset> {
+    let mut asset = decode_model(file, options)?;
+    let mut photographs = std::mem::take(&mut asset.photographs);
+    for (view, _) in asset.views.iter().enumerate().filter(|(view, _)| options.selection.takes(*view)) {
+        let bytes = photograph_bytes(&asset.views[view].camera, asset.components.len());
+        file.budget().charge("decoded photographs", bytes)?;
+    }
+    decode_photographs(file, &asset, options, |_, view, photograph| {
+        photographs[view] = Some(photograph);
+        Ok(())
+    })?;
+    asset.photographs = photographs;
+    Ok(asset)
+}
+
+/// Decodes an open file and hands each photograph that is asked for to `done` as soon as it is there, in any order, with everything
+/// else that the file holds and the view's index: memory does not grow with the number of photographs. The returned asset has none.
+/// # Errors
+/// Those of [`decode_from`], and those of `done`.
+pub fn decode_each<R: Read + Seek>(
+    file: &mut Container<R>,
+    options: &DecodeOptions,
+    done: impl FnMut(&Asset, usize, Photograph) -> Result<()>,
+) -> Result<Asset> {
+    let asset = decode_model(file, options)?;
+    decode_photographs(file, &asset, options, done)?;
+    Ok(asset)
+}
+
+/// Everything but photographs.
+fn decode_model<R: Read + Seek>(file: &mut Container<R>, options: &DecodeOptions) -> Result<Asset> {
     let budget = file.budget();
     // 6. Container.
     let metadata = match file.read_optional(Tag::METADATA)? {
@@ -89,26 +120,13 @@ pub fn decode_from<R: Read + Seek>(file: &mut Container<R>, options: &DecodeOpti
     let visibility = file.read_optional(Tag::VISIBILITY)?;
     let visibility = visibility.map(|bytes| visibility::code::decode(&bytes, &mesh, &budget)).transpose()?;
     let light = file.read_optional(Tag::LIGHT)?.map(|bytes| lighting::code::decode(&bytes, &budget)).transpose()?;
-    // 5. Residual.
-    let wanted = |view: usize| options.selection.takes(view);
-    let photographs = if options.selection == Selection::None {
-        vec![None; section.views.len()]
-    } else if file.find(Tag::PLANES).is_some() {
-        tuned_photographs(file, &mesh, &section, wanted, &budget)?
-    } else if file.find(Tag::PAPER).is_some() {
-        let bytes = file.read_section(Tag::PAPER)?;
-        let decoded = paper::decode(&bytes, &mesh, &section.components, section.views.len(), &budget)?;
-        charge_photographs(&mesh, &section, wanted, &budget)?;
-        paper_photographs(&decoded, &mesh, &section.views, wanted)
-    } else {
-        vec![None; section.views.len()]
-    };
     // Materials.
     let materials = match file.read_optional(Tag::MATERIALS)? {
         Some(bytes) => materials::decode(&bytes, &budget)?,
         None => Vec::new(),
     };
     let views::ViewsSection { white, components, views } = section;
+    let photographs = vec![None; views.len()];
     Ok(Asset {
         metadata,
         mesh,
@@ -124,18 +142,44 @@ pub fn decode_from<R: Read + Seek>(file: &mut Container<R>, options: &DecodeOpti
     })
 }
 
+/// 5. Residual.
+fn decode_photographs<R: Read + Seek>(
+    file: &mut Container<R>,
+    asset: &Asset,
+    options: &DecodeOptions,
+    mut done: impl FnMut(&Asset, usize, Photograph) -> Result<()>,
+) -> Result<()> {
+    let budget = file.budget();
+    let wanted = |view: usize| options.selection.takes(view);
+    if options.selection == Selection::None {
+        return Ok(());
+    }
+    if file.find(Tag::PLANES).is_some() {
+        return tuned_photographs(file, asset, wanted, &budget, |view, photograph| done(asset, view, photograph));
+    }
+    if file.find(Tag::PAPER).is_some() {
+        let bytes = file.read_section(Tag::PAPER)?;
+        let decoded = paper::decode(&bytes, &asset.mesh, &asset.components, asset.views.len(), &budget)?;
+        for (index, view) in asset.views.iter().enumerate().filter(|(index, _)| wanted(*index)) {
+            let _held = hold_paper_photograph(&asset.mesh, view, asset.components.len(), &budget)?;
+            done(asset, index, paper_photograph(&decoded, &asset.mesh, view, index))?;
+        }
+    }
+    Ok(())
+}
+
 /// Photographs of profile `tuned`: the head of the section, then the streams of the views that are needed.
 fn tuned_photographs<R: Read + Seek>(
     file: &mut Container<R>,
-    mesh: &crate::asset::Mesh,
-    section: &views::ViewsSection,
+    asset: &Asset,
     wanted: impl Fn(usize) -> bool + Sync + Send,
     budget: &Budget,
-) -> Result<Vec<Option<Photograph>>> {
+    done: impl FnMut(usize, Photograph) -> Result<()>,
+) -> Result<()> {
     let prefix = file.read_range(Tag::PLANES, 0, PREFIX_BYTES as u64)?;
     let length = PREFIX_BYTES as u64 + Header::length(&prefix)?;
     let head = file.read_range(Tag::PLANES, 0, length)?;
-    let header = Header::parse(&head, section.views.len(), section.components.len(), budget)?;
+    let header = Header::parse(&head, asset.views.len(), asset.components.len(), budget)?;
     let stored = file.find(Tag::PLANES).map_or(0, |s| s.stored);
     if stored != length + header.stream_bytes() {
         return Err(Error::format("PLAN", length, "the streams are not as long as the head says"));
@@ -144,27 +188,21 @@ fn tuned_photographs<R: Read + Seek>(
         let bytes = step.lengths.iter().map(|&l| l as u64).sum();
         file.read_range(Tag::PLANES, length + step.offset, bytes).map(Some)
     };
-    tuned::decode::decode(&header, mesh, (&section.views, section.white), wanted, read, budget)
+    let capture = (&asset.views[..], asset.white);
+    tuned::decode::for_each_view(&header, &asset.mesh, capture, wanted, read, budget, done)
 }
 
-fn charge_photographs(
-    mesh: &crate::asset::Mesh,
-    section: &views::ViewsSection,
-    wanted: impl Fn(usize) -> bool,
-    budget: &Budget,
-) -> Result<()> {
-    for (_, view) in section.views.iter().enumerate().filter(|(k, _)| wanted(*k)) {
-        let pixels = view.camera.width as u64 * view.camera.height as u64;
-        budget.charge_items("decoded views", pixels, 32 + 12 * section.components.len())?;
-        raster::check_work(mesh, &view.camera)?;
-    }
-    Ok(())
+/// Charges what a photograph of profile `paper` takes and checks that drawing it is bounded work.
+fn hold_paper_photograph<'b>(mesh: &Mesh, view: &View, components: usize, budget: &'b Budget) -> Result<Held<'b>> {
+    raster::check_work(mesh, &view.camera)?;
+    let pixels = view.camera.width as u64 * view.camera.height as u64;
+    budget.hold("a view being decoded", pixels.saturating_mul(32 + 12 * components as u64))
 }
 
 /// Photographs of profile `paper`: model plus residual at every pixel that meets the mesh.
 pub fn paper_photographs(
     decoded: &paper::Decoded,
-    mesh: &crate::asset::Mesh,
+    mesh: &Mesh,
     views: &[View],
     wanted: impl Fn(usize) -> bool,
 ) -> Vec<Option<Photograph>> {
@@ -172,7 +210,7 @@ pub fn paper_photographs(
     views.iter().enumerate().map(wanted).collect()
 }
 
-fn paper_photograph(decoded: &paper::Decoded, mesh: &crate::asset::Mesh, view: &View, index: usize) -> Photograph {
+fn paper_photograph(decoded: &paper::Decoded, mesh: &Mesh, view: &View, index: usize) -> Photograph {
     let raster = raster::rasterise(mesh, &view.camera);
     decoded.photograph(index, view, |x, y| {
         let at = y * raster.width + x;

@@ -15,6 +15,8 @@ use crate::separate::{Observations, ObservedFrame, separate};
 use crate::surface::{atlas, charts, raster};
 use crate::{mesh, paper, rate, tuned};
 
+mod check;
+
 /// A finished file and what is known of it.
 #[derive(Debug)]
 pub struct Encoded {
@@ -30,6 +32,8 @@ pub struct Encoded {
     pub kept_percent: Option<f64>,
     /// Share of the masks' pixels that the mesh covers.
     pub coverage: f64,
+    /// Bytes of memory that decoding the file was charged, where it was checked: a reader that has less works on fewer views at a time.
+    pub reader_memory: Option<u64>,
     /// What the user should know.
     pub warnings: Vec<String>,
 }
@@ -104,8 +108,13 @@ pub fn encode(mut capture: Capture, options: &EncodeOptions) -> Result<Encoded> 
     let thumbnail = thumbnail_png(&decoded, section.white)?;
     let metadata = describe(&capture, options, &total);
     let (bytes, sections) = file.write(&metadata, &thumbnail)?;
+    // Back again.
+    let reader_memory = match options.check {
+        true => Some(check::check(&bytes, &decoded, &mut warnings)?),
+        false => None,
+    };
     let (image_psnr, coverage) = (total.psnr(), total.coverage());
-    Ok(Encoded { bytes, sections, image_psnr, sample_psnr, kept_percent, coverage, warnings })
+    Ok(Encoded { bytes, sections, image_psnr, sample_psnr, kept_percent, coverage, reader_memory, warnings })
 }
 
 /// A file of nothing but materials and metadata.

@@ -61,6 +61,9 @@ pub enum Error {
         /// Bytes that are left.
         allowed: u64,
     },
+    /// A file that was just encoded does not give back what was put into it: a defect of the encoder or the decoder.
+    #[error("{0}")]
+    Check(String),
     /// The caller asked for something impossible.
     #[error("{0}")]
     Parameter(String),

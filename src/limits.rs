@@ -33,12 +33,15 @@ impl Default for Limits {
 pub struct Budget {
     limits: Limits,
     left: AtomicU64,
+    /// The least that was left so far.
+    least: AtomicU64,
 }
 
 impl Budget {
     /// A fresh account.
     pub fn new(limits: Limits) -> Self {
-        Budget { limits, left: AtomicU64::new(limits.memory_bytes) }
+        let [left, least] = [(); 2].map(|()| AtomicU64::new(limits.memory_bytes));
+        Budget { limits, left, least }
     }
     /// The limits of this account.
     pub fn limits(&self) -> &Limits {
@@ -48,7 +51,9 @@ impl Budget {
     pub fn charge(&self, what: &'static str, bytes: u64) -> Result<()> {
         self.left
             .fetch_update(Ordering::Relaxed, Ordering::Relaxed, |left| left.checked_sub(bytes))
-            .map(|_| ())
+            .map(|before| {
+                self.least.fetch_min(before - bytes, Ordering::Relaxed);
+            })
             .map_err(|left| Error::Limits { what, asked: bytes, allowed: left })
     }
     /// Charges `count` items of `size` bytes.
@@ -64,6 +69,10 @@ impl Budget {
     /// Bytes that are left.
     pub fn left(&self) -> u64 {
         self.left.load(Ordering::Relaxed)
+    }
+    /// The most that was charged at a time, in bytes.
+    pub fn peak(&self) -> u64 {
+        self.limits.memory_bytes - self.least.load(Ordering::Relaxed)
     }
     /// Gives back what was charged for something that is freed again.
     pub fn release(&self, bytes: u64) {

@@ -67,6 +67,8 @@ pub struct EncodeOptions {
     /// Profile `tuned`: also keep the sign of specular radiance below zero (noise and double bounces); profile `paper`
     /// always keeps it.
     pub signed_specular: bool,
+    /// Decodes the finished file as a reader does and compares every photograph with what the file states of it.
+    pub check: bool,
     /// Keys for the file's metadata, such as `title`, `provenance`, `licence`, `units`.
     pub metadata: serde_json::Map<String, serde_json::Value>,
 }
@@ -83,6 +85,7 @@ impl Default for EncodeOptions {
             #[cfg(feature = "encode")]
             specular: SpecularModel::default(),
             signed_specular: false,
+            check: true,
             metadata: serde_json::Map::new(),
         }
     }

@@ -324,10 +324,8 @@ impl ArrivingFile {
             None | Some(Pictures::None) => ViewProgress::NoPictures,
             Some(Pictures::Paper(decoded, mesh)) => {
                 let budget = self.file.budget();
-                ViewProgress::Done(take(ViewPicture::Photograph(handed_out(&budget, |budget| {
-                    super::charge_photographs(mesh, &opened.capture, |k| k == index, budget)?;
-                    Ok(super::paper_photograph(decoded, mesh, view, index))
-                })?)))
+                let _held = super::hold_paper_photograph(mesh, view, opened.capture.components.len(), &budget)?;
+                ViewProgress::Done(take(ViewPicture::Photograph(super::paper_photograph(decoded, mesh, view, index))))
             }
             Some(Pictures::Tuned(decoder, streams)) => {
                 let steps = decoder.missing(index)?;

@@ -12,7 +12,7 @@ pub mod encode;
 pub mod header;
 pub mod order;
 mod picture;
-mod workspace;
+pub(crate) mod workspace;
 
 use crate::asset::{Camera, Mesh, View};
 use crate::error::Result;

@@ -44,6 +44,9 @@ pub struct Encode {
     /// Profile tuned: keeps specular radiance below zero (noise, double bounces), too.
     #[arg(long)]
     signed_specular: bool,
+    /// Does not decode the finished file to compare every photograph with what the file states of it.
+    #[arg(long)]
+    no_check: bool,
     /// Name of the object [default: the capture's folder].
     #[arg(long)]
     title: Option<String>,
@@ -204,6 +207,7 @@ impl Encode {
             hold_out: self.hold_out,
             position_bits: self.position_bits,
             signed_specular: self.signed_specular,
+            check: !self.no_check,
             metadata,
             ..Default::default()
         })
@@ -236,6 +240,8 @@ pub fn report(encoded: &Encoded, seconds: f64) -> Value {
         "kept_percent": encoded.kept_percent,
         "image_psnr_db": psnr_json(&encoded.image_psnr),
         "coverage": encoded.coverage,
+        "checked": encoded.reader_memory.is_some(),
+        "reader_memory_bytes": encoded.reader_memory,
         "warnings": encoded.warnings,
     })
 }
@@ -273,6 +279,9 @@ fn table(encoded: &Encoded, seconds: f64) -> String {
     }
     if let Some(kept) = encoded.kept_percent {
         let _ = writeln!(text, "coefficients kept: {kept:.3} %");
+    }
+    if let Some(memory) = encoded.reader_memory {
+        let _ = writeln!(text, "decoded again, every photograph as stated, with {} MiB", memory.div_ceil(1 << 20));
     }
     let _ = writeln!(text, "the mesh covers {:.1} % of the masks", 100.0 * encoded.coverage);
     text

@@ -7,8 +7,9 @@ use crate::{Failed, output, progress, source};
 use anyhow::{Context, Result};
 use clap::Args;
 use std::path::PathBuf;
+use tsuya::asset::{Asset, Photograph};
 use tsuya::container::{self, Tag, metadata::Metadata, thumbnail};
-use tsuya::decoder::{DecodeOptions, decode_from};
+use tsuya::decoder::{DecodeOptions, decode_each};
 
 /// The achieved error in the file is rounded; platforms may differ in the last bits of what they measure.
 const TOLERANCE_DB: f64 = 0.05;
@@ -37,14 +38,18 @@ impl Verify {
         if self.deep {
             let _busy = progress::busy("decoding");
             let mut file = container::Container::open_slice(&bytes, limits())?;
-            let asset = decode_from(&mut file, &DecodeOptions { limits: limits(), ..Default::default() })
-                .with_context(|| name.clone())?;
+            let mut decoded = 0;
+            let options = DecodeOptions { limits: limits(), ..Default::default() };
+            let count = |_: &Asset, _: usize, _: Photograph| {
+                decoded += 1;
+                Ok(())
+            };
+            let asset = decode_each(&mut file, &options, count).with_context(|| name.clone())?;
             if let Some(content) = file.read_optional(Tag::THUMBNAIL)? {
                 let thumbnail = thumbnail::decode(content).with_context(|| name.clone())?;
                 image::load_from_memory(&thumbnail.png)
                     .map_err(|e| tsuya::Error::format(Tag::THUMBNAIL, 0u8, format!("PNG: {e}")))?;
             }
-            let decoded = asset.photographs.iter().flatten().count();
             text += &format!("{decoded} of {} views decode\n", asset.views.len());
             if !asset.materials.is_empty() {
                 text += &format!("{} materials decode\n", asset.materials.len());

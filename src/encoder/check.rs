@@ -1,0 +1,97 @@
+//! A finished file read back, by the path that its readers take.
+
+use crate::asset::Photograph;
+use crate::container::Container;
+use crate::decoder::{DecodeOptions, decode_each};
+use crate::error::{Error, Result};
+use crate::limits::Limits;
+
+/// Decodes a file and compares every photograph, bit for bit, with what the encoder made the file's statements from. Returns the
+/// memory that was charged for it; warns where that is more than a reader grants by default.
+/// # Errors
+/// [`Error::Check`] where the file does not decode or gives back something else.
+pub(super) fn check(bytes: &[u8], expected: &[Photograph], warnings: &mut Vec<String>) -> Result<u64> {
+    let by_default = Limits::default();
+    match decode_within(bytes, expected, by_default) {
+        Err(Error::Limits { .. }) => {
+            let memory = decode_within(bytes, expected, Limits::UNLIMITED).map_err(failed)?;
+            let mebibytes = |bytes: u64| bytes.div_ceil(1 << 20);
+            warnings.push(format!(
+                "a reader needs {} MiB for this file, more than the {} MiB that it grants by default",
+                mebibytes(memory),
+                mebibytes(by_default.memory_bytes)
+            ));
+            Ok(memory)
+        }
+        result => result.map_err(failed),
+    }
+}
+
+fn failed(error: Error) -> Error {
+    match error {
+        Error::Check(message) => Error::Check(message),
+        other => Error::Check(format!("the encoded file can't be decoded: {other}; this is a defect of the program")),
+    }
+}
+
+fn decode_within(bytes: &[u8], expected: &[Photograph], limits: Limits) -> Result<u64> {
+    let mut file = Container::open_slice(bytes, limits)?;
+    let mut missing = vec![true; expected.len()];
+    decode_each(&mut file, &DecodeOptions { limits, ..Default::default() }, |asset, view, decoded| {
+        if expected.get(view).is_none_or(|expected| !is_same(expected, &decoded)) {
+            let name = asset.views.get(view).map_or("", |view| &view.name);
+            let message = "is decoded to other values than it was encoded to; this is a defect of the program";
+            return Err(Error::Check(format!("view {name} {message}")));
+        }
+        missing[view] = false;
+        Ok(())
+    })?;
+    match missing.iter().position(|&missing| missing) {
+        Some(view) => {
+            Err(Error::Check(format!("view {view} is not in the encoded file; this is a defect of the program")))
+        }
+        None => Ok(file.budget().peak()),
+    }
+}
+
+/// Whether both have the same mask and, in all pixels, the same bits.
+fn is_same(a: &Photograph, b: &Photograph) -> bool {
+    a.mask == b.mask
+        && a.images.len() == b.images.len()
+        && a.images.iter().zip(&b.images).all(|(a, b)| {
+            a.data.len() == b.data.len()
+                && a.data.iter().zip(&b.data).all(|(a, b)| a.map(f32::to_bits) == b.map(f32::to_bits))
+        })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::options::EncodeOptions;
+
+    #[test]
+    fn another_file_or_another_photograph_is_found() {
+        let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/unpolarised");
+        let capture = crate::capture::read(folder, &Default::default()).unwrap();
+        let encoded = super::super::encode(capture, &EncodeOptions::default()).unwrap();
+        let mut file = Container::open_slice(&encoded.bytes, Limits::default()).unwrap();
+        let mut photographs = vec![Photograph::default(); 10];
+        let keep = |_: &_, view: usize, photograph| {
+            photographs[view] = photograph;
+            Ok(())
+        };
+        decode_each(&mut file, &DecodeOptions::default(), keep).unwrap();
+        let mut warnings = Vec::new();
+        assert_eq!(check(&encoded.bytes, &photographs, &mut warnings).ok(), encoded.reader_memory);
+        let tight = Limits { memory_bytes: 1 << 16, ..Limits::default() };
+        assert!(matches!(decode_within(&encoded.bytes, &photographs, tight), Err(Error::Limits { .. })));
+        let pixel = photographs[3].mask.data.iter().position(|&inside| inside).unwrap();
+        let value = &mut photographs[3].images[0].data[pixel][1];
+        *value = f32::from_bits(value.to_bits() + 1);
+        let error = check(&encoded.bytes, &photographs, &mut warnings).unwrap_err().to_string();
+        assert!(error.contains("03.png") && error.contains("defect"), "{error}");
+        let cut = &encoded.bytes[..encoded.bytes.len() - 100];
+        assert!(matches!(check(cut, &photographs, &mut warnings), Err(Error::Check(_))));
+        assert!(warnings.is_empty());
+    }
+}
