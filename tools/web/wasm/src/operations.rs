@@ -49,7 +49,10 @@ pub fn run(file: &mut ArrivingFile, operation: u32, argument: u32, flags: u32) -
                     "rmsErrorRad": v.error().rms_radians, "wrongSigns": v.error().wrong_signs,
                     "arrays": [["bases", "f32"], ["weights", "i8"]],
                 }),
-                vec![Output::Floats(v.bases().to_vec()), Output::Weights(v.all_weights()[..v.places().vertices() * v.terms()].to_vec())],
+                vec![
+                    Output::Floats(v.bases().to_vec()),
+                    Output::Weights(v.all_weights()[..v.places().vertices() * v.terms()].to_vec()),
+                ],
             ),
         })),
         4 => Ok(found(file.light()?, |light| match light {
