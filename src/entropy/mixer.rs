@@ -1,6 +1,6 @@
 //! Logistic mixing: several adaptive predictions of one bit are weighed in the log-odds domain (Mahoney 2005).
 //!
-//! All tables follow from the 49 numbers of [`LOGISTIC`] by integer arithmetic and the mixing uses `f32` with `+ - *` in
+//! All tables follow from the 49 numbers of `LOGISTIC` by integer arithmetic and the mixing uses `f32` with `+ - *` in
 //! the order written, so every platform reaches the same probabilities (normative, `spec/entropy.md`).
 
 use super::BitCoder;

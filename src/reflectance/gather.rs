@@ -48,7 +48,7 @@ pub enum SpecularModel {
     Dsbrdf,
 }
 
-/// Fits reflectance to every texel in use: Lambert per texel and Torrance-Sparrow per block of [`BLOCK`] x [`BLOCK`] texels of a chart,
+/// Fits reflectance to every texel in use: Lambert per texel and Torrance-Sparrow per block of `BLOCK` x `BLOCK` texels of a chart,
 /// interpolated between blocks, where all lights are known, else the weighted mean radiance. What no photograph shows takes its
 /// neighbours' values. Texels not in use are 0.
 pub fn fit_maps(sources: &Sources, charts: &Charts, atlas: &AtlasRaster) -> ReflectanceMaps {
