@@ -92,6 +92,10 @@ impl<'a> RangeDecoder<'a> {
     /// True when the stream ends as [`RangeEncoder::finish`] ends it, or with zeros behind that up to `min_bytes`. After the last bit
     /// this finds bytes added, bytes missing and most damage.
     pub fn ends_as_written(&self, min_bytes: usize) -> bool {
+        if cfg!(fuzzing) {
+            // So that changed streams get past it.
+            return !self.is_exhausted();
+        }
         let Some((count, value)) = final_value(self.low, self.high) else { return false };
         let written = self.position - AHEAD + count;
         let is_filled = || self.bytes.len() == min_bytes && self.bytes[written..].iter().all(|&byte| byte == 0);

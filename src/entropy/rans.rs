@@ -101,7 +101,8 @@ impl<'a> RansDecoder<'a> {
     /// True when the stream ends as [`RansEncoder::finish`] ends it: after the last symbol every byte is consumed, and the state is the
     /// one that the encoder began with.
     pub fn ends_as_written(&self) -> bool {
-        self.state == LEAST && self.bytes.is_empty() && !self.is_exhausted
+        // In fuzzing only what is missing counts, so that changed streams get past it.
+        !self.is_exhausted && (cfg!(fuzzing) || (self.state == LEAST && self.bytes.is_empty()))
     }
     #[inline(always)]
     fn place(&self) -> u16 {
