@@ -10,6 +10,7 @@ pub mod brdf;
 pub mod capture;
 pub mod container;
 pub mod decoder;
+mod elementary;
 #[cfg(feature = "encode")]
 pub mod encoder;
 pub mod entropy;

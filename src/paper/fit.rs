@@ -1,6 +1,6 @@
 //! Fitting the reflection model to the samples.
 
-use super::model::Model;
+use super::model::{Model, VertexLobe};
 use super::samples::Samples;
 use crate::asset::Component;
 use crate::parallel;
@@ -26,6 +26,7 @@ pub fn fit(samples: &Samples, components: &[Component]) -> Model {
         Some(component) if relightable => fit_lobes(samples, component),
         _ => Vec::new(),
     };
+    let lobes = lobes.iter().map(|lobe| VertexLobe { specular: lobe.specular, log_sigma: lobe.sigma.ln() }).collect();
     Model { relightable, diffuse, lobes }
 }
 

@@ -2,19 +2,27 @@
 
 use super::layout::{Layout, read_grid};
 use super::stream::{Models, code_volume};
-use crate::asset::{PointLight, View};
+use crate::asset::View;
+use crate::elementary;
 use crate::entropy::{BitCoder, Number};
 use crate::quantise::dead_zone::DeadZone;
-use crate::reflectance::torrance_sparrow::SIGMA_RANGE;
-use crate::reflectance::{Lobe, lambert, torrance_sparrow};
+use crate::reflectance::Lobe;
+use crate::reflectance::geometry::direction;
 use crate::surface::patches::PatchPoint;
 use crate::transform::colour::{self, Rotation};
 use crate::transform::daubechies::{self, VolumeShape};
+use crate::vector::dot;
 
+/// Smallest cosine of the angle of view that the model divides by.
+const LEAST_COSINE: f64 = 0.05;
 /// Levels of `sqrt(K_s)`.
 const SPECULAR_LEVELS: f32 = 255.0;
-/// Levels of `ln sigma` over [`SIGMA_RANGE`].
-const SIGMA_LEVELS: f32 = 63.0;
+/// Levels of `ln sigma`.
+const SIGMA_LEVELS: u8 = 63;
+/// `ln sigma` of the level 0, `ln 0.02`: 0xC07A5E96.
+const LOG_SIGMA_LEAST: f32 = -3.912_023;
+/// From one level of `ln sigma` to the next, `ln 40 / 63`: 0x3D6FD5F2.
+const LOG_SIGMA_STEP: f32 = 0.058_553_644;
 
 /// The model as the file holds it.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -41,7 +49,16 @@ pub struct Model {
     /// `K_d` (or the mean radiance) at each sample of each patch, in rows.
     pub diffuse: Vec<Vec<[f32; 3]>>,
     /// The lobe at each vertex; empty without a specular component.
-    pub lobes: Vec<Lobe>,
+    pub lobes: Vec<VertexLobe>,
+}
+
+/// Highlight at a vertex, as it is interpolated.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct VertexLobe {
+    /// `K_s`, red, green, blue, not negative.
+    pub specular: [f32; 3],
+    /// Natural logarithm of `sigma` in radians.
+    pub log_sigma: f32,
 }
 
 impl CodedModel {
@@ -110,10 +127,9 @@ impl CodedModel {
         });
         let lobe = |levels: &[u8; 4]| {
             let root = |q: u8| q as f32 / SPECULAR_LEVELS;
-            let (low, high) = (SIGMA_RANGE.0.ln(), SIGMA_RANGE.1.ln());
-            Lobe {
+            VertexLobe {
                 specular: std::array::from_fn(|c| root(levels[c]) * root(levels[c]) * self.specular_scale),
-                sigma: (low + (high - low) * (levels[3] as f32 / SIGMA_LEVELS).min(1.0)).exp(),
+                log_sigma: LOG_SIGMA_LEAST + LOG_SIGMA_STEP * levels[3].min(SIGMA_LEVELS) as f32,
             }
         };
         Model { relightable, diffuse: diffuse.collect(), lobes: self.lobes.iter().map(lobe).collect() }
@@ -138,12 +154,11 @@ impl CodedModel {
             daubechies::forward(&mut axes, shape, &mut scratch);
             coded.diffuse.push(std::array::from_fn(|c| axes.iter().map(|a| quantiser.quantise(a[c])).collect()));
         }
-        let (low, high) = (SIGMA_RANGE.0.ln(), SIGMA_RANGE.1.ln());
         for lobe in &model.lobes {
             let specular =
                 lobe.specular.map(|k| ((k / specular_scale).min(1.0).sqrt() * SPECULAR_LEVELS).round() as u8);
-            let sigma = ((lobe.sigma.ln() - low) / (high - low) * SIGMA_LEVELS).round() as u8;
-            coded.lobes.push([specular[0], specular[1], specular[2], sigma.min(SIGMA_LEVELS as u8)]);
+            let sigma = ((lobe.log_sigma - LOG_SIGMA_LEAST) / LOG_SIGMA_STEP).round() as u8;
+            coded.lobes.push([specular[0], specular[1], specular[2], sigma.min(SIGMA_LEVELS)]);
         }
         coded
     }
@@ -189,37 +204,49 @@ impl Model {
             (false, _) => diffuse,
             (true, None) => [0.0; 3],
             (true, Some(light)) => {
-                lambert::evaluate(diffuse, &layout.geometry(patch, point, view.camera.centre(), light))
+                let (position, normal) = layout.place(patch, point);
+                let (to_light, squared) = direction(position, light.position);
+                let cosine = dot(normal, to_light);
+                if cosine > 0.0 {
+                    std::array::from_fn(|c| (diffuse[c] as f64 * (light.intensity[c] / squared) * cosine) as f32)
+                } else {
+                    [0.0; 3]
+                }
             }
         }
     }
-    /// Modelled radiance of the specular component.
+    /// Modelled radiance of the specular component, `K_s E / cos(theta_r) exp(-alpha^2 / (2 sigma^2))`; zero where the light or the
+    /// camera is behind the surface.
     pub(super) fn specular_at(&self, layout: &Layout, patch: usize, point: &PatchPoint, view: &View) -> [f32; 3] {
         let (Some(light), false) = (&view.light, self.lobes.is_empty()) else { return [0.0; 3] };
-        self.specular_lit(layout, patch, point, view.camera.centre(), light)
+        let (position, normal) = layout.place(patch, point);
+        let (to_light, squared) = direction(position, light.position);
+        let (to_view, _) = direction(position, view.camera.centre());
+        let (cos_light, cos_view) = (dot(normal, to_light), dot(normal, to_view));
+        if !(cos_light > 0.0 && cos_view > 0.0) {
+            return [0.0; 3];
+        }
+        let half: [f64; 3] = std::array::from_fn(|i| to_light[i] + to_view[i]);
+        let squared_angle = elementary::squared_angle(dot(normal, half) / dot(half, half).sqrt());
+        let lobe = self.interpolate(layout, patch, point);
+        let sharpness = elementary::exp(-2.0 * lobe.log_sigma as f64);
+        let cos_view = if cos_view > LEAST_COSINE { cos_view } else { LEAST_COSINE };
+        let shape = elementary::exp(-0.5 * squared_angle * sharpness) / cos_view;
+        std::array::from_fn(|c| (lobe.specular[c] as f64 * (light.intensity[c] / squared) * shape) as f32)
     }
-    fn specular_lit(
-        &self,
-        layout: &Layout,
-        patch: usize,
-        point: &PatchPoint,
-        camera_centre: [f64; 3],
-        light: &PointLight,
-    ) -> [f32; 3] {
-        let geometry = layout.geometry(patch, point, camera_centre, light);
-        torrance_sparrow::evaluate(&self.lobe_at(layout, patch, point), &geometry)
-    }
-    /// The lobe at a point, `ln sigma` interpolated.
+    /// The lobe at a point.
     pub fn lobe_at(&self, layout: &Layout, patch: usize, point: &PatchPoint) -> Lobe {
-        let mut lobe = Lobe::default();
-        let mut log_sigma = 0.0;
+        let VertexLobe { specular, log_sigma } = self.interpolate(layout, patch, point);
+        Lobe { specular, sigma: elementary::exp(log_sigma as f64) as f32 }
+    }
+    fn interpolate(&self, layout: &Layout, patch: usize, point: &PatchPoint) -> VertexLobe {
+        let mut lobe = VertexLobe::default();
         for (corner, weight) in layout.patches[patch].corners.iter().zip(point.weights) {
             let weight = weight as f32;
             let at = self.lobes[*corner as usize];
             (0..3).for_each(|c| lobe.specular[c] += weight * at.specular[c]);
-            log_sigma += weight * at.sigma.ln();
+            lobe.log_sigma += weight * at.log_sigma;
         }
-        lobe.sigma = log_sigma.exp();
         lobe
     }
 }

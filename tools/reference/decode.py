@@ -16,6 +16,7 @@ import numpy as np
 
 import container
 import mesh
+import paper
 import planes
 import reflectance
 
@@ -54,9 +55,12 @@ def main():
             image = image if image.ndim == 3 else np.repeat(image[..., None], 3, -1)
             write_pfm(os.path.join(arguments.output, f"reflectance-{name}.pfm"), image)
         print(f"reflectance: {charts.width} x {charts.height} texels, {'relightable' if relightable else 'lights unknown'}")
-    if "PLAN" not in sections:
+    if "PLAN" in sections:
+        pictures = planes.Planes(sections["PLAN"][1], views, positions, triangles)
+    elif "PAPR" in sections:
+        pictures = paper.Paper(sections["PAPR"][1], views, positions, triangles)
+    else:
         return
-    pictures = planes.Planes(sections["PLAN"][1], views, positions, triangles)
     wanted = arguments.view if arguments.view is not None else range(len(views.views))
     for view in wanted:
         mask, images = pictures.view(view)

@@ -100,7 +100,7 @@ class Geometry:
         near = 1e-6 * max(0.0, q[2].max())
         inverse = np.zeros((self.height, self.width))
         self.triangle = np.full((self.height, self.width), -1)
-        barycentric = np.zeros((self.height, self.width, 2), single)
+        barycentric = self.barycentric = np.zeros((self.height, self.width, 2), single)
         for index, corners in enumerate(triangles):
             if all(q[2][v] > near for v in corners):
                 self.draw(index, corners, x, y, q[2], inverse, barycentric)

@@ -8,6 +8,7 @@ import numpy as np
 from coefficients import Models
 from coefficients import decode as decode_coefficients
 from entropy import Bit, Damaged, Number, Range
+from functions import exponential
 from geometry import Transform
 
 single = np.float32
@@ -172,8 +173,9 @@ def decode(data, charts):
         levels = np.floor(transform.inverse(bands) + single(0.5))
         levels[~mask] = 0
         if name == "sigma":
-            share = levels[..., 0].clip(0, 255) / single(255)
-            maps[name] = single(0.02) * single(40) ** share
+            exponents = np.arange(256).astype(single) / single(255) * single(3.6888795)
+            sigmas = single(0.02) * np.array([exponential(float(x)) for x in exponents]).astype(single)
+            maps[name] = sigmas[levels[..., 0].clip(0, 255).astype(int)]
         else:
             share = levels.clip(0, 1023) / single(1023)
             maps[name] = share * share * single(scales[name == "specular"])

@@ -19,6 +19,7 @@ use super::maps::SIGMA_LEVELS;
 use super::torrance_sparrow::SIGMA_RANGE;
 use super::{Geometry, Lobe};
 use crate::brdf::dsbrdf::LobeMaterial;
+use crate::elementary;
 use crate::error::{Error, Result};
 use crate::limits::Budget;
 use std::f64::consts::FRAC_PI_2;
@@ -39,11 +40,13 @@ pub struct PaletteEntry {
     pub lobes: LobeMaterial,
 }
 
+/// `ln 40`, of the largest `sigma` over the smallest: 0x406C169A. Part of the format.
+const LOG_RANGE: f32 = 3.688_879_5;
+
 /// `sigma` of a level, radians.
 pub fn sigma_of_level(level: i32) -> f32 {
-    let (least, most) = SIGMA_RANGE;
     let share = level.clamp(0, SIGMA_LEVELS) as f32 / SIGMA_LEVELS as f32;
-    least * (share * (most / least).ln()).exp()
+    SIGMA_RANGE.0 * elementary::exp((share * LOG_RANGE) as f64) as f32
 }
 
 /// Level of a `sigma`, not rounded.

@@ -191,3 +191,12 @@ fn sections_with_a_palette_come_back_and_hostile_ones_are_refused() {
     let small = Budget::new(Limits { memory_bytes: 150_000, ..Limits::default() });
     assert!(matches!(decode(&bytes, &mesh, &charts, &small), Err(Error::Limits { .. })));
 }
+
+#[test]
+fn the_levels_of_sigma_are_those_of_the_library_s_exponential() {
+    // Rounded to single both give the same on machines whose own exponential is good; the format's is the same everywhere.
+    let library = |level: i32| 0.02 * ((level as f32 / 255.0) * 40f32.ln()).exp();
+    let same = (0..256).filter(|&level| sigma_of_level(level).to_bits() == library(level).to_bits()).count();
+    assert!(same >= 250, "{same}");
+    assert_eq!([0, 128, 255].map(|level| sigma_of_level(level).to_bits()), [0x3ca3_d70a, 0x3e02_779a, 0x3f4c_cccc]);
+}
