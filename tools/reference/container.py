@@ -8,13 +8,18 @@ import zlib
 from entropy import Bit, Damaged, Number, Range
 
 
-def varint(data, at):
+KNOWN = ("mETA", "tHMB", "MESH", "VIEW", "CHRT", "RFLC", "PLAN", "PAPR", "mATl", "vISB", "lIGt")
+
+
+def varint(data, at, shortest=False):
     value = shift = 0
     while True:
         byte = data[at]
         value |= (byte & 127) << shift
         at, shift = at + 1, shift + 7
         if byte < 128:
+            if shortest and byte == 0 and shift > 7:
+                raise Damaged("a number longer than it needs to be")
             return value, at
 
 
@@ -30,13 +35,17 @@ def read(path):
     directory = data[start : len(data) - 8]
     if zlib.crc32(data[:12] + directory[:-4]) != struct.unpack("<I", directory[-4:])[0] or directory[:4] != b"DRCT":
         raise Damaged("directory")
-    count, at = varint(directory, 4)
+    count, at = varint(directory, 4, True)
     sections, offset = {}, 12
     for _ in range(count):
         first, tag, codec = at, directory[at : at + 4].decode("ascii"), directory[at + 4]
-        stored, at = varint(directory, at + 5)
+        if not tag.isalpha() or not tag[2].isupper() or codec > 2:
+            raise Damaged(f"tag or codec of section {tag}")
+        if tag in KNOWN and tag in sections or tag[0].isupper() and tag not in KNOWN:
+            raise Damaged(f"a second section {tag}, or a critical one that nobody knows")
+        stored, at = varint(directory, at + 5, True)
         if codec == 1:
-            _, at = varint(directory, at)
+            _, at = varint(directory, at, True)
         header, at = directory[first : at + 4], at + 4
         end = offset + len(header) + stored
         content = data[offset + len(header) : end]

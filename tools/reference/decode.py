@@ -10,7 +10,6 @@ reflectance (sigma in all three colours).
 import argparse
 import os
 import re
-import sys
 
 import numpy as np
 
@@ -38,9 +37,6 @@ def main():
     parser.add_argument("--no-reflectance", action="store_true", help="leave the maps of the reflectance out")
     arguments = parser.parse_args()
     sections = container.read(arguments.file)
-    unknown = [tag for tag in sections if tag[0].isupper() and tag not in ("MESH", "VIEW", "CHRT", "RFLC", "PLAN", "PAPR")]
-    if unknown:
-        sys.exit(f"unknown critical sections: {unknown}")
     views = container.Views(sections["VIEW"][1])
     positions, triangles = mesh.decode(sections["MESH"][1])
     print(f"{len(positions)} vertices, {len(triangles)} triangles, {len(views.views)} views")

@@ -1,0 +1,116 @@
+#!/usr/bin/env python3
+"""Checks the test vectors of spec/vectors against this decoder: python3 tools/reference/vectors.py spec/vectors"""
+
+import glob
+import json
+import os
+import sys
+import tempfile
+
+import numpy as np
+
+import checksums
+import container
+import planes
+from coefficients import Models
+from coefficients import decode as decode_coefficients
+from entropy import Average, Bit, Damaged, Mixer, Number, Range, States, Symbols
+from geometry import Transform
+
+single = np.float32
+
+
+def cases(folder, name):
+    with open(os.path.join(folder, name + ".json")) as file:
+        return json.load(file)["cases"]
+
+
+def singles(text):
+    return np.frombuffer(bytes.fromhex(text), ">f4").astype(single)
+
+
+def bits(values):
+    return (np.asarray(values, single) + single(0)).view(np.uint32).ravel().tolist()
+
+
+def mask(rows):
+    return np.array([[c == "#" for c in row] for row in rows])
+
+
+def entropy(case):
+    kind, stream = case["kind"], bytes.fromhex(case["stream"])
+    expected = case.get("values", case.get("bits"))
+    if kind == "symbols":
+        coder, model = States(stream), Symbols(case["slots"])
+        for context, value, (count, extra) in zip(case["contexts"], expected, case["equiprobable"]):
+            assert model.decode(coder, context) == value
+            assert coder.equiprobable(count) == extra
+        return
+    coder = Range(stream)
+    if kind == "bit":
+        found = [coder.bit(p) for p in case["probabilities"]]
+    elif kind == "mixer":
+        model = Mixer(case["slots"], case["selectors"])
+        found = [model.decode(coder, c[:8], c[8:]) for c in case["contexts"]]
+    elif kind == "average":
+        model = Average(case["slots"])
+        found = [model.decode(coder, c) for c in case["contexts"]]
+    else:
+        model = Bit() if kind == "model" else Number()
+        found = [model.signed(coder) if kind == "signed" else model.decode(coder) for _ in expected]
+    assert found == expected, kind
+    coder.end_mark()
+    assert coder.ends_rightly(), kind
+
+
+def coefficients(case):
+    used = mask(case["mask"])
+    transform, predicted = Transform(used), None
+    if case["predicted"]:
+        picture = np.zeros(used.shape + (3,), single)
+        picture[used] = singles(case["predicted"]).reshape(-1, 3)
+        predicted = transform.forward(picture)
+    direct = case["modelling"] == "direct"
+    coder = (States if direct else Range)(bytes.fromhex(case["stream"]))
+    step, shrink = singles(case["step"])[0], list(singles(case["shrink"]))
+    found = decode_coefficients(coder, Models(direct), transform.bands, step, shrink, predicted)
+    for band, values, expected in zip(transform.bands, found, case["bands"]):
+        assert bits(values[band.mask]) == bits(singles(expected)), (case["modelling"], band.level, band.kind)
+    assert bits(transform.inverse(found)[used]) == bits(singles(case["picture"]))
+
+
+def refused(case):
+    with tempfile.TemporaryDirectory() as folder:
+        path = os.path.join(folder, "case.tsuya")
+        with open(path, "wb") as file:
+            file.write(bytes.fromhex(case["file"]))
+        try:
+            sections = container.read(path)
+            sound = "VIEW" in sections or any(tag in sections for tag in ("vISB", "lIGt", "mATl"))
+        except Damaged:
+            sound = False
+    assert sound == (case["kind"] == "sound"), case["why"]
+
+
+def masks(case):
+    found = planes.decode_mask(Range(bytes.fromhex(case["stream"])), planes.MaskModels(), mask(case["coverage"]))
+    assert (found == mask(case["mask"])).all()
+
+
+def main():
+    folder, count = sys.argv[1], 0
+    for name, check in [("entropy", entropy), ("masks", masks), ("planes", coefficients), ("refused", refused)]:
+        for case in cases(folder, name):
+            check(case)
+            count += 1
+    files = sorted(glob.glob(os.path.join(folder, "*.tsuya")))
+    for path in files:
+        with open(path[:-5] + "txt") as file:
+            expected = file.read().splitlines()[1:]
+        found = checksums.lines(path)
+        assert found == expected, f"{path}: {[pair for pair in zip(expected, found) if pair[0] != pair[1]]}"
+    print(f"{len(files)} golden files, {count} cases: the same")
+
+
+if __name__ == "__main__":
+    main()
