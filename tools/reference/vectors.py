@@ -74,8 +74,6 @@ def coefficients(case):
     coder = (States if direct else Range)(bytes.fromhex(case["stream"]))
     step, shrink = singles(case["step"])[0], list(singles(case["shrink"]))
     found = decode_coefficients(coder, Models(direct), transform.bands, step, shrink, predicted)
-    for band, values, expected in zip(transform.bands, found, case["bands"]):
-        assert bits(values[band.mask]) == bits(singles(expected)), (case["modelling"], band.level, band.kind)
     assert bits(transform.inverse(found)[used]) == bits(singles(case["picture"]))
 
 

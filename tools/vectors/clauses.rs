@@ -140,7 +140,7 @@ fn masks() -> Vec<Value> {
     vec![case(&coverage), case(&shifted)]
 }
 
-/// planes.md sections 6 and 7: a stream's coefficients, and the picture of them; with a prediction and without.
+/// planes.md sections 6 and 7: a stream of coefficients, and the picture of them; with a prediction and without.
 fn planes() -> Vec<Value> {
     let mask = round(13, 10, 4.6);
     let plan = Plan::new(&mask);
@@ -171,13 +171,11 @@ fn planes() -> Vec<Value> {
                 &plan.forward(target.clone()),
                 Choice { lambda: 0.1 },
             );
-            let bands: Vec<String> =
-                plan.bands().iter().zip(&decoded).map(|(band, values)| in_mask(values, &band.mask)).collect();
             cases.push(json!({
                 "clause": "6 and 7", "modelling": name, "mask": rows(&mask),
                 "step": singles([quantiser.step]), "shrink": singles(quantiser.shrink),
                 "predicted": with.then(|| in_mask(&predicted, &mask)), "stream": hex(&stream),
-                "bands": bands, "picture": in_mask(&plan.inverse(&decoded), &mask),
+                "picture": in_mask(&plan.inverse(&decoded), &mask),
             }));
         }
     }
