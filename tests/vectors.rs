@@ -118,6 +118,7 @@ fn streams_give_the_values_that_entropy_md_says() {
                 };
                 let found: Vec<i64> = contexts.iter().zip(&extra).map(&mut code).collect();
                 assert_eq!(found, expected, "{kind}");
+                assert!(coder.ends_as_written());
                 continue;
             }
             _ => panic!("{kind}"),
@@ -134,6 +135,7 @@ fn masks_and_planes_are_what_planes_md_says() {
         let mut coder = RangeDecoder::new(&stream);
         let found = mask::code(&mut coder, &mut MaskModels::default(), &rows(&case["coverage"]), None);
         assert_eq!(found, rows(&case["mask"]));
+        assert!(coder.ends_as_written(0));
     }
     for case in cases("planes") {
         let mask = rows(&case["mask"]);
@@ -156,6 +158,7 @@ fn masks_and_planes_are_what_planes_md_says() {
         let (stream, mut models) = (bytes(&case["stream"]), Models::new(modelling));
         let found =
             coefficients::decode(&stream, &mut models, &plan, &quantiser, predicted.as_deref(), Default::default());
+        let found = found.expect("a stream that ends rightly");
         let picture = plan.inverse(&found);
         let in_mask = picture.iter().zip(&mask.data).filter(|(_, set)| **set);
         let in_mask: Vec<f32> = in_mask.flat_map(|(pixel, _)| [pixel[0], pixel[1], pixel[2]]).collect();

@@ -7,7 +7,9 @@ const { instance } = await WebAssembly.instantiate(readFileSync(module), {});
 const { memory, file, decode, text } = instance.exports;
 for (const path of files) {
     const bytes = readFileSync(path);
-    new Uint8Array(memory.buffer, file(bytes.length), bytes.length).set(bytes);
+    // Asked for first: it may make the memory grow, and its buffer another one.
+    const at = file(bytes.length);
+    new Uint8Array(memory.buffer, at, bytes.length).set(bytes);
     const length = decode();
     const said = new TextDecoder().decode(new Uint8Array(memory.buffer, text(), length).slice());
     process.stdout.write(`# ${basename(path)}\n${said}`);

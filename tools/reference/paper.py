@@ -222,8 +222,8 @@ class Paper:
             volumes = volume(coder, models, self.count, self.levels, padded, n)
             restored = [restore(q, self.levels, threshold, width, r) for q, r in zip(volumes, rotations[1:])]
             self.residual.append([x[:view_count] for x in restored])
-        if coder.position < len(coder.data):
-            raise Damaged("bytes left over in PAPR")
+        if not coder.ends_rightly():
+            raise Damaged("end of PAPR")
 
     def read_sides(self, coder):
         models, sides, before = {}, [], 0

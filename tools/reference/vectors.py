@@ -45,6 +45,7 @@ def entropy(case):
         for context, value, (count, extra) in zip(case["contexts"], expected, case["equiprobable"]):
             assert model.decode(coder, context) == value
             assert coder.equiprobable(count) == extra
+        assert coder.ends_rightly()
         return
     coder = Range(stream)
     if kind == "bit":
@@ -74,6 +75,7 @@ def coefficients(case):
     coder = (States if direct else Range)(bytes.fromhex(case["stream"]))
     step, shrink = singles(case["step"])[0], list(singles(case["shrink"]))
     found = decode_coefficients(coder, Models(direct), transform.bands, step, shrink, predicted)
+    assert coder.ends_rightly()
     assert bits(transform.inverse(found)[used]) == bits(singles(case["picture"]))
 
 
@@ -91,8 +93,9 @@ def refused(case):
 
 
 def masks(case):
-    found = planes.decode_mask(Range(bytes.fromhex(case["stream"])), planes.MaskModels(), mask(case["coverage"]))
-    assert (found == mask(case["mask"])).all()
+    coder = Range(bytes.fromhex(case["stream"]))
+    found = planes.decode_mask(coder, planes.MaskModels(), mask(case["coverage"]))
+    assert (found == mask(case["mask"])).all() and coder.ends_rightly()
 
 
 def main():
