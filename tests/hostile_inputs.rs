@@ -114,6 +114,14 @@ fn exr(folder: &Folder, window: &str, side: i32) -> Vec<u8> {
     bytes
 }
 
+/// A true JPEG whose only scan stands there again and again.
+fn jpeg_of_scans(count: usize) -> Vec<u8> {
+    let bytes = jpeg(8, 8);
+    let at = bytes.windows(2).position(|pair| pair == [0xff, 0xda]).unwrap();
+    let (scan, end) = bytes[at..].split_at(bytes.len() - at - 2);
+    [&bytes[..at], &scan.repeat(count), end].concat()
+}
+
 #[test]
 fn pictures_are_measured_before_they_are_decoded() {
     let folder = Folder::new();
@@ -128,6 +136,7 @@ fn pictures_are_measured_before_they_are_decoded() {
         ("a.jpg", jpeg(65_535, 65_535), "a picture of 65535 x 65535 pixels"),
         ("b.jpg", jpeg(9000, 9000), memory),
         ("c.jpg", jpeg(500, 500), "a JPEG of 500 x 500 pixels does not fit in"),
+        ("d.jpg", jpeg_of_scans(300), "a JPEG of more than 256 scans"),
         ("a.hdr", b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 9000 +X 9000\n".to_vec(), memory),
         ("a.exr", exr(&folder, "displayWindow", 16_001), memory),
         ("b.exr", exr(&folder, "dataWindow", 9000), memory),

@@ -12,7 +12,8 @@ fuzz_target!(|bytes: &[u8]| {
         let missing = |pixel: &[f32; 3]| pixel.iter().all(|x| x.is_nan()) || pixel.iter().all(|x| x.is_finite());
         assert!(picture.data.iter().all(missing));
         if picture.data.len() <= 4096
-            && let Ok((environment, _)) = read(&[&path], &ReadOptions { width: Some(16), limits: folder::limits(), ..Default::default() })
+            && let Ok((environment, _)) =
+                read(&[&path], &ReadOptions { width: Some(16), limits: folder::limits(), ..Default::default() })
         {
             assert!(environment.image().data.as_flattened().iter().all(|x| x.is_finite() && *x >= 0.0));
         }

@@ -34,7 +34,7 @@ struct Pose {
 
 type Cameras = BTreeMap<u32, (Camera, Lens)>;
 
-/// Bytes of a file of a model: with its points, a photograph takes some 500 kB.
+/// Bytes of a file of a model at most; with its points, a photograph takes some 500 kB.
 const MAX_BYTES: u64 = 64 << 30;
 /// Letters of a photograph's name.
 const MAX_NAME: usize = 4096;

@@ -93,7 +93,8 @@ impl Description {
         let entries = std::fs::read_dir(&folder).map_err(|e| Error::io(&folder, e))?;
         let is_mesh = |path: &PathBuf| {
             let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
-            crate::mesh::read::EXTENSIONS.contains(&extension.as_str())
+            let hidden = path.file_name().is_some_and(|name| name.to_string_lossy().starts_with('.'));
+            !hidden && crate::mesh::read::EXTENSIONS.contains(&extension.as_str())
         };
         let mut found: Vec<PathBuf> = entries.filter_map(|e| Some(e.ok()?.path())).filter(is_mesh).collect();
         found.sort();

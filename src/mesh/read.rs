@@ -45,8 +45,10 @@ pub fn parse(path: impl AsRef<Path>, bytes: &[u8], access: &FileAccess) -> Resul
     Ok(mesh)
 }
 
-/// Charges vertices and triangles before a mesh is given them: what it keeps, and as much again for growing and for the copy that is
-/// cleaned. Their number has a limit of its own.
+/// Bytes of a vertex or a triangle: what the mesh keeps, as much again for growing, and the tables and the copy of cleaning it.
+const ELEMENT_BYTES: u64 = 6 * size_of::<[f32; 3]>() as u64;
+
+/// Charges vertices and triangles before a mesh is given them. Their number has a limit of its own.
 fn charge(path: &Path, access: &FileAccess, mesh: &Mesh, vertices: u64, triangles: u64) -> Result<()> {
     let most = u64::from(access.budget().limits().mesh_elements);
     let totals = [
@@ -58,7 +60,7 @@ fn charge(path: &Path, access: &FileAccess, mesh: &Mesh, vertices: u64, triangle
             return Err(Error::input(path, format!("the mesh has {total} {what}, {most} at most are read")));
         }
     }
-    access.charge(path, "mesh", 2 * size_of::<[f32; 3]>() as u64 * (vertices + triangles))
+    access.charge(path, "mesh", ELEMENT_BYTES * (vertices + triangles))
 }
 
 /// What every mesh must hold, whatever its format.

@@ -12,6 +12,9 @@ const JPEG_PIXELS_PER_BYTE: u64 = 512;
 /// Memory for the colour profile of a PNG, which may be compressed a thousand times.
 pub(super) const PNG_PROFILE_BYTES: u64 = 4 << 20;
 
+/// Scans of a JPEG at most: each is work for every block of the picture. Progressive ones have some ten.
+const MAX_JPEG_SCANS: usize = 256;
+
 /// Decodes, once the header's size has been checked and its memory charged.
 fn decode<'a>(file: &PictureFile<'a>, size: Option<(u32, u32)>) -> Result<(DynamicImage, Held<'a>), Fault> {
     let damaged = |e: image::ImageError| file.damaged(format!("not readable as a picture: {e}"));
@@ -43,7 +46,32 @@ fn decode<'a>(file: &PictureFile<'a>, size: Option<(u32, u32)>) -> Result<(Dynam
             file.damaged(format!("a JPEG of {width} x {height} pixels does not fit in {count} bytes: truncated"))
         );
     }
+    if is_jpeg && count_jpeg_scans(file.bytes) > MAX_JPEG_SCANS {
+        return Err(file.damaged(format!("a JPEG of more than {MAX_JPEG_SCANS} scans, which are not read")));
+    }
     Ok((DynamicImage::from_decoder(decoder).map_err(damaged)?, held))
+}
+
+/// The scans of a JPEG, by its markers up to its end (ITU-T T.81, annex B).
+fn count_jpeg_scans(bytes: &[u8]) -> usize {
+    let (mut at, mut scans) = (2, 0);
+    while let Some(&[first, kind]) = bytes.get(at..).and_then(|rest| rest.first_chunk()) {
+        at += match (first, kind) {
+            (0xff, 0xd9) => break,
+            // Fill bytes, and markers without a length: restarts and TEM.
+            (0xff, 0xff) => 1,
+            (0xff, 0xd0..=0xd8 | 0x01) => 2,
+            // A segment, by its length; after the head of a scan follow its data, which have no markers in them.
+            (0xff, 1..) => {
+                scans += usize::from(kind == 0xda);
+                let length =
+                    bytes.get(at + 2..).and_then(|rest| rest.first_chunk()).map_or(2, |l| u16::from_be_bytes(*l));
+                2 + usize::from(length)
+            }
+            _ => 1,
+        };
+    }
+    scans
 }
 
 pub(super) fn read<'a>(file: &PictureFile<'a>, size: Option<(u32, u32)>) -> Result<(RawPicture, Held<'a>), Fault> {

@@ -103,9 +103,8 @@ pub(super) fn read(path: &Path, bytes: &[u8], access: &FileAccess) -> Result<Mes
                 mesh.positions = vertices.iter().map(|v| v.0.map(|c| c as f32)).collect();
             }
             "face" => {
-                // Corners take four bytes, and at least one byte, or two of text, in the file.
-                let corners =
-                    (left / if header.encoding == Encoding::Ascii { 2 } else { 1 }).min(left - count.min(left));
+                // Each takes four bytes, in a list that has grown to twice its need.
+                let corners = left / corner_bytes(element, header.encoding);
                 let _parsed = access.hold(path, "PLY faces", count * FACE_BYTES + 8 * corners)?;
                 let faces = Parser::<PlyFace>::new().read_payload_for_element(&mut reader, element, &header);
                 let faces = faces.map_err(|e| in_element(&what, e))?;
@@ -143,20 +142,33 @@ fn push_fan(triangles: &mut Vec<[u32; 3]>, corners: &[u32]) {
     }
 }
 
-/// Whether as many items as an element claims can stand in the bytes that are left.
-fn check_count(element: &ElementDef, encoding: Encoding, left: u64) -> std::result::Result<(), String> {
-    let scalar = |kind: &ScalarType| match kind {
+/// Bytes of a number in a binary file.
+fn scalar_bytes(kind: &ScalarType) -> u64 {
+    match kind {
         ScalarType::Char | ScalarType::UChar => 1,
         ScalarType::Short | ScalarType::UShort => 2,
         ScalarType::Int | ScalarType::UInt | ScalarType::Float => 4,
         ScalarType::Double => 8,
-    };
+    }
+}
+
+/// Bytes of the file that a face's corner takes at least: in text a digit and a space.
+fn corner_bytes(element: &ElementDef, encoding: Encoding) -> u64 {
+    let lists = element.properties.iter().filter_map(|(_, property)| match &property.data_type {
+        PropertyType::List(_, kind) => Some(scalar_bytes(kind)),
+        PropertyType::Scalar(_) => None,
+    });
+    if encoding == Encoding::Ascii { 2 } else { lists.min().unwrap_or(1) }
+}
+
+/// Whether as many items as an element claims can stand in the bytes that are left.
+fn check_count(element: &ElementDef, encoding: Encoding, left: u64) -> std::result::Result<(), String> {
     let item: u64 = match encoding {
         // A digit and a space or line end each.
         Encoding::Ascii => (2 * element.properties.len() as u64).max(1),
         _ => (element.properties.iter())
             .map(|(_, property)| match &property.data_type {
-                PropertyType::Scalar(kind) | PropertyType::List(kind, _) => scalar(kind),
+                PropertyType::Scalar(kind) | PropertyType::List(kind, _) => scalar_bytes(kind),
             })
             .sum(),
     };

@@ -11,7 +11,7 @@ use tsuya::brdf::Brdf;
 use tsuya::brdf::plan::{self, Population};
 
 /// A plan of 40 components has 160 kB.
-const MOST_PLAN_BYTES: u64 = 64 << 20;
+const MAX_PLAN_BYTES: u64 = 16 << 20;
 
 /// Chooses the angles at which to measure materials like those of a folder.
 #[derive(Args)]
@@ -112,6 +112,6 @@ impl Plan {
 
 /// Reads a plan.
 pub fn read(path: &Path) -> Result<plan::Plan> {
-    let text = source::read_at_most(path, "sampling plan", MOST_PLAN_BYTES)?;
+    let text = source::read_at_most(path, "sampling plan", MAX_PLAN_BYTES)?;
     Ok(plan::Plan::from_json(&text).map_err(|e| Error::input(path, e.to_string()))?)
 }
