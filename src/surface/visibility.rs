@@ -51,8 +51,7 @@ impl Occluders {
         if self.triangles.is_empty() || distance.is_nan() || distance <= self.bias {
             return true;
         }
-        let (origin, direction) = (point.map(|x| x as f32), direction.map(|x| x as f32));
-        self.misses(Ray::new(origin.into(), direction.into(), 0.0, distance as f32), self.bias as f32)
+        ray(point, direction, distance as f32).is_none_or(|ray| self.misses(ray, self.bias as f32))
     }
     /// Whether a ray from a surface point leaves the object. The point's own surroundings do not block it.
     pub fn free(&self, point: [f32; 3], direction: [f32; 3]) -> bool {
@@ -77,7 +76,7 @@ impl Occluders {
             return None;
         }
         let (origin, direction) = (camera.centre(), camera.ray(pixel));
-        let ray = Ray::new_inf(origin.map(|x| x as f32).into(), direction.map(|x| x as f32).into());
+        let ray = ray(origin, direction, f32::INFINITY)?;
         let mut hit = RayHit::none();
         let found = self.hierarchy.ray_traverse(ray, &mut hit, |ray, id| self.triangles[id].intersect(ray));
         if !found {
@@ -98,6 +97,13 @@ impl Occluders {
         let rows = crate::parallel::map(height, |y| (0..width).map(|x| depth(x, y)).collect::<Vec<_>>());
         Grid { width, height, data: rows.concat() }
     }
+}
+
+/// A ray in single precision; `None` where that does not hold it, as for a camera whose field of view is all but half a sphere.
+fn ray(origin: [f64; 3], direction: [f64; 3], far: f32) -> Option<Ray> {
+    let [origin, direction] = [origin, direction].map(|v| v.map(|x| x as f32));
+    let finite = origin.iter().chain(&direction).all(|x| x.is_finite());
+    finite.then(|| Ray::new(origin.into(), direction.into(), 0.0, far))
 }
 
 /// Barycentric coordinates and distance where a ray meets a triangle's plane, clamped into the triangle.
@@ -208,6 +214,10 @@ mod tests {
         let depth = occluders.depth_map(&camera);
         assert_eq!(*depth.at(1, 1), f32::INFINITY);
         assert!((*depth.at(20, 32) - 4.0).abs() < 1e-5);
+        // Rays that single precision does not hold meet nothing, and nothing hides such a camera.
+        let wide = Camera { focal: [64.0, 1e-44], ..camera };
+        assert!(occluders.first_hit(&wide, [32.0, 34.0]).is_none());
+        assert!(occluders.visible([0.8, 0.1, 0.0], [1e200, 0.0, 0.0]));
     }
 
     #[test]
