@@ -61,7 +61,8 @@ fuzz_target!(|bytes: &[u8]| {
         let length: usize = step.lengths.iter().map(|&l| l as usize).sum();
         Ok(Some(body[step.offset as usize..][..length].to_vec()))
     };
-    let decoded = tuned::decode::decode(&header, &mesh, (&views, white), |_| true, read, &budget).expect("our own file");
+    let decoded =
+        tuned::decode::decode(&header, &mesh, (&views, white), |_| true, read, &budget).expect("our own file");
     for ((decoded, expected), target) in decoded.iter().zip(&encoded.photographs).zip(&photographs) {
         let decoded = decoded.as_ref().expect("all views were asked for");
         assert_eq!(decoded.mask, target.mask);

@@ -64,7 +64,7 @@ fn decode_planes(bytes: &[u8], object: &Object) -> tsuya::Result<Vec<Option<Phot
         let length: usize = step.lengths.iter().map(|&l| l as usize).sum();
         Ok(body.get(step.offset as usize..).and_then(|rest| rest.get(..length)).map(<[u8]>::to_vec))
     };
-    tuned::decode::decode(&header, &object.mesh.0, object.all_views(), object.views.0.white, |_| true, read, &budget)
+    tuned::decode::decode(&header, &object.mesh.0, (object.all_views(), object.views.0.white), |_| true, read, &budget)
 }
 
 /// Reads a section `PLAN` that may be damaged, its checksums put right.
