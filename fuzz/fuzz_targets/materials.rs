@@ -11,7 +11,8 @@ fuzz_target!(|bytes: &[u8]| {
             let value = named.material.evaluate([0.6, 0.0, 0.8], [-0.28, 0.0, 0.96]);
             assert!(value.iter().all(|v| !v.is_nan() && *v >= 0.0));
         }
-        // What decodes is what an encoder may write.
-        assert!(materials::encode(&all).is_ok_and(|again| again == bytes));
+        // What decodes can be written, and comes back. The bytes may be others: fuzzing gets past wrong ends of streams.
+        let again = materials::encode(&all).expect("materials that were read");
+        assert!(materials::decode(&again, &budget).expect("our own materials") == all);
     }
 });
