@@ -150,7 +150,8 @@ fn decode_photographs<R: Read + Seek>(
     mut done: impl FnMut(&Asset, usize, Photograph) -> Result<()>,
 ) -> Result<()> {
     let budget = file.budget();
-    let wanted = |view: usize| options.selection.takes(view);
+    let lost = metadata::lost_views(&asset.metadata);
+    let wanted = |view: usize| options.selection.takes(view) && !lost.contains(&view);
     if options.selection == Selection::None {
         return Ok(());
     }

@@ -33,6 +33,8 @@ pub mod quantise;
 pub mod rate;
 pub mod reflectance;
 pub mod relight;
+#[cfg(feature = "encode")]
+pub mod repair;
 pub mod residual;
 #[cfg(feature = "encode")]
 pub mod separate;

@@ -61,12 +61,22 @@ impl Metadata {
     pub fn achieved_error(&self) -> Option<AchievedError> {
         serde_json::from_value(self.0.get("achieved_error")?.clone()).ok()
     }
+    /// Views of a repaired file whose photographs are lost: numbers, in key `repaired`.
+    pub fn lost_views(&self) -> Vec<usize> {
+        lost_views(&self.0)
+    }
     /// Sets the key `achieved_error`.
     pub fn set_achieved_error(&mut self, error: AchievedError) {
         if let Ok(value) = serde_json::to_value(error) {
             self.0.insert("achieved_error".into(), value);
         }
     }
+}
+
+/// Views of a repaired file whose photographs are lost: numbers, in key `repaired` of the object.
+pub fn lost_views(metadata: &Map<String, Value>) -> Vec<usize> {
+    let numbers = metadata.get("repaired").and_then(|repaired| repaired.get("lost_views")?.as_array());
+    numbers.into_iter().flatten().filter_map(|number| usize::try_from(number.as_u64()?).ok()).collect()
 }
 
 /// The section's content.

@@ -10,6 +10,8 @@ pub mod metadata;
 mod reader;
 mod section;
 mod stream;
+#[cfg(feature = "encode")]
+pub mod survey;
 mod tags;
 pub mod thumbnail;
 pub mod views;

@@ -12,6 +12,8 @@ pub mod encode;
 pub mod header;
 pub mod order;
 mod picture;
+#[cfg(feature = "encode")]
+pub mod repair;
 pub(crate) mod workspace;
 
 use crate::asset::{Camera, Mesh, View};

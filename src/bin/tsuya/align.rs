@@ -1,6 +1,6 @@
 //! `tsuya align`: where a mesh stands in the photographs' world.
 
-use crate::values::OutsideArgument;
+use crate::values::{CaptureArguments, OutsideArgument};
 use crate::{output, ply, source};
 use anyhow::Result;
 use clap::Args;
@@ -46,10 +46,13 @@ pub struct Align {
 
 impl Align {
     pub fn run(self) -> Result<()> {
-        for path in self.output.iter().chain(&self.write_mesh) {
-            output::check_free(path, self.force)?;
-        }
         let access = self.outside.access();
+        let reading = CaptureArguments { mesh: self.mesh.clone(), outside: self.outside, ..Default::default() };
+        let mut inputs = reading.files(&self.capture)?;
+        inputs.push(self.points.clone());
+        let inputs: Vec<&Path> = inputs.iter().map(PathBuf::as_path).collect();
+        let outputs: Vec<&Path> = self.output.iter().chain(&self.write_mesh).map(PathBuf::as_path).collect();
+        output::check_outputs(&outputs, &inputs, self.force)?;
         let description = describe(&self.capture, &access)?;
         let points = read_points(&self.points, &description, &access)?;
         let cameras: Vec<Camera> = description.frames.iter().map(|frame| frame.view.camera).collect();
@@ -62,15 +65,17 @@ impl Align {
             "max_pixels": alignment.max_pixels,
             "errors_pixels": alignment.errors_pixels,
         });
+        let mut files = output::Files::new(self.force);
         if let Some(path) = &self.output {
-            output::write(path, format!("{report:#}\n").as_bytes(), self.force)?;
+            files.add(path, format!("{report:#}\n").as_bytes())?;
         }
         if let Some(path) = &self.write_mesh {
             let options = ReadOptions { mesh: self.mesh.clone(), ..Default::default() };
             let mut mesh = tsuya::mesh::read::read(description.find_mesh(&options)?, &access)?;
             apply(&mut mesh, &alignment.pose);
-            output::write(path, &ply::write(&mesh), self.force)?;
+            files.add(path, &ply::write(&mesh))?;
         }
+        files.commit()?;
         if self.output.as_deref().is_some_and(output::is_stream) {
             return Ok(());
         }

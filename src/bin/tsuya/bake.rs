@@ -51,11 +51,14 @@ pub struct Bake {
 
 impl Bake {
     pub fn run(self) -> Result<()> {
-        if let Some(path) = &self.output {
-            output::check_free(path, self.force)?;
-        }
         let options = self.options()?;
+        let outputs: Vec<&Path> = self.output.iter().map(|path| &**path).collect();
+        output::check_outputs(&outputs, &[], self.force)?;
         let (old, mesh, mesh_bytes) = read(&self.input, self.position_bits, self.outside)?;
+        if old.is_none() {
+            // A .tsuya file keeps all that it has and may be written in its place; a mesh would be lost.
+            output::check_outputs(&outputs, &[&self.input], self.force)?;
+        }
         let baked = {
             let _busy = progress::busy("baking visibility");
             bake(&mesh, &options)?

@@ -2,13 +2,14 @@
 
 use crate::comparison::{Compared, Comparison, compare};
 use crate::encode::{decibel, psnr_json};
+use crate::output::{self, Folder};
+use crate::pictures;
 use crate::values::CaptureArguments;
-use crate::{output, pictures};
 use anyhow::Result;
 use clap::Args;
 use serde_json::{Value, json};
 use std::fmt::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use tsuya::asset::Photograph;
 use tsuya::encoder::sum_of_components;
 use tsuya::measure::{self, Picture};
@@ -42,21 +43,22 @@ pub struct Compare {
 
 impl Compare {
     pub fn run(self) -> Result<()> {
-        if let Some(folder) = &self.output {
-            output::folder(folder, self.force)?;
-        }
+        // The figures come last: where they are, the pictures are there.
+        let folder = |path: &PathBuf| Folder::create(path, self.force, Some("compare.json"), &[&self.file]);
+        let folder = self.output.as_ref().map(folder).transpose()?;
         let comparison = compare(&self.file, &self.capture, &self.reading, true)?;
         output::warn(&comparison.warnings);
         let (report, text) = (report(&comparison), table(&comparison));
-        if let Some(folder) = &self.output {
-            self.write_pictures(folder, &comparison)?;
-            output::write(&folder.join("compare.json"), format!("{report:#}\n").as_bytes(), self.force)?;
-            output::write(&folder.join("compare.txt"), text.as_bytes(), self.force)?;
+        if let Some(folder) = folder {
+            self.write_pictures(&folder, &comparison)?;
+            folder.write("compare.json", format!("{report:#}\n").as_bytes())?;
+            folder.write("compare.txt", text.as_bytes())?;
+            folder.commit()?;
         }
         if self.json { output::say_json(&report) } else { output::say(&text) }
     }
 
-    fn write_pictures(&self, folder: &Path, comparison: &Comparison) -> Result<()> {
+    fn write_pictures(&self, folder: &Folder, comparison: &Comparison) -> Result<()> {
         let asset = &comparison.asset;
         let mut worst: Vec<&Compared> = comparison.frames.iter().collect();
         let psnr = |frame: &Compared| frame.error.psnr().sum.unwrap_or(f64::INFINITY);
@@ -64,12 +66,13 @@ impl Compare {
         for (rank, frame) in worst.into_iter().take(self.pictures).enumerate() {
             if let Some(decoded) = &asset.photographs[frame.view] {
                 let picture = side_by_side(&frame.original, decoded, asset.white);
-                let path = folder.join(format!("worst-{:02}-{}.png", rank + 1, file_name(&frame.name)));
-                output::write(&path, &pictures::png(&picture)?, self.force)?;
+                let name = format!("worst-{:02}-{}.png", rank + 1, file_name(&frame.name));
+                folder.write(&name, &pictures::png(&picture)?)?;
             }
         }
         let renderer = Renderer::new(asset)?;
-        for (view, original) in comparison.held_out.iter().take(self.pictures) {
+        let mut names = std::collections::HashSet::new();
+        for (number, (view, original)) in comparison.held_out.iter().take(self.pictures).enumerate() {
             let lighting = match (renderer.light_number(view), view.light) {
                 (None, Some(light)) => Lighting::Points(vec![light]),
                 (number, _) => Lighting::Capture(number.unwrap_or(0)),
@@ -77,8 +80,12 @@ impl Compare {
             let rendered = renderer.render(&view.camera, &RenderOptions { lighting, ..Default::default() })?;
             let rendered = Photograph { mask: rendered.coverage, images: rendered.components };
             let picture = side_by_side(original, &rendered, asset.white);
-            let path = folder.join(format!("held-out-{}.png", file_name(&view.name)));
-            output::write(&path, &pictures::png(&picture)?, self.force)?;
+            // Names that differ in what file names can't hold, or in the case of letters, may be the same here.
+            let mut name = file_name(&view.name);
+            if !names.insert(name.to_lowercase()) {
+                name = format!("{number}-{name}");
+            }
+            folder.write(&format!("held-out-{name}.png"), &pictures::png(&picture)?)?;
         }
         Ok(())
     }
@@ -142,7 +149,13 @@ fn table(comparison: &Comparison) -> String {
     };
     let ssim = |value: Option<f64>| value.map_or_else(|| "-".into(), |s| format!("{s:.4}"));
     for frame in &comparison.frames {
-        let _ = writeln!(text, "{:32} {}  {:>7}", frame.name, figures(&frame.error.psnr()), ssim(frame.ssim));
+        let _ = writeln!(
+            text,
+            "{:32} {}  {:>7}",
+            output::line(&frame.name),
+            figures(&frame.error.psnr()),
+            ssim(frame.ssim)
+        );
     }
     let total = comparison.total.psnr();
     let _ = writeln!(text, "{:32} {}  {:>7}  dB", "all views", figures(&total), ssim(comparison.ssim));

@@ -43,7 +43,7 @@ pub struct Composite {
 impl Composite {
     pub fn run(self) -> Result<()> {
         let is_exr = crate::render::is_exr(&self.output)?;
-        output::check_free(&self.output, self.force)?;
+        output::check_outputs(&[&self.output], &[&self.job, &self.photograph], self.force)?;
         let (job, folder) = surroundings::read_job(&self.job, self.outside)?;
         let camera = job.camera()?;
         let _busy = progress::busy("rendering");

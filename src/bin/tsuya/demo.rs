@@ -2,7 +2,6 @@
 
 use crate::compare::side_by_side;
 use crate::encode::decibel;
-use crate::render::numbered;
 use crate::{output, pictures, progress, source};
 use anyhow::Result;
 use clap::Args;
@@ -48,13 +47,14 @@ impl Demo {
             let message = format!("the sample capture is not at {}; give one with --capture DIR", path.display());
             return Err(Error::parameter(message).into());
         }
-        std::fs::create_dir_all(&self.output).map_err(|e| Error::io(&self.output, e))?;
+        let folder = output::Folder::create(&self.output, true, None, &[])?;
         let options = ReadOptions { limits: source::limits(), ..Default::default() };
         let captured = progress::read_capture(&path, &options)?;
         output::warn(&captured.warnings);
         let frames = captured.frames.len();
         let photograph_bytes = photograph_bytes(&path)?;
-        let mut text = format!("{}: {frames} views, photographs of {photograph_bytes} bytes\n\n", captured.name);
+        let mut text =
+            format!("{}: {frames} views, photographs of {photograph_bytes} bytes\n\n", output::line(&captured.name));
         text += "                     bytes   of photographs   diffuse  specular     sum     seconds\n";
         let rows = [
             ("tuned, quality 75", Profile::Tuned, Target::Quality(75.0)),
@@ -82,8 +82,9 @@ impl Demo {
         }
         text += "                                               image PSNR, dB\n";
         let Some(file) = file else { return Ok(()) };
-        output::write(&self.output.join("sample.tsuya"), &file.bytes, true)?;
-        self.pictures(&file.bytes, captured)?;
+        folder.write("sample.tsuya", &file.bytes)?;
+        pictures_of(&file.bytes, captured, &folder)?;
+        folder.commit()?;
         let _ = writeln!(
             text,
             "\n{}: sample.tsuya, comparison.png, relit.png, orbit-000.png to orbit-{:03}.png; {:.1} s",
@@ -93,31 +94,31 @@ impl Demo {
         );
         output::say(&text)
     }
+}
 
-    fn pictures(&self, bytes: &[u8], mut captured: capture::Capture) -> Result<()> {
-        let _busy = progress::busy("pictures");
-        let asset = decode(bytes, &DecodeOptions::default())?;
-        let observed = separate(&mut captured)?.frames.swap_remove(0);
-        let (Some(view), Some(Some(decoded))) = (asset.views.first(), asset.photographs.first()) else {
-            return Err(Error::parameter("the file has no view").into());
-        };
-        let mask = observed.mask.unwrap_or_else(|| decoded.mask.clone());
-        let original = Photograph { mask, images: observed.images };
-        let shown = (SHOWN_WIDTH / view.camera.width.max(1) as usize).max(1);
-        let comparison = side_by_side(&original, decoded, asset.white);
-        output::write(&self.output.join("comparison.png"), &pictures::png(&comparison)?, true)?;
+fn pictures_of(bytes: &[u8], mut captured: capture::Capture, folder: &output::Folder) -> Result<()> {
+    let _busy = progress::busy("pictures");
+    let asset = decode(bytes, &DecodeOptions::default())?;
+    let observed = separate(&mut captured)?.frames.swap_remove(0);
+    let (Some(view), Some(Some(decoded))) = (asset.views.first(), asset.photographs.first()) else {
+        return Err(Error::parameter("the file has no view").into());
+    };
+    let mask = observed.mask.unwrap_or_else(|| decoded.mask.clone());
+    let original = Photograph { mask, images: observed.images };
+    let shown = (SHOWN_WIDTH / view.camera.width.max(1) as usize).max(1);
+    let comparison = side_by_side(&original, decoded, asset.white);
+    folder.write("comparison.png", &pictures::png(&comparison)?)?;
 
-        let renderer = Renderer::new(&asset)?;
-        let relit = relit(&renderer, &asset)?;
-        output::write(&self.output.join("relit.png"), &pictures::png(&relit)?, true)?;
-        for (number, mut camera) in orbit(&asset, ORBIT).into_iter().enumerate() {
-            camera = enlarge(camera, shown);
-            let rendered = renderer.render(&camera, &RenderOptions::default())?;
-            let path = numbered(&self.output.join("orbit.png"), number);
-            output::write(&path, &pictures::png(&to_display(&rendered.image, asset.white))?, true)?;
-        }
-        Ok(())
+    let renderer = Renderer::new(&asset)?;
+    let relit = relit(&renderer, &asset)?;
+    folder.write("relit.png", &pictures::png(&relit)?)?;
+    for (number, mut camera) in orbit(&asset, ORBIT).into_iter().enumerate() {
+        camera = enlarge(camera, shown);
+        let rendered = renderer.render(&camera, &RenderOptions::default())?;
+        let picture = pictures::png(&to_display(&rendered.image, asset.white))?;
+        folder.write(&format!("orbit-{number:03}.png"), &picture)?;
     }
+    Ok(())
 }
 
 fn row(name: &str, encoded: &Encoded, photograph_bytes: u64, seconds: f64) -> String {

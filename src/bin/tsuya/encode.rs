@@ -6,7 +6,7 @@ use anyhow::Result;
 use clap::{Args, ValueEnum};
 use serde_json::{Map, Value, json};
 use std::fmt::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 use tsuya::Error;
 use tsuya::asset::Component;
@@ -129,7 +129,9 @@ enum SpecularName {
 
 impl Encode {
     pub fn run(self) -> Result<()> {
-        output::check_free(&self.output, self.force)?;
+        let inputs = self.reading.files(&self.capture)?;
+        let inputs: Vec<&Path> = inputs.iter().map(PathBuf::as_path).collect();
+        output::check_outputs(&[&self.output], &inputs, self.force)?;
         if self.json && output::is_stream(&self.output) {
             return Err(Error::parameter("--json and the file can't both go to standard output").into());
         }

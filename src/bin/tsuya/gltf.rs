@@ -86,10 +86,12 @@ impl Export {
     fn run(self) -> Result<()> {
         let beside = beside(&self.output, self.external)?;
         // The file itself may be the one beside the GLB.
-        let written = beside.as_ref().filter(|path| !is_same(path, &self.file));
-        for path in [Some(&self.output), written, self.picture.as_ref()].into_iter().flatten() {
-            output::check_free(path, self.force)?;
-        }
+        let written = beside.as_ref().filter(|path| !output::is_same_file(path, &self.file));
+        let outputs: Vec<&Path> =
+            [Some(&self.output), written, self.picture.as_ref()].into_iter().flatten().map(|p| &**p).collect();
+        let capture = self.against.as_ref().map(|capture| self.reading.files(capture)).transpose()?.unwrap_or_default();
+        let inputs: Vec<&Path> = capture.iter().map(|path| &**path).chain([&*self.file]).collect();
+        output::check_outputs(&outputs, &inputs, self.force)?;
         let stream = read(&self.file)?;
         container::verify(&stream[..], limits()).with_context(|| name(&self.file))?;
         let asset = without_photographs(&self.file, &stream)?;
@@ -102,10 +104,15 @@ impl Export {
         let exported = gltf::export(&stream, &asset, &options).with_context(|| name(&self.file))?;
         let measured = self.against.as_ref().map(|capture| self.measure(capture, &exported.fallback)).transpose()?;
         let bytes = exported.document.to_bytes()?;
+        let mut files = output::Files::new(self.force);
         if let Some(path) = written {
-            output::write(path, &stream, self.force)?;
+            files.add(path, &stream)?;
         }
-        output::write(&self.output, &bytes, self.force)?;
+        files.add(&self.output, &bytes)?;
+        if let Some((path, picture)) = self.picture.as_ref().zip(measured.as_ref().and_then(|m| m.picture.as_ref())) {
+            files.add(path, picture)?;
+        }
+        files.commit()?;
         let size = &exported.fallback.base_colour;
         if self.json {
             return output::say_json(&json!({
@@ -117,8 +124,8 @@ impl Export {
                 "vertices": exported.vertices,
                 "triangles": exported.triangles,
                 "textures": {"width": size.width, "height": size.height},
-                "fallback_psnr_db": measured.map(|m| m.fallback),
-                "model_psnr_db": measured.map(|m| m.model),
+                "fallback_psnr_db": measured.as_ref().map(|m| m.fallback),
+                "model_psnr_db": measured.as_ref().map(|m| m.model),
             }));
         }
         if output::is_stream(&self.output) {
@@ -137,7 +144,7 @@ impl Export {
         if let Some(path) = &beside {
             text += &format!("{}: {} bytes, the stream\n", path.display(), stream.len());
         }
-        if let Some(Measured { fallback, model }) = measured {
+        if let Some(Measured { fallback, model, .. }) = measured {
             let say = |db: Option<f64>| db.map_or_else(|| "none".into(), |db| format!("{db:.2} dB"));
             let (fallback, model) = (say(fallback), say(model));
             text += &format!(
@@ -158,17 +165,18 @@ impl Export {
         let shown = find_view(&self.view, &asset.views)?;
         let _busy = progress::busy("comparing");
         let renderer = Renderer::new(asset)?;
-        let errors: Vec<[FrameError; 2]> = (comparison.frames.par_iter())
-            .map(|frame| -> Result<[FrameError; 2]> {
+        let errors: Vec<([FrameError; 2], Option<Vec<u8>>)> = (comparison.frames.par_iter())
+            .map(|frame| -> Result<_> {
                 let view = &asset.views[frame.view];
                 let covered = rasterise(&asset.mesh, &view.camera).coverage();
                 let photograph = |image| Photograph { mask: frame.original.mask.clone(), images: vec![image] };
                 let original = sum_of_components(&frame.original);
                 let textured = gltf::render(asset, fallback, &view.camera, view.light.as_ref());
-                if let Some(path) = self.picture.as_ref().filter(|_| frame.view == shown) {
+                let mut picture = None;
+                if self.picture.is_some() && frame.view == shown {
                     let masked = pictures::masked(&original, &frame.original.mask);
                     let both = [&masked, &textured].map(|image| to_display(image, asset.white));
-                    output::write(path, &pictures::png(&pictures::beside(&both))?, self.force)?;
+                    picture = Some(pictures::png(&pictures::beside(&both))?);
                 }
                 let layers = Layers { residual: false, ..Layers::default() };
                 let lighting = view.light.map_or(Lighting::Capture(0), |light| Lighting::Points(vec![light]));
@@ -178,23 +186,26 @@ impl Export {
                 let error = |image| {
                     FrameError::of(&original, &photograph(image), &[Component::Combined], &covered, asset.white)
                 };
-                Ok([error(textured), error(model)])
+                Ok(([error(textured), error(model)], picture))
             })
             .collect::<Result<_>>()?;
         let [mut fallback, mut model] = [FrameError::default(); 2];
-        errors.iter().for_each(|[one, two]| {
-            fallback.join(one);
-            model.join(two);
-        });
-        Ok(Measured { fallback: fallback.psnr().sum, model: model.psnr().sum })
+        let mut picture = None;
+        for ([one, two], shown) in errors {
+            fallback.join(&one);
+            model.join(&two);
+            picture = picture.or(shown);
+        }
+        Ok(Measured { fallback: fallback.psnr().sum, model: model.psnr().sum, picture })
     }
 }
 
 /// Image PSNR over all photographs.
-#[derive(Clone, Copy)]
 struct Measured {
     fallback: Option<f64>,
     model: Option<f64>,
+    /// One view's photograph and the textured mesh, as PNG.
+    picture: Option<Vec<u8>>,
 }
 
 /// Makes a .tsuya file of a GLB, byte for byte as it was exported, and checks it: whole, undamaged, of this mesh.
@@ -217,7 +228,7 @@ pub struct Import {
 
 impl Import {
     fn run(self) -> Result<()> {
-        output::check_free(&self.output, self.force)?;
+        output::check_outputs(&[&self.output], &[&self.file], self.force)?;
         let document = document(&self.file, self.outside)?;
         let access = self.outside.access();
         let files = |name: &str| beside_document(&self.file, name, &access);
@@ -263,10 +274,10 @@ impl Inject {
         container::verify(&stream[..], limits()).with_context(|| name(&self.stream))?;
         let asset = without_photographs(&self.stream, &stream)?;
         let beside = beside(&self.output, self.external || !document.is_glb())?;
-        let written = beside.as_ref().filter(|path| !is_same(path, &self.stream));
-        for path in [Some(&self.output), written].into_iter().flatten() {
-            output::check_free(path, self.force)?;
-        }
+        let written = beside.as_ref().filter(|path| !output::is_same_file(path, &self.stream));
+        // The document may be changed in its place.
+        let outputs: Vec<&Path> = [Some(&self.output), written].into_iter().flatten().map(|path| &**path).collect();
+        output::check_outputs(&outputs, &[&self.stream], self.force)?;
         let material = gltf::find_material(&document, &gltf::sha256(&stream), self.material.as_deref())
             .with_context(|| name(&self.file))?;
         let levels = gltf::levels(&stream, limits()).with_context(|| name(&self.stream))?;
@@ -281,10 +292,12 @@ impl Inject {
             check_mesh(&document, &[material], &binding, &asset, &files)?;
         }
         let bytes = document.to_bytes()?;
+        let mut files = output::Files::new(self.force);
         if let Some(path) = written {
-            output::write(path, &stream, self.force)?;
+            files.add(path, &stream)?;
         }
-        output::write(&self.output, &bytes, self.force)
+        files.add(&self.output, &bytes)?;
+        files.commit()
     }
 }
 
@@ -311,18 +324,19 @@ pub struct Extract {
 
 impl Extract {
     fn run(self) -> Result<()> {
-        for path in [Some(&self.output), self.rest.as_ref()].into_iter().flatten() {
-            output::check_free(path, self.force)?;
-        }
+        let outputs: Vec<&Path> =
+            [Some(&self.output), self.rest.as_ref()].into_iter().flatten().map(|path| &**path).collect();
+        output::check_outputs(&outputs, &[&self.file], self.force)?;
         let mut document = document(&self.file, self.outside)?;
         let access = self.outside.access();
         let taken = gltf::take(&document, self.appearance, &|name| beside_document(&self.file, name, &access))?;
-        output::write(&self.output, &taken.stream, self.force)?;
+        let mut files = output::Files::new(self.force);
+        files.add(&self.output, &taken.stream)?;
         if let Some(rest) = &self.rest {
             gltf::remove(&mut document)?;
-            output::write(rest, &document.to_bytes()?, self.force)?;
+            files.add(rest, &document.to_bytes()?)?;
         }
-        Ok(())
+        files.commit()
     }
 }
 
@@ -393,8 +407,4 @@ fn beside(document: &Path, external: bool) -> Result<Option<PathBuf>> {
 fn placement(beside: &Option<PathBuf>) -> Placement {
     let name = beside.as_ref().and_then(|path| path.file_name()).and_then(|name| name.to_str());
     name.map_or(Placement::Inside, |name| Placement::Beside(name.into()))
-}
-
-fn is_same(one: &Path, other: &Path) -> bool {
-    matches!((one.canonicalize(), other.canonicalize()), (Ok(one), Ok(other)) if one == other)
 }

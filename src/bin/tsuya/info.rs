@@ -79,7 +79,7 @@ impl Info {
         let _ = writeln!(
             text,
             "{}: {} bytes, version {}.{}, profile {}",
-            name(&self.file),
+            output::line(&name(&self.file)),
             file.file_bytes(),
             VERSION.0,
             VERSION.1,
@@ -99,7 +99,8 @@ impl Info {
         let _ = writeln!(text);
         for (key, value) in &asset.metadata {
             let value = value.as_str().map_or_else(|| value.to_string(), str::to_owned);
-            let _ = writeln!(text, "{key}: {value}");
+            // Each on its line, whatever is in it.
+            let _ = writeln!(text, "{}: {}", output::line(key), output::line(&value));
         }
         let _ =
             writeln!(text, "mesh: {} vertices, {} triangles", asset.mesh.positions.len(), asset.mesh.triangles.len());
@@ -126,7 +127,7 @@ impl Info {
             );
         }
         if !asset.materials.is_empty() {
-            let names: Vec<&str> = asset.materials.iter().map(|named| named.name.as_str()).collect();
+            let names: Vec<String> = asset.materials.iter().map(|named| output::line(&named.name)).collect();
             let _ = writeln!(text, "materials: {} ({})", names.len(), names.join(", "));
         }
         if let Some(visibility) = &asset.visibility {

@@ -6,7 +6,7 @@ use anyhow::{Context, Result};
 use clap::{Args, Subcommand, ValueEnum};
 use serde_json::json;
 use std::fmt::Write as _;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 use tsuya::container::{SectionCodec, Tag, Writer, edit};
 use tsuya::lighting;
@@ -112,7 +112,8 @@ const DIRECTIONS: usize = 32;
 impl Fit {
     pub fn run(self) -> Result<()> {
         if let Some(path) = &self.output {
-            output::check_free(path, self.force)?;
+            let pictures: Vec<&Path> = self.pictures.iter().map(PathBuf::as_path).collect();
+            output::check_outputs(&[path], &pictures, self.force)?;
         }
         let (environment, cleaned) = read(&self.pictures, &self.read_options())?;
         let environment = match self.rotation_y {

@@ -18,6 +18,7 @@ mod pictures;
 mod ply;
 mod progress;
 mod render;
+mod repair;
 mod shell;
 mod source;
 mod surroundings;
@@ -32,7 +33,7 @@ use std::process::ExitCode;
 /// Files for objects whose look was measured: photographs and a mesh in, one small file out, and back.
 ///
 /// Exit codes: 0 done; 1 the command line asks for something wrong; 2 a file can't be read or written; 3 a file's content is
-/// wrong; 4 a check or an operation failed; 5 valid, but not supported.
+/// wrong; 4 a check or an operation failed, or a part of a file is lost; 5 valid, but not supported.
 #[derive(Parser)]
 #[command(name = "tsuya", version, propagate_version = true)]
 struct Cli {
@@ -56,6 +57,7 @@ enum Command {
     Decode(decode::Decode),
     Info(info::Info),
     Verify(verify::Verify),
+    Repair(repair::Repair),
     Compare(compare::Compare),
     Render(render::Render),
     Composite(composite::Composite),
@@ -78,6 +80,7 @@ impl Command {
             Command::Decode(decode) => decode.run(),
             Command::Info(info) => info.run(),
             Command::Verify(verify) => verify.run(),
+            Command::Repair(repair) => repair.run(),
             Command::Compare(compare) => compare.run(),
             Command::Render(render) => render.run(),
             Command::Composite(composite) => composite.run(),
@@ -103,7 +106,13 @@ fn main() -> ExitCode {
     let cli = match Cli::try_parse() {
         Ok(cli) => cli,
         Err(error) => {
-            let _ = error.print();
+            // Arguments, which it repeats, may be names of files from anywhere.
+            let text = error.render().to_string();
+            if output::is_plain(&text) {
+                let _ = error.print();
+            } else {
+                text.lines().for_each(output::complain);
+            }
             return ExitCode::from(error.use_stderr() as u8);
         }
     };
@@ -117,12 +126,18 @@ fn main() -> ExitCode {
     if let Some(mebibytes) = cli.max_memory {
         source::limit_memory(mebibytes);
     }
+    output::clean_up_on_signals();
+    let repairs = matches!(cli.command, Command::Repair(_));
     match on_threads(cli.threads, || cli.command.run()) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) if is_broken_pipe(&error) => ExitCode::SUCCESS,
         Err(error) => {
             output::complain(&format!("tsuya: {}", words(&error)));
-            ExitCode::from(exit_code(&error))
+            let code = exit_code(&error);
+            if !repairs && is_damage(&error) {
+                output::complain("tsuya repair makes a whole file of what is left of a damaged one");
+            }
+            ExitCode::from(code)
         }
     }
 }
@@ -158,6 +173,13 @@ fn exit_code(error: &anyhow::Error) -> u8 {
         Some(Error::Unsupported(_)) => 5,
         _ => 4,
     }
+}
+
+/// Whether a `.tsuya` file is wrong, and is one.
+fn is_damage(error: &anyhow::Error) -> bool {
+    error.chain().any(|cause| {
+        matches!(cause.downcast_ref(), Some(tsuya::Error::Format { message, .. }) if !message.starts_with("not a .tsuya file"))
+    })
 }
 
 fn is_broken_pipe(error: &anyhow::Error) -> bool {

@@ -155,19 +155,19 @@ impl Render {
         };
         let cameras = self.cameras(&asset)?;
         let paths = self.paths(cameras.len());
-        paths.iter().try_for_each(|path| output::check_free(path, self.force))?;
+        self.check(&paths, file)?;
         let _busy = progress::busy("rendering");
         let renderer = Renderer::new(&asset)?;
-        let gain = self.exposure.exp2() as f32;
+        let mut files = output::Files::new(self.force);
         for (camera, path) in cameras.iter().zip(&paths) {
             let image = renderer.render(camera, &options)?.image;
-            self.write(&image, gain, asset.white, path, is_exr)?;
+            files.add(path, &self.picture(&image, asset.white, is_exr)?)?;
         }
-        Ok(())
+        files.commit()
     }
 
     fn run_job(&self, path: &Path, is_exr: bool) -> Result<()> {
-        output::check_free(&self.output, self.force)?;
+        self.check(&[self.output.clone()], path)?;
         let (job, folder) = surroundings::read_job(path, self.outside)?;
         let quality = Quality {
             evaluator: self.evaluator(job.evaluator),
@@ -178,16 +178,15 @@ impl Render {
         let _busy = progress::busy("rendering");
         let subject = surroundings::subject(&job, &folder, quality.detail)?;
         let light = surroundings::light(&job.environment, &folder)?;
-        let gain = self.exposure.exp2() as f32;
         surroundings::pictures(&subject, &light, &[job.camera()?], quality, |_, relit| {
-            self.write(&relit.image, gain, [1.0; 3], &self.output, is_exr)
+            output::write(&self.output, &self.picture(&relit.image, [1.0; 3], is_exr)?, self.force)
         })
     }
 
     fn run_environment(&self, asset: Asset, file: &Path, is_exr: bool) -> Result<()> {
         let cameras = self.cameras(&asset)?;
         let paths = self.paths(cameras.len());
-        paths.iter().try_for_each(|path| output::check_free(path, self.force))?;
+        self.check(&paths, file)?;
         let quality = Quality {
             evaluator: self.evaluator(JobEvaluator::Better),
             shadows: !self.no_shadows,
@@ -198,10 +197,11 @@ impl Render {
         let environment = JobEnvironment { file: file.to_owned(), scale, rotation_y_deg };
         let _busy = progress::busy("rendering");
         let light = surroundings::light(&environment, &Folder::new("", file, true))?;
-        let gain = self.exposure.exp2() as f32;
+        let mut files = output::Files::new(self.force);
         surroundings::pictures(&Subject::Asset(Box::new(asset)), &light, &cameras, quality, |k, relit| {
-            self.write(&relit.image, gain, [1.0; 3], &paths[k], is_exr)
-        })
+            files.add(&paths[k], &self.picture(&relit.image, [1.0; 3], is_exr)?)
+        })?;
+        files.commit()
     }
 
     fn evaluator(&self, otherwise: JobEvaluator) -> JobEvaluator {
@@ -213,10 +213,16 @@ impl Render {
         }
     }
 
-    fn write(&self, image: &RgbImage, gain: f32, white: [f64; 3], path: &Path, is_exr: bool) -> Result<()> {
+    fn picture(&self, image: &RgbImage, white: [f64; 3], is_exr: bool) -> Result<Vec<u8>> {
+        let gain = self.exposure.exp2() as f32;
         let image = image.map(|pixel| pixel.map(|v| v * gain));
-        let bytes = if is_exr { pictures::exr(&image, false)? } else { pictures::png(&to_display(&image, white))? };
-        output::write(path, &bytes, self.force)
+        if is_exr { pictures::exr(&image, false) } else { pictures::png(&to_display(&image, white)) }
+    }
+
+    /// Before long work: may the pictures be written?
+    fn check(&self, paths: &[PathBuf], input: &Path) -> Result<()> {
+        let inputs: Vec<&Path> = self.file.iter().map(|path| &**path).chain([input]).collect();
+        output::check_outputs(&paths.iter().map(|path| &**path).collect::<Vec<_>>(), &inputs, self.force)
     }
 
     fn paths(&self, count: usize) -> Vec<PathBuf> {

@@ -16,7 +16,7 @@ impl Completions {
     pub fn run(self) -> Result<()> {
         let mut script = Vec::new();
         clap_complete::generate(self.shell, &mut Cli::command(), "tsuya", &mut script);
-        output::say(&String::from_utf8_lossy(&script))
+        output::say_as_it_is(&String::from_utf8_lossy(&script))
     }
 }
 
@@ -41,13 +41,15 @@ impl Man {
             Ok(page)
         };
         let Some(folder) = &self.output else {
-            return output::say(&String::from_utf8_lossy(&page(program)?));
+            return output::say_as_it_is(&String::from_utf8_lossy(&page(program)?));
         };
         std::fs::create_dir_all(folder).map_err(|e| tsuya::Error::io(folder, e))?;
+        let mut files = output::Files::new(self.force);
         for command in program.get_subcommands() {
             let name = format!("tsuya-{}", command.get_name());
-            output::write(&folder.join(format!("{name}.1")), &page(command.clone())?, self.force)?;
+            files.add(&folder.join(format!("{name}.1")), &page(command.clone())?)?;
         }
-        output::write(&folder.join("tsuya.1"), &page(program)?, self.force)
+        files.add(&folder.join("tsuya.1"), &page(program)?)?;
+        files.commit()
     }
 }

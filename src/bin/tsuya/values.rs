@@ -4,7 +4,7 @@ use crate::source;
 use clap::Args;
 use std::path::{Path, PathBuf};
 use tsuya::asset::View;
-use tsuya::capture::ReadOptions;
+use tsuya::capture::{ReadOptions, describe};
 use tsuya::input::{FileAccess, Folder};
 use tsuya::{Error, Result};
 
@@ -94,6 +94,25 @@ impl CaptureArguments {
             limits: source::limits(),
             allow_outside: self.outside.allow_outside,
         })
+    }
+
+    /// The files that reading a capture takes: no output may be one of them.
+    pub fn files(&self, capture: &Path) -> Result<Vec<PathBuf>> {
+        let description = describe(capture, &self.outside.access())?;
+        let mut files = vec![description.path.clone(), capture.to_owned()];
+        if let Ok(entries) =
+            std::fs::read_dir(if description.path.is_dir() { &description.path } else { Path::new("") })
+        {
+            files.extend(entries.flatten().map(|entry| entry.path()));
+        }
+        let boards =
+            description.white_reference.iter().flat_map(|white| [Some(&white.photograph), white.cross.as_ref()]);
+        let frames = description.frames.iter();
+        let pictures = frames.flat_map(|frame| [Some(&frame.photograph), frame.cross.as_ref(), frame.mask.as_ref()]);
+        files.extend(boards.chain(pictures).flatten().cloned());
+        files.extend(description.find_mesh(&ReadOptions { mesh: self.mesh.clone(), ..Default::default() }));
+        files.extend(self.mesh_pose.clone());
+        Ok(files)
     }
 }
 

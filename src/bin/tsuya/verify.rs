@@ -34,7 +34,8 @@ impl Verify {
         let bytes = source::read(&self.file)?;
         let name = source::name(&self.file);
         let sections = container::verify(&bytes[..], limits()).with_context(|| name.clone())?;
-        let mut text = format!("{name}: {} bytes in {} sections are undamaged\n", bytes.len(), sections.len());
+        let shown = output::line(&name);
+        let mut text = format!("{shown}: {} bytes in {} sections are undamaged\n", bytes.len(), sections.len());
         if self.deep {
             let _busy = progress::busy("decoding");
             let mut file = container::Container::open_slice(&bytes, limits())?;
@@ -51,6 +52,12 @@ impl Verify {
                     .map_err(|e| tsuya::Error::format(Tag::THUMBNAIL, 0u8, format!("PNG: {e}")))?;
             }
             text += &format!("{decoded} of {} views decode\n", asset.views.len());
+            let lost = Metadata(asset.metadata.clone()).lost_views();
+            let lost: Vec<String> =
+                lost.iter().filter_map(|&view| Some(output::line(&asset.views.get(view)?.name))).collect();
+            if !lost.is_empty() {
+                text += &format!("lost before the file was repaired: {}\n", lost.join(", "));
+            }
             if !asset.materials.is_empty() {
                 text += &format!("{} materials decode\n", asset.materials.len());
             }

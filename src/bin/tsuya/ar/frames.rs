@@ -2,7 +2,7 @@
 
 use super::video::{self, Frames, Writer};
 use crate::{output, pictures};
-use std::io::{Error as IoError, ErrorKind};
+use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 use tsuya::ar::Plate;
 use tsuya::{Error, Result};
@@ -12,7 +12,7 @@ const PICTURES: [&str; 7] = ["png", "jpg", "jpeg", "tif", "tiff", "exr", "hdr"];
 /// Frames of a camera: one photograph, a folder of them, or a video.
 pub enum Source {
     Pictures { paths: Vec<PathBuf>, next: usize },
-    Video(Box<Frames>),
+    Video { path: PathBuf, frames: Box<Frames> },
 }
 
 impl Source {
@@ -22,7 +22,7 @@ impl Source {
             return Ok(Source::Pictures { paths: in_folder(path)?, next: 0 });
         }
         if video::is_video(path) {
-            return Ok(Source::Video(Box::new(Frames::open(ffmpeg, path)?)));
+            return Ok(Source::Video { path: path.to_owned(), frames: Box::new(Frames::open(ffmpeg, path)?) });
         }
         Ok(Source::Pictures { paths: vec![path.to_owned()], next: 0 })
     }
@@ -31,7 +31,7 @@ impl Source {
     pub fn count(&self) -> Option<usize> {
         match self {
             Source::Pictures { paths, .. } => Some(paths.len()),
-            Source::Video(_) => None,
+            Source::Video { .. } => None,
         }
     }
 
@@ -40,9 +40,17 @@ impl Source {
         self.count() == Some(1)
     }
 
+    /// The files that frames are read from.
+    pub fn files(&self) -> Vec<&Path> {
+        match self {
+            Source::Pictures { paths, .. } => paths.iter().map(PathBuf::as_path).collect(),
+            Source::Video { path, .. } => vec![path],
+        }
+    }
+
     pub fn rate(&self) -> Option<[u32; 2]> {
         match self {
-            Source::Video(frames) => Some(frames.rate),
+            Source::Video { frames, .. } => Some(frames.rate),
             Source::Pictures { .. } => None,
         }
     }
@@ -51,7 +59,7 @@ impl Source {
     pub fn name(&self, frame: usize) -> String {
         match self {
             Source::Pictures { paths, .. } => paths.get(frame).map_or(String::new(), |p| p.display().to_string()),
-            Source::Video(_) => format!("frame {frame}"),
+            Source::Video { .. } => format!("frame {frame}"),
         }
     }
 
@@ -59,14 +67,14 @@ impl Source {
     fn file_name(&self, frame: usize) -> String {
         let stem = match self {
             Source::Pictures { paths, .. } => paths.get(frame).and_then(|p| p.file_stem()),
-            Source::Video(_) => None,
+            Source::Video { .. } => None,
         };
         stem.map_or_else(|| format!("{frame:06}.png"), |stem| format!("{}.png", stem.to_string_lossy()))
     }
 
     pub fn next(&mut self) -> Result<Option<Plate>> {
         match self {
-            Source::Video(frames) => frames.next(),
+            Source::Video { frames, .. } => frames.next(),
             Source::Pictures { paths, next } => {
                 let Some(path) = paths.get(*next) else { return Ok(None) };
                 *next += 1;
@@ -79,7 +87,7 @@ impl Source {
     pub fn upcoming(&self) -> Option<&Path> {
         match self {
             Source::Pictures { paths, next } => paths.get(*next).map(PathBuf::as_path),
-            Source::Video(_) => None,
+            Source::Video { .. } => None,
         }
     }
 }
@@ -123,7 +131,7 @@ fn natural(name: &str) -> Vec<(String, u64)> {
 /// Where frames go. Nothing is in its place until `finish`.
 pub enum Sink {
     Picture { path: PathBuf, bytes: Option<Vec<u8>>, force: bool },
-    Folder { path: PathBuf, making: tempfile::TempDir, names: Vec<String> },
+    Folder { folder: Box<output::Folder>, names: HashSet<String> },
     Video(Making),
 }
 
@@ -147,7 +155,8 @@ impl Sink {
         if output::is_stream(path) {
             return Err(Error::parameter("pictures go into a file or a folder, not to standard output").into());
         }
-        output::check_free(path, force)?;
+        let inputs = source.files();
+        output::check_outputs(&[path], &inputs, force)?;
         if video::is_video(path) {
             let rate = rate.or(source.rate()).unwrap_or([30, 1]);
             let (ffmpeg, path) = (ffmpeg.to_owned(), path.to_owned());
@@ -165,14 +174,8 @@ impl Sink {
             crate::render::is_exr(path)?;
             return Ok(Sink::Picture { path: path.to_owned(), bytes: None, force });
         }
-        let failed = |e| Error::io(path, e);
-        if path.is_dir() && !force && std::fs::read_dir(path).map_err(failed)?.next().is_some() {
-            let error = IoError::new(ErrorKind::AlreadyExists, "the folder is not empty; --force writes into it");
-            return Err(failed(error).into());
-        }
-        let parent = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        let making = tempfile::Builder::new().prefix(".tsuya-").tempdir_in(parent).map_err(failed)?;
-        Ok(Sink::Folder { path: path.to_owned(), making, names: Vec::new() })
+        let folder = Box::new(output::Folder::create(path, force, None, &inputs)?);
+        Ok(Sink::Folder { folder, names: HashSet::new() })
     }
 
     pub fn put(&mut self, plate: &Plate, source: &Source, frame: usize) -> Result<()> {
@@ -185,15 +188,13 @@ impl Sink {
                 });
                 Ok(())
             }
-            Sink::Folder { making, names, .. } => {
+            Sink::Folder { folder, names } => {
                 let mut name = source.file_name(frame);
-                if names.contains(&name) {
+                // Some file systems don't tell upper from lower case.
+                while !names.insert(name.to_lowercase()) {
                     name = format!("{frame:06}-{name}");
                 }
-                let file = making.path().join(&name);
-                names.push(name);
-                let bytes = pictures::png(&plate.to_picture()).map_err(ours)?;
-                std::fs::write(&file, bytes).map_err(|e| Error::io(&file, e))
+                folder.write(&name, &pictures::png(&plate.to_picture()).map_err(ours)?).map_err(ours)
             }
             Sink::Video(Making { ffmpeg, path, rate, force, writer }) => {
                 if writer.is_none() {
@@ -209,14 +210,7 @@ impl Sink {
             Sink::Picture { path, bytes, force } => {
                 output::write(&path, &bytes.unwrap_or_default(), force).map_err(ours)
             }
-            Sink::Folder { path, making, names } => {
-                let failed = |e| Error::io(&path, e);
-                std::fs::create_dir_all(&path).map_err(failed)?;
-                for name in names {
-                    std::fs::rename(making.path().join(&name), path.join(&name)).map_err(failed)?;
-                }
-                Ok(())
-            }
+            Sink::Folder { folder, .. } => folder.commit().map_err(ours),
             Sink::Video(Making { writer, .. }) => writer.map_or(Ok(()), |writer| writer.finish()),
         }
     }

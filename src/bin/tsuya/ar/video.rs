@@ -1,6 +1,7 @@
 //! Videos through an installed ffmpeg: raw frames from its standard output, and into its standard input.
 
-use std::ffi::OsStr;
+use super::frames::ours;
+use crate::output::Files;
 use std::io::{Error as IoError, ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
@@ -147,10 +148,9 @@ fn look(ffmpeg: &Path, path: &Path) -> Result<([usize; 2], [u32; 2])> {
 pub struct Writer {
     target: PathBuf,
     ffmpeg: PathBuf,
-    file: tempfile::TempPath,
+    files: Files,
     child: Child,
     input: Option<ChildStdin>,
-    force: bool,
 }
 
 impl Writer {
@@ -161,11 +161,8 @@ impl Writer {
         rate: [u32; 2],
         force: bool,
     ) -> Result<Self> {
-        let failed = |e| Error::io(target, e);
-        let folder = target.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        let suffix = target.extension().and_then(OsStr::to_str).map_or(String::new(), |e| format!(".{e}"));
-        let file = tempfile::Builder::new().prefix(".tsuya-").suffix(&suffix).tempfile_in(folder).map_err(failed)?;
-        let file = file.into_temp_path();
+        let mut files = Files::new(force);
+        let file = files.reserve(target).map_err(ours)?;
         let mut command = Command::new(ffmpeg);
         command.args(["-v", "error", "-y", "-f", "rawvideo", "-pix_fmt", "rgb24", "-s"]);
         command.arg(format!("{width}x{height}")).args(["-r", &format!("{}/{}", rate[0], rate[1]), "-i", "-"]);
@@ -175,7 +172,7 @@ impl Writer {
         command.arg(path_argument(&file)).stdin(Stdio::piped()).stdout(Stdio::null()).stderr(Stdio::piped());
         let mut child = command.spawn().map_err(|e| not_started(ffmpeg, e))?;
         let input = child.stdin.take();
-        Ok(Writer { target: target.to_owned(), ffmpeg: ffmpeg.to_owned(), file, child, input, force })
+        Ok(Writer { target: target.to_owned(), ffmpeg: ffmpeg.to_owned(), files, child, input })
     }
 
     pub fn put(&mut self, plate: &Plate) -> Result<()> {
@@ -202,21 +199,6 @@ impl Writer {
             let message = format!("{} can't write this video: {said}", self.ffmpeg.display());
             return Err(Error::io(&self.target, IoError::other(message)));
         }
-        let path = self.file.to_path_buf();
-        readable_for_all(&path);
-        let Writer { file, target, force, .. } = self;
-        let kept = if force { file.persist(&target) } else { file.persist_noclobber(&target) };
-        kept.map_err(|e| Error::io(&target, e.error))
+        self.files.commit().map_err(ours)
     }
-}
-
-/// Temporary files are for their owner alone.
-fn readable_for_all(path: &Path) {
-    #[cfg(unix)]
-    {
-        use std::os::unix::fs::PermissionsExt;
-        let _ = std::fs::set_permissions(path, std::fs::Permissions::from_mode(0o644));
-    }
-    #[cfg(not(unix))]
-    let _ = path;
 }

@@ -28,7 +28,7 @@ pub struct Convert {
 
 impl Convert {
     pub fn run(self) -> Result<()> {
-        output::check_free(&self.output, self.force)?;
+        output::check_outputs(&[&self.output], &[&self.input], self.force)?;
         // A table may go to standard output.
         let kind = if output::is_stream(&self.output) { Kind::Merl } else { Kind::of(&self.output)? };
         let busy = progress::busy("converting");

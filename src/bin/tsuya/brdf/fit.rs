@@ -150,15 +150,15 @@ struct Row {
 
 impl Fit {
     pub fn run(self) -> Result<()> {
-        for path in self.output.iter().chain(&self.contact_sheet) {
-            output::check_free(path, self.force)?;
-        }
+        let files = expand(&self.inputs)?;
+        let outputs: Vec<&Path> = self.output.iter().chain(&self.contact_sheet).map(|path| &**path).collect();
+        let inputs = files.iter().chain(&self.environment).chain(&self.samples).map(|path| &**path);
+        output::check_outputs(&outputs, &inputs.collect::<Vec<&Path>>(), self.force)?;
         let form = self.forms.of(self.output.as_deref())?;
         if self.json && self.output.as_deref().is_some_and(output::is_stream) {
             return Err(Error::parameter("figures and materials can't both go to standard output").into());
         }
         let plan = self.samples.as_deref().map(super::plan::read).transpose()?;
-        let files = expand(&self.inputs)?;
         let scenes = SphereScenes::new(SPHERE_SIDE, &environment(self.environment.as_deref())?);
         let busy = progress::busy("fitting");
         let (mut all, mut tiles) = (Vec::new(), Vec::new());
@@ -174,16 +174,18 @@ impl Fit {
             }
         }
         drop(busy);
+        let mut written = output::Files::new(self.force);
         if let Some(path) = &self.contact_sheet {
             let columns = if self.sweep.is_some() { 1 } else { tiles.len().div_ceil(15) };
-            output::write(path, &pictures::png(&sheet::arrange(&tiles, columns))?, self.force)?;
+            written.add(path, &pictures::png(&sheet::arrange(&tiles, columns))?)?;
         }
         let figures: Vec<Value> = all.iter().map(|row| figures(row, form)).collect();
         let text = table(&all, form);
         if let Some(path) = &self.output {
             let fitted = all.into_iter().map(|row| (row.name, row.fitted)).collect();
-            output::write(path, &write_fitted(path, fitted)?, self.force)?;
+            written.add(path, &write_fitted(path, fitted)?)?;
         }
+        written.commit()?;
         if !self.json {
             let quiet = self.output.as_deref().is_some_and(output::is_stream);
             return if quiet { Ok(()) } else { output::say(&text) };
@@ -231,7 +233,8 @@ fn figures(row: &Row, form: AnyForm) -> Value {
 }
 
 fn table(all: &[Row], form: AnyForm) -> String {
-    let width = all.iter().map(|row| row.name.chars().count()).max().unwrap_or(0).max(18);
+    let names: Vec<String> = all.iter().map(|row| output::line(&row.name)).collect();
+    let width = names.iter().map(|name| name.chars().count()).max().unwrap_or(0).max(18);
     let mut text = String::new();
     let heads = "bytes  log RMSE  cosine RMSE  albedo  point dB  environment dB  seconds";
     let _ = writeln!(text, "{:width$}  {heads}", form.name());
@@ -243,8 +246,8 @@ fn table(all: &[Row], form: AnyForm) -> String {
             r.log_rmse, r.cosine_rmse, r.albedo_max, psnr.point, psnr.environment,
         );
     };
-    for row in all {
-        line(&row.name, row.bytes as f64, &row.report, row.seconds);
+    for (row, name) in all.iter().zip(&names) {
+        line(name, row.bytes as f64, &row.report, row.seconds);
     }
     if all.len() > 1 {
         let of = |part: f64, value: &dyn Fn(&Row) -> f64| {

@@ -51,15 +51,16 @@ enum Method {
 
 impl Plan {
     pub fn run(self) -> Result<()> {
+        let inputs = expand(&self.inputs)?;
         if let Some(path) = &self.output {
-            output::check_free(path, self.force)?;
+            output::check_outputs(&[path], &inputs.iter().map(|path| &**path).collect::<Vec<_>>(), self.force)?;
         }
         if self.json && self.output.as_deref().is_some_and(output::is_stream) {
             return Err(Error::parameter("figures and the plan can't both go to standard output").into());
         }
         let busy = progress::busy("planning");
         let mut population = Population::new().with_least_theta_h_deg(self.least_theta_h.into());
-        for path in expand(&self.inputs)? {
+        for path in inputs {
             if !matches!(Kind::of(&path)?, Kind::Merl | Kind::Rgl) {
                 let message = "a population is of measured materials, .binary or .bsdf";
                 return Err(Error::parameter(format!("{}: {message}", path.display())).into());

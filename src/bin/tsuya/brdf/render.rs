@@ -56,7 +56,7 @@ enum Scene {
 
 impl Render {
     pub fn run(self) -> Result<()> {
-        output::check_free(&self.output, self.force)?;
+        output::check_outputs(&[&self.output], &[&self.input], self.force)?;
         let extension = self.output.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
         if !["png", "exr"].contains(&extension.as_str()) && !output::is_stream(&self.output) {
             let message = format!("{}: a picture's name ends with .png or .exr", self.output.display());

@@ -1,0 +1,280 @@
+//! Repair: from a damaged file to a whole one with all that checksums still prove.
+//!
+//! [`repair`] looks for sections ([`crate::container::survey`]) and, in section PLAN, for views ([`crate::tuned::repair`]). What needs
+//! something that is lost is lost with it; what a reader must have to read the rest stands in its place, empty.
+
+use crate::asset::{Component, Mesh};
+use crate::container::metadata::{self, Metadata};
+use crate::container::survey::{Survey, survey, without_carriage_returns};
+use crate::container::{Section, SectionCodec, Tag, Writer, verify, views};
+use crate::error::{Error, Result};
+use crate::limits::{Budget, Limits};
+use crate::{mesh, tuned};
+use serde_json::{Map, json};
+use std::borrow::Cow;
+use views::ViewsSection;
+
+/// A repaired file.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Repaired {
+    /// The whole file; the given one where nothing was wrong with it.
+    pub bytes: Vec<u8>,
+    /// What was wrong besides sections and views, one sentence each.
+    pub faults: Vec<String>,
+    /// Sections that the file keeps.
+    pub kept: Vec<Tag>,
+    /// Sections that are lost, and why.
+    pub lost_sections: Vec<(Tag, String)>,
+    /// Views of the file, and those whose photographs are lost: number, name, and why.
+    pub views: usize,
+    /// See `views`.
+    pub lost_views: Vec<(usize, String, String)>,
+    /// Whether all sections of the damaged file are known: not where it ends early and its directory is missing.
+    pub is_all_known: bool,
+    /// Whether the given file was undamaged.
+    pub was_whole: bool,
+}
+
+impl Repaired {
+    /// Whether anything is lost.
+    pub fn has_losses(&self) -> bool {
+        !self.is_all_known || !self.lost_sections.is_empty() || !self.lost_views.is_empty()
+    }
+}
+
+/// What a section can't be used without.
+const NEEDS: [(Tag, &[Tag]); 5] = [
+    (Tag::CHARTS, &[Tag::MESH]),
+    (Tag::REFLECTANCE, &[Tag::CHARTS, Tag::MESH]),
+    (Tag::PLANES, &[Tag::MESH, Tag::VIEWS]),
+    (Tag::PAPER, &[Tag::MESH, Tag::VIEWS]),
+    (Tag::VISIBILITY, &[Tag::MESH]),
+];
+/// A file of nothing but others is no use.
+const CONTENT: [Tag; 4] = [Tag::MESH, Tag::VIEWS, Tag::MATERIALS, Tag::LIGHT];
+const DAMAGED: &str = "its checksum does not match, or it is cut";
+
+/// Makes a whole file of what is left of a damaged one.
+/// # Errors
+/// [`Error::Format`] where nothing is left that can be used, [`Error::Unsupported`] for files of other versions,
+/// [`Error::Limits`] where what is left asks for more than it may.
+pub fn repair(bytes: &[u8], limits: Limits) -> Result<Repaired> {
+    if let Ok(sections) = verify(bytes, limits) {
+        let kept = sections.iter().map(|section| section.tag).collect();
+        let (faults, lost_sections, lost_views) = Default::default();
+        let views = views_of(bytes, &sections, &Budget::new(limits)).map_or(0, |section| section.views.len());
+        let bytes = bytes.to_vec();
+        return Ok(Repaired {
+            bytes,
+            faults,
+            kept,
+            lost_sections,
+            views,
+            lost_views,
+            is_all_known: true,
+            was_whole: true,
+        });
+    }
+    let mut faults = Vec::new();
+    let mut bytes = Cow::Borrowed(bytes);
+    if let Some(undone) = without_carriage_returns(&bytes) {
+        faults.push("a transfer in text mode had put a carriage return before every line feed".to_owned());
+        bytes = Cow::Owned(undone);
+    }
+    let survey = survey(&bytes)?;
+    faults.extend(survey.faults.iter().cloned());
+    let budget = Budget::new(limits);
+    let mut work =
+        Repair { bytes: &bytes, survey: &survey, budget: &budget, lost_sections: Vec::new(), lost_views: Vec::new() };
+    let mut repaired = work.run()?;
+    repaired.faults = faults;
+    Ok(repaired)
+}
+
+fn views_of(bytes: &[u8], sections: &[Section], budget: &Budget) -> Option<ViewsSection> {
+    let section = sections.iter().find(|section| section.tag == Tag::VIEWS)?;
+    let start = (section.offset + section.header_bytes()) as usize;
+    views::decode(bytes.get(start..start + section.stored as usize)?, budget).ok()
+}
+
+struct Repair<'a> {
+    bytes: &'a [u8],
+    survey: &'a Survey,
+    budget: &'a Budget,
+    lost_sections: Vec<(Tag, String)>,
+    lost_views: Vec<(usize, String, String)>,
+}
+
+impl Repair<'_> {
+    fn run(&mut self) -> Result<Repaired> {
+        let mut sections: Vec<(Tag, SectionCodec, Vec<u8>)> = Vec::new();
+        for whole in &self.survey.whole {
+            let (section, stored) = (whole.section, whole.bytes(self.bytes));
+            self.budget.charge("section", section.stored)?;
+            sections.push((section.tag, section.codec, section.decode(stored.to_vec(), self.budget)?));
+        }
+        for (section, _) in &self.survey.damaged {
+            self.lost_sections.push((section.tag, DAMAGED.into()));
+        }
+        if !sections.iter().any(|(tag, ..)| CONTENT.contains(tag)) {
+            let reason = self.survey.faults.first().map_or("no section that can be used is whole", String::as_str);
+            return Err(Error::format(
+                "file",
+                0u8,
+                format!("nothing can be saved: no mesh, views, materials or light is whole ({reason})"),
+            ));
+        }
+        let section = self.section(&sections)?;
+        let mesh = match sections.iter().find(|(tag, ..)| *tag == Tag::MESH) {
+            Some((_, _, content)) => Some(mesh::code::decode(content, self.budget)?),
+            None => None,
+        };
+        if let (Some(mesh), Some(section)) = (&mesh, &section) {
+            self.planes(&mut sections, mesh, section)?;
+        }
+        self.drop_what_needs_others(&mut sections);
+        let photographs = sections.iter().any(|(tag, ..)| [Tag::PLANES, Tag::PAPER].contains(tag));
+        if let Some(section) = section.as_ref().filter(|_| !photographs && self.had_photographs()) {
+            let lost = |(index, view): (usize, &crate::asset::View)| {
+                (index, view.name.clone(), "its section is lost".to_owned())
+            };
+            self.lost_views = section.views.iter().enumerate().map(lost).collect();
+        }
+        let kept = sections.iter().map(|(tag, ..)| *tag).collect();
+        self.stand_ins(&mut sections)?;
+        self.describe(&mut sections)?;
+        let mut writer = Writer::new(Vec::with_capacity(self.bytes.len()))?;
+        for (tag, codec, content) in &sections {
+            writer.section(*tag, *codec, content)?;
+        }
+        Ok(Repaired {
+            bytes: writer.finish()?,
+            faults: Vec::new(),
+            kept,
+            lost_sections: std::mem::take(&mut self.lost_sections),
+            views: section.map_or(0, |section| section.views.len()),
+            lost_views: std::mem::take(&mut self.lost_views),
+            is_all_known: self.survey.is_all_known,
+            was_whole: false,
+        })
+    }
+
+    fn section(&self, sections: &[(Tag, SectionCodec, Vec<u8>)]) -> Result<Option<ViewsSection>> {
+        let found = sections.iter().find(|(tag, ..)| *tag == Tag::VIEWS);
+        found.map(|(_, _, content)| views::decode(content, self.budget)).transpose()
+    }
+
+    /// The views of a section PLAN that is not whole.
+    fn planes(
+        &mut self,
+        sections: &mut Vec<(Tag, SectionCodec, Vec<u8>)>,
+        mesh: &Mesh,
+        views: &ViewsSection,
+    ) -> Result<()> {
+        let has = |wanted: Tag| sections.iter().any(|(tag, ..)| *tag == wanted);
+        if has(Tag::PLANES) || has(Tag::PAPER) || views.views.is_empty() {
+            return Ok(());
+        }
+        let damaged =
+            self.survey.damaged.iter().find(|(section, _)| section.tag == Tag::PLANES).map(|(_, range)| range.clone());
+        let is_known = damaged.is_some();
+        let ranges: Vec<_> = damaged.into_iter().chain(self.survey.unexplained.iter().cloned()).collect();
+        let count = views.components.len();
+        let Some(start) = tuned::repair::find_head(self.bytes, &ranges, views.views.len(), count, self.budget) else {
+            return Ok(());
+        };
+        // Up to the next whole section, or the directory.
+        let within = ranges.iter().filter(|range| range.contains(&start)).map(|range| range.end).max();
+        let end = within.unwrap_or(self.bytes.len());
+        let made = tuned::repair::repair(self.bytes, (start, end), mesh, &views.views, count, self.budget)?;
+        if made.lost.len() == views.views.len() {
+            if !is_known {
+                self.lost_sections.push((Tag::PLANES, DAMAGED.into()));
+            }
+            return Ok(());
+        }
+        self.lost_sections.retain(|(tag, _)| *tag != Tag::PLANES);
+        for (view, loss) in made.lost {
+            let name = views.views[view].name.clone();
+            let reason = match loss {
+                tuned::repair::Loss::Streams => "its bytes are damaged or missing".to_owned(),
+                tuned::repair::Loss::Predicted(other) => {
+                    format!("it is predicted from {}, which is lost", views.views[other].name)
+                }
+            };
+            self.lost_views.push((view, name, reason));
+        }
+        self.lost_views.sort();
+        let after = sections
+            .iter()
+            .position(|(tag, ..)| *tag == Tag::REFLECTANCE)
+            .or(sections.iter().position(|(tag, ..)| *tag == Tag::VIEWS));
+        sections.insert(after.map_or(sections.len(), |at| at + 1), (Tag::PLANES, SectionCodec::Own, made.bytes));
+        Ok(())
+    }
+
+    fn had_photographs(&self) -> bool {
+        let lost = |tag: Tag| self.lost_sections.iter().any(|(other, _)| *other == tag);
+        lost(Tag::PLANES) || lost(Tag::PAPER) || !self.survey.is_all_known
+    }
+
+    fn drop_what_needs_others(&mut self, sections: &mut Vec<(Tag, SectionCodec, Vec<u8>)>) {
+        for (tag, needs) in NEEDS {
+            let has = |wanted: &Tag| sections.iter().any(|(tag, ..)| tag == wanted);
+            if let Some(missing) = needs.iter().find(|needed| !has(needed)).filter(|_| has(&tag)) {
+                self.lost_sections.push((tag, format!("it is whole, but nothing without {missing}")));
+                sections.retain(|(other, ..)| *other != tag);
+            }
+        }
+    }
+
+    /// What a reader must have besides, with nothing in it.
+    fn stand_ins(&self, sections: &mut Vec<(Tag, SectionCodec, Vec<u8>)>) -> Result<()> {
+        let has = |wanted: Tag| sections.iter().any(|(tag, ..)| *tag == wanted);
+        let (has_mesh, has_views) = (has(Tag::MESH), has(Tag::VIEWS));
+        if has_mesh == has_views {
+            return Ok(());
+        }
+        let standing = if has_mesh {
+            let none = ViewsSection { white: [1.0; 3], components: vec![Component::Combined], views: Vec::new() };
+            (Tag::VIEWS, SectionCodec::Own, views::encode(&none, &[])?)
+        } else {
+            let options = mesh::code::MeshOptions { position_bits: 8 };
+            (Tag::MESH, SectionCodec::Own, mesh::code::encode(&Mesh::default(), &options)?.bytes)
+        };
+        let beside = if has_mesh { Tag::MESH } else { Tag::VIEWS };
+        let at = sections.iter().position(|(tag, ..)| *tag == beside).unwrap_or(0);
+        sections.insert(at + has_mesh as usize, standing);
+        Ok(())
+    }
+
+    /// Says in the metadata that the file was repaired and what it lacks.
+    fn describe(&self, sections: &mut Vec<(Tag, SectionCodec, Vec<u8>)>) -> Result<()> {
+        if self.lost_sections.is_empty() && self.lost_views.is_empty() {
+            return Ok(());
+        }
+        let position = sections.iter().position(|(tag, ..)| *tag == Tag::METADATA);
+        let mut described = match position {
+            Some(at) => metadata::decode(&sections.remove(at).2, self.budget)?,
+            None => Metadata(Map::new()),
+        };
+        let tags: Vec<String> = self.lost_sections.iter().map(|(tag, _)| tag.to_string()).collect();
+        // What an earlier repair lost is still lost.
+        let mut views = described.lost_views();
+        views.extend(self.lost_views.iter().map(|(view, ..)| *view));
+        views.sort_unstable();
+        views.dedup();
+        let mut repaired =
+            json!({"by": concat!("tsuya ", env!("CARGO_PKG_VERSION")), "lost_sections": tags, "lost_views": views});
+        // The error of the whole is not that of the rest.
+        if !views.is_empty()
+            && let Some(error) = described.0.remove("achieved_error")
+        {
+            repaired["achieved_error_before"] = error;
+        }
+        described.0.insert("repaired".into(), repaired);
+        let content = metadata::encode(&described)?;
+        sections.insert(0, (Tag::METADATA, SectionCodec::Zstd, content));
+        Ok(())
+    }
+}
