@@ -25,9 +25,9 @@ pub struct Repaired {
     pub kept: Vec<Tag>,
     /// Sections that are lost, and why.
     pub lost_sections: Vec<(Tag, String)>,
-    /// Views of the file, and those whose photographs are lost: number, name, and why.
+    /// Number of the file's views.
     pub views: usize,
-    /// See `views`.
+    /// Views whose photographs are lost: number, name, and why.
     pub lost_views: Vec<(usize, String, String)>,
     /// Whether all sections of the damaged file are known: not where it ends early and its directory is missing.
     pub is_all_known: bool,
