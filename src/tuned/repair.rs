@@ -190,7 +190,7 @@ impl Writer<'_> {
         let nothing = Mask::filled(camera.width as usize, camera.height as usize, false);
         let black = |frame: &crate::transform::frame::Frame, _| vec![[0.0; 4]; frame.width * frame.height];
         let (streams, _) =
-            picture::encode(&self.scene, (&step, PLAIN_SCALE), &self.coding, (&nothing, 1.0), black, &[], false);
+            picture::encode(&self.scene, (&step, PLAIN_SCALE), &self.coding, (&nothing, 1.0), black, &[], false)?;
         let parts: Vec<Vec<u8>> = std::iter::once(streams.mask).chain(streams.components).collect();
         let lengths = parts.iter().map(|part| part.len() as u32).collect();
         Ok((CodedStep { step, scale: PLAIN_SCALE, lengths, checksum: 0, offset: 0 }, parts.concat()))
