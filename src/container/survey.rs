@@ -5,8 +5,8 @@
 
 use super::section::{Section, SectionCodec, read_number};
 use super::{
-    DIRECTORY_TAG, END_SIGNATURE, FILE_HEADER_BYTES, MAX_SECTIONS, SIGNATURE, Tag, VERSION, check_file_header,
-    file_header, known,
+    DIRECTORY_TAG, END_SIGNATURE, FILE_HEADER_BYTES, MAX_SECTIONS, SIGNATURE, Tag, check_file_header, file_header,
+    known,
 };
 use crate::{Error, Result};
 use std::ops::Range;
@@ -40,18 +40,19 @@ pub struct Whole {
 
 /// Looks for all sections of a file.
 /// # Errors
-/// [`Error::Unsupported`] for an undamaged head of another version.
+/// [`Error::Unsupported`] for the head of another version.
 pub fn survey(bytes: &[u8]) -> Result<Survey> {
     let mut faults = Vec::new();
+    let directory = find_directory(bytes);
     match bytes.first_chunk::<FILE_HEADER_BYTES>() {
-        Some(head) if head[..8] == SIGNATURE && head[8..10] != VERSION.0.to_le_bytes() => check_file_header(head)?,
         Some(head) if *head == file_header() => {}
+        // The directory's checksum tells another version from a damaged head.
+        Some(head) if head[..8] == SIGNATURE && directory.is_none() => check_file_header(head)?,
         _ => match (0..bytes.len()).find(|&at| bytes[at..].starts_with(&file_header())) {
             Some(before) => faults.push(format!("{before} bytes of something else stand before the file")),
             None => faults.push("the signature is damaged".to_owned()),
         },
     }
-    let directory = find_directory(bytes);
     let is_at_end = directory.as_ref().is_some_and(|(_, range)| {
         let length = (range.len() as u32).to_le_bytes();
         bytes[range.end..] == [&length[..], &END_SIGNATURE].concat()

@@ -107,11 +107,10 @@ fn main() -> ExitCode {
         Ok(cli) => cli,
         Err(error) => {
             // Arguments, which it repeats, may be names of files from anywhere.
-            let text = error.render().to_string();
-            if output::is_plain(&text) {
+            if std::env::args_os().all(|argument| output::is_plain(&argument.to_string_lossy())) {
                 let _ = error.print();
             } else {
-                text.lines().for_each(output::complain);
+                error.render().to_string().lines().for_each(output::complain);
             }
             return ExitCode::from(error.use_stderr() as u8);
         }
