@@ -53,22 +53,3 @@ pub fn warn(warnings: &[String]) {
 fn exists(path: &Path) -> Error {
     Error::io(path, IoError::new(ErrorKind::AlreadyExists, "exists already; --force overwrites it"))
 }
-
-/// A folder to write into: made if there is none, and empty unless `force`.
-pub fn folder(path: &Path, force: bool) -> Result<()> {
-    std::fs::create_dir_all(path).map_err(|e| Error::io(path, e))?;
-    let mut entries = std::fs::read_dir(path).map_err(|e| Error::io(path, e))?;
-    if !force && entries.next().is_some() {
-        let error = IoError::new(ErrorKind::AlreadyExists, "the folder is not empty; --force writes into it");
-        return Err(Error::io(path, error).into());
-    }
-    Ok(())
-}
-
-/// As [`write`], making the folders above.
-pub fn write_below(path: &Path, bytes: &[u8], force: bool) -> Result<()> {
-    if let Some(parent) = path.parent() {
-        std::fs::create_dir_all(parent).map_err(|e| Error::io(parent, e))?;
-    }
-    write(path, bytes, force)
-}

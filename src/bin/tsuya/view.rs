@@ -49,10 +49,11 @@ impl View {
         let mut site = Site::new(&self.file, self.assets.as_deref(), self.allow_outside)?;
         self.tell_left_out(site.take_left_out())?;
         if let Some(folder) = &self.export {
-            output::folder(folder, self.force)?;
+            let made = output::Folder::create(folder, self.force, Some("index.html"), &[&self.file])?;
             for (path, content) in site.files() {
-                output::write_below(&folder.join(path), &content.read()?, self.force)?;
+                made.write(path, &content.read()?)?;
             }
+            made.commit()?;
             let (count, shown) = (site.files().count(), folder.display());
             return output::say(&format!(
                 "{shown}: {count} files; any web server shows them, opened as files they do not work\n"
