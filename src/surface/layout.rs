@@ -290,7 +290,7 @@ fn covered(mesh: &Mesh, triangle: usize, facing: u8, texels_per_unit: f64) -> Ve
 }
 
 /// Columns that a triangle may cover in a row of texels: where the row's middle crosses its edges, and one more on either side.
-fn row_range(corners: &[[f64; 2]; 3], y: f64) -> std::ops::RangeInclusive<i64> {
+fn row_range(corners: &[[f64; 2]; 3], y: f64) -> std::ops::Range<i64> {
     let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
     for k in 0..3 {
         let (a, b) = (corners[k], corners[(k + 1) % 3]);
@@ -303,7 +303,7 @@ fn row_range(corners: &[[f64; 2]; 3], y: f64) -> std::ops::RangeInclusive<i64> {
         low = low.min(ends[0]).min(ends[1]);
         high = high.max(ends[0]).max(ends[1]);
     }
-    if low > high { 1..=0 } else { low.floor() as i64 - 1..=high.ceil() as i64 + 1 }
+    if low > high { 0..0 } else { low.floor() as i64 - 1..high.ceil() as i64 + 2 }
 }
 
 /// Packs the charts' rectangles, highest first, on a skyline; tries a few widths and keeps the smallest atlas.
