@@ -251,7 +251,10 @@ impl<'a> ReflectanceStage<'a> {
     ) -> Result<Self> {
         let cameras: Vec<_> = views.iter().map(|v| v.camera).collect();
         let density = atlas::texels_per_unit(mesh, &cameras, options.atlas_density);
-        let charts = atlas::layout(mesh, density)?;
+        // More than a few texels for a pixel of all photographs together say nothing.
+        let pixels: f64 = cameras.iter().map(|camera| f64::from(camera.width) * f64::from(camera.height)).sum();
+        let per_pixel = 4.0 + 16.0 * options.atlas_density.powi(2);
+        let charts = atlas::layout_within(mesh, density, (1 << 20) as f64 + per_pixel * pixels)?;
         let chart_bytes = charts::encode(mesh, &charts)?;
         let raster = atlas::rasterise_atlas(mesh, &charts)?;
         let photographs = photographs.iter().map(Some).collect();

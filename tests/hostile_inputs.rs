@@ -463,7 +463,10 @@ fn a_mesh_in_another_unit_is_told() {
         if factor == 1e3 {
             let mesh = read(folder.0.path(), &ReadOptions { mesh_scale: Some(1.0), ..options }).unwrap().mesh;
             let error = tsuya::surface::atlas::layout(&mesh, 100.0).unwrap_err();
-            assert!(matches!(&error, Error::Parameter(text) if text.contains("million texels, 67 at most")), "{error}");
+            assert!(
+                matches!(&error, Error::Parameter(text) if text.contains("million texels, 67.1 at most")),
+                "{error}"
+            );
         }
     }
 }

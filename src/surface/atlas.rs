@@ -8,7 +8,7 @@ use crate::limits::Budget;
 use glam::{DVec2, DVec3};
 
 #[cfg(feature = "encode")]
-pub use super::layout::{layout, texels_per_unit};
+pub use super::layout::{layout, layout_within, texels_per_unit};
 
 /// The surface point of every texel that bilinear reading anywhere on the surface may touch.
 ///

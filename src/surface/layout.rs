@@ -44,6 +44,11 @@ pub fn texels_per_unit(mesh: &Mesh, cameras: &[Camera], density: f64) -> f64 {
 ///
 /// Every triangle lies within the atlas and is turned towards its chart's facing; no two parts of a chart overlap.
 pub fn layout(mesh: &Mesh, texels_per_unit: f64) -> Result<Charts> {
+    layout_within(mesh, texels_per_unit, MAX_TEXELS)
+}
+
+/// As [`layout`]; an error, before any work, where the surface has more than `max_texels`.
+pub fn layout_within(mesh: &Mesh, texels_per_unit: f64, max_texels: f64) -> Result<Charts> {
     let texels_per_unit = texels_per_unit as f32 as f64;
     if !(texels_per_unit.is_finite() && texels_per_unit > 0.0) {
         return Err(Error::parameter("the texel density must be a positive number"));
@@ -51,7 +56,7 @@ pub fn layout(mesh: &Mesh, texels_per_unit: f64) -> Result<Charts> {
     if mesh.positions.iter().flatten().any(|x| !x.is_finite()) {
         return Err(Error::parameter("the mesh has a vertex that is not finite"));
     }
-    check_work(mesh, texels_per_unit)?;
+    check_work(mesh, texels_per_unit, max_texels.min(MAX_TEXELS))?;
     let neighbours = neighbours(mesh);
     let facings = smoothed_facings(mesh, &neighbours);
     let pieces = split(mesh, &neighbours, &facings, texels_per_unit);
@@ -71,7 +76,7 @@ pub fn layout(mesh: &Mesh, texels_per_unit: f64) -> Result<Charts> {
 }
 
 /// Whether the surface fits an atlas, before anything is laid out: by its area, and by the rows of texels that thin triangles cross.
-fn check_work(mesh: &Mesh, texels_per_unit: f64) -> Result<()> {
+fn check_work(mesh: &Mesh, texels_per_unit: f64, max_texels: f64) -> Result<()> {
     let texels = |t: usize| {
         let area = area_normal(mesh, t).iter().map(|x| x * x).sum::<f64>().sqrt() / 2.0;
         let corners = mesh.triangles[t].map(|v| mesh.positions[v as usize].map(f64::from));
@@ -82,14 +87,14 @@ fn check_work(mesh: &Mesh, texels_per_unit: f64) -> Result<()> {
         area * texels_per_unit * texels_per_unit + side(0).max(side(1)).max(side(2)) * texels_per_unit
     };
     let total: f64 = (0..mesh.triangles.len()).map(texels).sum();
-    if total <= MAX_TEXELS {
+    if total <= max_texels {
         return Ok(());
     }
     Err(Error::parameter(format!(
-        "an atlas of the mesh would have {:.0} million texels, {:.0} at most: is the mesh in another unit than the cameras \
+        "an atlas of the mesh would have {:.0} million texels, {:.1} at most: is the mesh in another unit than the cameras \
          (--mesh-scale), or its density too high?",
         total / 1e6,
-        MAX_TEXELS / 1e6
+        max_texels / 1e6
     )))
 }
 
