@@ -8,6 +8,7 @@ use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use tsuya::Error;
+use tsuya::brdf::{Brdf, materials};
 use tsuya::entropy::average::Average;
 use tsuya::entropy::mixer::{Context, Mixer};
 use tsuya::entropy::symbol::Symbols;
@@ -167,6 +168,20 @@ fn masks_and_planes_are_what_planes_md_says() {
 }
 
 #[test]
+fn materials_have_the_values_that_materials_md_says() {
+    for case in cases("materials") {
+        let found = materials::decode(&bytes(&case["section"]), &tsuya::Budget::new(Default::default())).unwrap();
+        let named = found.iter().find(|material| case["name"] == material.name.as_str()).unwrap();
+        for value in case["values"].as_array().unwrap() {
+            let three = |k: usize| [0, 1, 2].map(|c| value[k][c].as_f64().unwrap());
+            let (found, expected) = (named.material.evaluate(three(0), three(1)), three(2));
+            let near = |c: usize| (found[c] - expected[c]).abs() <= 1e-9 * expected[c].abs();
+            assert!((0..3).all(near), "{}: {found:?} {expected:?}", named.name);
+        }
+    }
+}
+
+#[test]
 fn files_that_break_a_rule_are_refused() {
     for case in cases("refused") {
         let found = match tsuya::decoder::decode(&bytes(&case["file"]), &Default::default()) {
@@ -191,5 +206,5 @@ fn the_reference_decoder_agrees() {
     let output = Command::new(&python).arg(root.join("tools/reference/vectors.py")).arg(folder()).output().unwrap();
     let (said, complained) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
     assert!(output.status.success(), "{said}{complained}");
-    assert!(said.contains("13 golden files, 32 cases: the same"), "{said}");
+    assert!(said.contains("13 golden files, 34 cases: the same"), "{said}");
 }

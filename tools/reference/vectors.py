@@ -11,6 +11,7 @@ import numpy as np
 
 import checksums
 import container
+import materials
 import planes
 from coefficients import Models
 from coefficients import decode as decode_coefficients
@@ -98,9 +99,18 @@ def masks(case):
     assert (found == mask(case["mask"])).all() and coder.ends_rightly()
 
 
+def material(case):
+    found = materials.decode(bytes.fromhex(case["section"]))[case["name"]]
+    for i, o, expected in case["values"]:
+        assert np.allclose(found.evaluate(i, o), expected, rtol=1e-9, atol=0), (case["name"], i, o)
+
+
+CHECKS = {"entropy": entropy, "masks": masks, "planes": coefficients, "refused": refused, "materials": material}
+
+
 def main():
     folder, count = sys.argv[1], 0
-    for name, check in [("entropy", entropy), ("masks", masks), ("planes", coefficients), ("refused", refused)]:
+    for name, check in CHECKS.items():
         for case in cases(folder, name):
             check(case)
             count += 1

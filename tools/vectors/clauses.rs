@@ -1,6 +1,9 @@
 //! Small inputs and their outputs for clauses of the specification, as JSON. Bytes are hexadecimal, singles the hexadecimal of their bits.
 
 use serde_json::{Value, json};
+use std::path::Path;
+use tsuya::brdf::Brdf;
+use tsuya::brdf::materials::NamedMaterial;
 use tsuya::entropy::average::Average;
 use tsuya::entropy::mixer::{Context, Mixer};
 use tsuya::entropy::symbol::Symbols;
@@ -243,4 +246,31 @@ fn refused() -> tsuya::Result<Vec<Value>> {
 /// Name and content of each file of clauses.
 pub fn all() -> tsuya::Result<[(&'static str, Vec<Value>); 4]> {
     Ok([("entropy", entropy()), ("masks", masks()), ("planes", planes()), ("refused", refused()?)])
+}
+
+/// materials.md: values of the section's materials for pairs of directions; right to a relative 1e-9.
+pub fn materials(section: &[u8]) -> tsuya::Result<Vec<Value>> {
+    let unit = |x: f64, y: f64| [x, y, (1.0 - x * x - y * y).sqrt()];
+    let pairs = [
+        [unit(0.0, 0.0), unit(0.0, 0.0)],
+        [unit(0.3, 0.1), unit(-0.3, -0.1)],
+        [unit(0.3, 0.2), unit(-0.25, -0.1)],
+        [unit(0.8, 0.0), unit(0.1, 0.6)],
+        [unit(-0.5, 0.5), unit(0.55, -0.4)],
+        [unit(0.0, 0.9), unit(0.2, -0.95)],
+    ];
+    let found = tsuya::brdf::materials::decode(section, &tsuya::Budget::new(Default::default()))?;
+    let case = |material: &NamedMaterial| {
+        let values: Vec<_> = pairs.iter().map(|[i, o]| json!([i, o, material.material.evaluate(*i, *o)])).collect();
+        json!({"section": hex(section), "name": material.name, "values": values})
+    };
+    Ok(found.iter().map(case).collect())
+}
+
+/// Writes a file of clauses.
+pub fn write(folder: &Path, version: &str, name: &str, cases: &[Value]) -> std::io::Result<()> {
+    let cases: Vec<String> = cases.iter().map(|case| case.to_string()).collect();
+    let title = json!(format!("tsuya {version}, {name}"));
+    let text = format!("{{\"vectors\": {title},\n\"cases\": [\n{}\n]}}\n", cases.join(",\n"));
+    std::fs::write(folder.join(format!("{name}.json")), text)
 }

@@ -8,7 +8,6 @@
 mod checksums;
 mod clauses;
 
-use serde_json::json;
 use std::path::{Path, PathBuf};
 use tsuya::brdf::materials::{self, FittedMaterial, NamedMaterial};
 use tsuya::brdf::models::{ClassicalModel, Lobe};
@@ -109,10 +108,7 @@ fn main() -> Outcome<()> {
     let folder = std::env::args_os().nth(1).map_or(default, PathBuf::from);
     std::fs::create_dir_all(&folder)?;
     for (name, clauses) in clauses::all()? {
-        let cases: Vec<String> = clauses.iter().map(|case| case.to_string()).collect();
-        let title = json!(format!("tsuya {VERSION}, {name}"));
-        let text = format!("{{\"vectors\": {title},\n\"cases\": [\n{}\n]}}\n", cases.join(",\n"));
-        std::fs::write(folder.join(format!("{name}.json")), text)?;
+        clauses::write(&folder, VERSION, name, &clauses)?;
     }
     let mut files = Vec::new();
     for (name, capture, frames, options) in captures() {
@@ -124,7 +120,9 @@ fn main() -> Outcome<()> {
         Ok(writer.finish()?)
     };
     files.push(("light", alone(Tag::LIGHT, &light()?)?));
-    files.push(("materials", alone(Tag::MATERIALS, &two_materials()?)?));
+    let section = two_materials()?;
+    files.push(("materials", alone(Tag::MATERIALS, &section)?));
+    clauses::write(&folder, VERSION, "materials", &clauses::materials(&section)?)?;
     let mut bytes = 0;
     for (name, file) in files {
         let text = format!("tsuya {VERSION}, {name}\n{}", checksums::checksums_of(&file));
