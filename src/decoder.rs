@@ -58,22 +58,22 @@ pub fn decode_from<R: Read + Seek>(file: &mut Container<R>, options: &DecodeOpti
         let bytes = photograph_bytes(&asset.views[view].camera, asset.components.len());
         file.budget().charge("decoded photographs", bytes)?;
     }
-    decode_photographs(file, &asset, options, |_, view, photograph| {
-        photographs[view] = Some(photograph);
+    decode_photographs(file, &asset, options, |_, given| {
+        given.into_iter().for_each(|(view, photograph)| photographs[view] = Some(photograph));
         Ok(())
     })?;
     asset.photographs = photographs;
     Ok(asset)
 }
 
-/// Decodes an open file and hands each photograph that is asked for to `done` as soon as it is there, in any order, with everything
-/// else that the file holds and the view's index: memory does not grow with the number of photographs. The returned asset has none.
+/// Decodes an open file and hands the photographs that are asked for to `done`, with their views' indices and everything else that the
+/// file holds, some at a time and in any order: memory does not grow with their number. The returned asset has none.
 /// # Errors
 /// Those of [`decode_from`], and those of `done`.
 pub fn decode_each<R: Read + Seek>(
     file: &mut Container<R>,
     options: &DecodeOptions,
-    done: impl FnMut(&Asset, usize, Photograph) -> Result<()>,
+    done: impl FnMut(&Asset, Vec<(usize, Photograph)>) -> Result<()>,
 ) -> Result<Asset> {
     let asset = decode_model(file, options)?;
     decode_photographs(file, &asset, options, done)?;
@@ -147,7 +147,7 @@ fn decode_photographs<R: Read + Seek>(
     file: &mut Container<R>,
     asset: &Asset,
     options: &DecodeOptions,
-    mut done: impl FnMut(&Asset, usize, Photograph) -> Result<()>,
+    mut done: impl FnMut(&Asset, Vec<(usize, Photograph)>) -> Result<()>,
 ) -> Result<()> {
     let budget = file.budget();
     let lost = metadata::lost_views(&asset.metadata);
@@ -156,14 +156,14 @@ fn decode_photographs<R: Read + Seek>(
         return Ok(());
     }
     if file.find(Tag::PLANES).is_some() {
-        return tuned_photographs(file, asset, wanted, &budget, |view, photograph| done(asset, view, photograph));
+        return tuned_photographs(file, asset, wanted, &budget, |given| done(asset, given));
     }
     if file.find(Tag::PAPER).is_some() {
         let bytes = file.read_section(Tag::PAPER)?;
         let decoded = paper::decode(&bytes, &asset.mesh, &asset.components, asset.views.len(), &budget)?;
         for (index, view) in asset.views.iter().enumerate().filter(|(index, _)| wanted(*index)) {
             let _held = hold_paper_photograph(&asset.mesh, view, asset.components.len(), &budget)?;
-            done(asset, index, paper_photograph(&decoded, &asset.mesh, view, index))?;
+            done(asset, vec![(index, paper_photograph(&decoded, &asset.mesh, view, index))])?;
         }
     }
     Ok(())
@@ -175,7 +175,7 @@ fn tuned_photographs<R: Read + Seek>(
     asset: &Asset,
     wanted: impl Fn(usize) -> bool + Sync + Send,
     budget: &Budget,
-    done: impl FnMut(usize, Photograph) -> Result<()>,
+    done: impl FnMut(Vec<(usize, Photograph)>) -> Result<()>,
 ) -> Result<()> {
     let prefix = file.read_range(Tag::PLANES, 0, PREFIX_BYTES as u64)?;
     let length = PREFIX_BYTES as u64 + Header::length(&prefix)?;

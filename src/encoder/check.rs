@@ -37,13 +37,15 @@ fn failed(error: Error) -> Error {
 fn decode_within(bytes: &[u8], expected: &[Photograph], limits: Limits) -> Result<u64> {
     let mut file = Container::open_slice(bytes, limits)?;
     let mut missing = vec![true; expected.len()];
-    decode_each(&mut file, &DecodeOptions { limits, ..Default::default() }, |asset, view, decoded| {
-        if expected.get(view).is_none_or(|expected| !is_same(expected, &decoded)) {
-            let name = asset.views.get(view).map_or("", |view| &view.name);
-            let message = "is decoded to other values than it was encoded to; this is a defect of the program";
-            return Err(Error::Check(format!("view {name} {message}")));
+    decode_each(&mut file, &DecodeOptions { limits, ..Default::default() }, |asset, decoded| {
+        for (view, decoded) in decoded {
+            if expected.get(view).is_none_or(|expected| !is_same(expected, &decoded)) {
+                let name = asset.views.get(view).map_or("", |view| &view.name);
+                let message = "is decoded to other values than it was encoded to; this is a defect of the program";
+                return Err(Error::Check(format!("view {name} {message}")));
+            }
+            missing[view] = false;
         }
-        missing[view] = false;
         Ok(())
     })?;
     match missing.iter().position(|&missing| missing) {
@@ -76,8 +78,8 @@ mod tests {
         let encoded = super::super::encode(capture, &EncodeOptions::default()).unwrap();
         let mut file = Container::open_slice(&encoded.bytes, Limits::default()).unwrap();
         let mut photographs = vec![Photograph::default(); 10];
-        let keep = |_: &_, view: usize, photograph| {
-            photographs[view] = photograph;
+        let keep = |_: &_, decoded: Vec<(usize, Photograph)>| {
+            decoded.into_iter().for_each(|(view, photograph)| photographs[view] = photograph);
             Ok(())
         };
         decode_each(&mut file, &DecodeOptions::default(), keep).unwrap();

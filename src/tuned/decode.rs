@@ -58,8 +58,8 @@ impl Pictures<'_> {
     }
 }
 
-/// Decodes the views that `wanted` names, and those they depend on, and hands each wanted one to `done` as linear radiance, in any
-/// order. `read` gives a step's streams, one after the other; steps for which it gives `None` (a file cut short) are left out with
+/// Decodes the views that `wanted` names, and those they depend on, and hands the wanted ones to `done` as linear radiance, some at a
+/// time and in any order. `read` gives a step's streams, one after the other; steps for which it gives `None` (a file cut short) are left out with
 /// all that depend on them.
 /// # Errors
 /// [`Error::Format`] where the streams are damaged; [`Error::Limits`] where the memory for one view and those it is predicted from is
@@ -71,7 +71,7 @@ pub fn for_each_view(
     wanted: impl Fn(usize) -> bool + Sync + Send,
     mut read: impl FnMut(&CodedStep) -> Result<Option<Vec<u8>>>,
     budget: &Budget,
-    mut done: impl FnMut(usize, Photograph) -> Result<()>,
+    mut done: impl FnMut(Vec<(usize, Photograph)>) -> Result<()>,
 ) -> Result<()> {
     let (views, white) = capture;
     let scene = Scene::new(Cow::Borrowed(mesh), Cow::Borrowed(views));
@@ -109,9 +109,11 @@ pub fn for_each_view(
         pictures.workspaces.take_back(&mut view);
         Ok((photograph, view))
     };
-    run_waves(&order, &steps, &room, decode, |index, photograph| match photograph {
-        Some((photograph, _held)) => done(order[index].view, photograph),
-        None => Ok(()),
+    run_waves(&order, &steps, &room, decode, |given| {
+        let given = given.into_iter().filter_map(|(index, photograph)| Some((order[index].view, photograph?)));
+        let (photographs, _held): (Vec<_>, Vec<_>) =
+            given.map(|(view, (photograph, held))| ((view, photograph), held)).unzip();
+        done(photographs)
     })
 }
 
@@ -128,8 +130,8 @@ pub fn decode(
         budget.charge("decoded photographs", photograph_bytes(&view.camera, header.coding.components.len()))?;
     }
     let mut photographs: Vec<Option<Photograph>> = vec![None; views.len()];
-    for_each_view(header, mesh, (views, white), wanted, read, budget, |view, photograph| {
-        photographs[view] = Some(photograph);
+    for_each_view(header, mesh, (views, white), wanted, read, budget, |given| {
+        given.into_iter().for_each(|(view, photograph)| photographs[view] = Some(photograph));
         Ok(())
     })?;
     Ok(photographs)

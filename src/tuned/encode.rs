@@ -157,8 +157,8 @@ impl<'a> Encoder<'a> {
             let photograph = DecodedPicture::new(&header, self.white, &view).photograph();
             Ok(((streams, photograph), view))
         };
-        run_waves(&self.order, &all, &room, encode, |index, result| {
-            results.push((index, result));
+        run_waves(&self.order, &all, &room, encode, |given| {
+            results.extend(given);
             Ok(())
         })?;
         results.sort_by_key(|(index, _)| *index);

@@ -277,15 +277,15 @@ impl<'d> Sources<'d> {
     }
 }
 
-/// Runs `work` for the given steps of the order, wave by wave and as many side by side as there is room for, hands what it gives to
-/// `done`, and keeps what later ones need; views that no later step needs are dropped at once. `work` is told whether the view is
+/// Runs `work` for the given steps of the order, wave by wave and as many side by side as there is room for, hands what they gave to
+/// `done`, with the steps' indices, and keeps what later ones need; views that no later step needs are dropped at once. `work` is told whether the view is
 /// needed.
 fn run_waves<T: Send>(
     order: &[Step],
     steps: &[usize],
     room: &Room,
     work: impl Fn(usize, &[Option<DecodedView>], bool) -> Result<(T, DecodedView)> + Sync + Send,
-    mut done: impl FnMut(usize, T) -> Result<()>,
+    mut done: impl FnMut(Vec<(usize, T)>) -> Result<()>,
 ) -> Result<()> {
     let views = room.views.len();
     let mut needs = Needs::new(order, steps, views);
@@ -298,6 +298,7 @@ fn run_waves<T: Send>(
             (group, rest) = rest.split_at(room.make(order, rest));
             let results =
                 parallel::map(group.len(), |k| work(group[k], &decoded, needs.is_needed(order[group[k]].view)));
+            let mut given = Vec::with_capacity(group.len());
             for (&index, result) in group.iter().zip(results) {
                 let (result, view) = result?;
                 let step = &order[index];
@@ -306,8 +307,9 @@ fn run_waves<T: Send>(
                     decoded[step.view] = Some(view);
                 }
                 needs.is_done(step, |view| (decoded[view], held[view]) = (None, None));
-                done(index, result)?;
+                given.push((index, result));
             }
+            done(given)?;
         }
     }
     Ok(())

@@ -11,10 +11,11 @@ use capture::{CaptureFolder, INDEX};
 use clap::{Args, ValueEnum};
 use serde_json::json;
 use std::path::PathBuf;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 use tsuya::Error;
+use tsuya::asset::{Asset, Photograph};
 use tsuya::container::{Container, Tag, views};
-use tsuya::decoder::{DecodeOptions, Selection, decode_from};
+use tsuya::decoder::{DecodeOptions, Selection, decode_each, decode_from};
 
 /// Decodes a file into a folder: photographs, masks, mesh, reflectance maps and a transforms.json that `tsuya encode` reads.
 #[derive(Args)]
@@ -64,6 +65,15 @@ enum Format {
     Png,
 }
 
+/// Adds the time since it was made when it is dropped.
+struct Timed<'a>(&'a mut Duration, Instant);
+
+impl Drop for Timed<'_> {
+    fn drop(&mut self) {
+        *self.0 += self.1.elapsed();
+    }
+}
+
 impl Decode {
     pub fn run(self) -> Result<()> {
         let start = Instant::now();
@@ -96,24 +106,47 @@ impl Decode {
         } else {
             Some(output::Folder::create(&self.output, self.force, Some(INDEX), &[&self.file])?)
         };
-        let asset = {
-            let _busy = progress::busy("decoding");
-            let options = DecodeOptions { selection, limits: limits() };
-            decode_from(file, &options).with_context(context)?
-        };
-        let seconds = start.elapsed().as_secs_f64();
-        match folder {
-            None => output::write(&self.output, &ply::write(&asset.mesh), self.force)?,
-            Some(folder) => {
-                let _busy = progress::busy("writing");
-                CaptureFolder { folder, format: self.format, half: self.half }.write(&asset, self.preview)?;
+        let options = DecodeOptions { selection, limits: limits() };
+        let _busy = progress::busy("decoding");
+        let mut writing = Duration::ZERO;
+        let (asset, views) = match folder {
+            None => {
+                let asset = decode_from(file, &options).with_context(context)?;
+                let _timed = Timed(&mut writing, Instant::now());
+                output::write(&self.output, &ply::write(&asset.mesh), self.force)?;
+                (asset, 0)
             }
-        }
-        let decoded = asset.photographs.iter().flatten().count();
+            Some(folder) => {
+                let folder = CaptureFolder { folder, format: self.format, half: self.half };
+                let mut frames = Vec::new();
+                // What stopped the writing: the decoder's errors are of another kind.
+                let mut stopped = None;
+                let write = |asset: &Asset, decoded: Vec<(usize, Photograph)>| {
+                    let _timed = Timed(&mut writing, Instant::now());
+                    match folder.write_views(asset, &decoded, self.preview) {
+                        Ok(written) => frames.extend(written),
+                        Err(error) => {
+                            stopped = Some(error);
+                            return Err(Error::parameter("the views can't be written"));
+                        }
+                    }
+                    Ok(())
+                };
+                let decoded = decode_each(file, &options, write);
+                if let Some(error) = stopped {
+                    return Err(error);
+                }
+                let (asset, count) = (decoded.with_context(context)?, frames.len());
+                let _timed = Timed(&mut writing, Instant::now());
+                folder.finish(&asset, frames)?;
+                (asset, count)
+            }
+        };
+        let seconds = (start.elapsed() - writing).as_secs_f64();
         let (read, bytes) = (file.bytes_read(), file.file_bytes());
         if self.json {
             return output::say_json(&json!({
-                "views": decoded,
+                "views": views,
                 "views_in_file": asset.views.len(),
                 "bytes_read": read,
                 "bytes": bytes,
@@ -125,9 +158,9 @@ impl Decode {
             return Ok(());
         }
         output::say(&format!(
-            "{decoded} of {} views, {read} of {bytes} bytes read, decoded in {seconds:.2} s, written in {:.2} s\n",
+            "{views} of {} views, {read} of {bytes} bytes read, decoded in {seconds:.2} s, written in {:.2} s\n",
             asset.views.len(),
-            start.elapsed().as_secs_f64() - seconds
+            writing.as_secs_f64()
         ))
     }
 

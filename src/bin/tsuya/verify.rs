@@ -41,8 +41,8 @@ impl Verify {
             let mut file = container::Container::open_slice(&bytes, limits())?;
             let mut decoded = 0;
             let options = DecodeOptions { limits: limits(), ..Default::default() };
-            let count = |_: &Asset, _: usize, _: Photograph| {
-                decoded += 1;
+            let count = |_: &Asset, views: Vec<(usize, Photograph)>| {
+                decoded += views.len();
                 Ok(())
             };
             let asset = decode_each(&mut file, &options, count).with_context(|| name.clone())?;

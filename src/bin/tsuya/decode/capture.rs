@@ -19,6 +19,9 @@ use tsuya::separate::recombine;
 /// The file that is there only when all that it names is there.
 pub const INDEX: &str = "transforms.json";
 
+/// What the index says of a view, and the view's number.
+pub type Frame = (usize, Value);
+
 /// Where a decoded capture goes.
 pub struct CaptureFolder {
     pub folder: Folder,
@@ -40,13 +43,21 @@ impl CaptureFolder {
         self.put(name, &bytes)
     }
 
-    /// Writes everything that the asset has and puts the folder into its place.
-    pub fn write(self, asset: &Asset, preview: bool) -> Result<()> {
-        let extension = if self.format == Format::Exr { "exr" } else { "png" };
+    /// Writes some views' photographs; returns what the index says of them.
+    pub fn write_views(&self, asset: &Asset, decoded: &[(usize, Photograph)], preview: bool) -> Result<Vec<Frame>> {
         let names = view_names(&asset.views);
+        let one = |(index, photograph): &(usize, Photograph)| {
+            let view = (&asset.views[*index], &names[*index][..]);
+            Ok((*index, self.write_view(asset, view, photograph, preview)?))
+        };
+        decoded.par_iter().map(one).collect()
+    }
+
+    /// Writes everything else that the asset has, and the index, and puts the folder into its place.
+    pub fn finish(self, asset: &Asset, mut frames: Vec<Frame>) -> Result<()> {
         self.put("mesh.ply", &ply::write(&asset.mesh))?;
         let white = asset.white.map(|w| w as f32);
-        let white_file = format!("white.{extension}");
+        let white_file = format!("white.{}", self.extension());
         self.put_picture(&white_file, &RgbImage::filled(8, 8, white), asset.white)?;
         if let Some(maps) = &asset.reflectance {
             self.put("maps/diffuse.exr", &pictures::exr(&maps.diffuse, self.half)?)?;
@@ -59,12 +70,6 @@ impl CaptureFolder {
                 self.put("maps/palette.tsuya", &encode_materials(&materials, &Metadata::default())?)?;
             }
         }
-        let one = |index: usize| {
-            let photograph = asset.photographs[index].as_ref()?;
-            Some(self.write_view(asset, &asset.views[index], &names[index], extension, photograph, preview))
-        };
-        let frames: Result<Vec<Value>> = (0..asset.views.len()).into_par_iter().filter_map(one).collect();
-        let frames = frames?;
         let polarised = asset.components.contains(&Component::Diffuse);
         let mut reference = json!({"file_path": white_file});
         if polarised {
@@ -72,12 +77,13 @@ impl CaptureFolder {
             reference["cross_file_path"] = json!(white_file);
         }
         let linear = asset.metadata.get("color_space").and_then(Value::as_str).unwrap_or("linear-rec709");
+        frames.sort_by_key(|(index, _)| *index);
         let transforms = json!({
             "camera_model": "PINHOLE",
             "mesh_file": "mesh.ply",
             "color_space": if self.format == Format::Exr { linear } else { "srgb" },
             "white_reference": reference,
-            "frames": frames,
+            "frames": frames.into_iter().map(|(_, frame)| frame).collect::<Vec<Value>>(),
         });
         let metadata = Value::Object(asset.metadata.clone());
         self.put("metadata.json", format!("{metadata:#}\n").as_bytes())?;
@@ -85,16 +91,18 @@ impl CaptureFolder {
         self.folder.commit()
     }
 
+    fn extension(&self) -> &'static str {
+        if self.format == Format::Exr { "exr" } else { "png" }
+    }
+
     fn write_view(
         &self,
         asset: &Asset,
-        view: &View,
-        name: &str,
-        extension: &str,
+        (view, name): (&View, &str),
         photograph: &Photograph,
         preview: bool,
     ) -> Result<Value> {
-        let white = asset.white;
+        let (white, extension) = (asset.white, self.extension());
         let (whole, _) = recombine(&asset.components, &photograph.images, None)?;
         let file_path = format!("{name}.{extension}");
         self.put_picture(&file_path, &whole, white)?;
