@@ -32,7 +32,7 @@ pub struct Encoded {
     pub kept_percent: Option<f64>,
     /// Share of the masks' pixels that the mesh covers.
     pub coverage: f64,
-    /// Bytes of memory that decoding the file was charged, where it was checked: a reader that has less works on fewer views at a time.
+    /// Bytes of memory within which the file was decoded again, where it was checked: what readers grant by default if that suffices.
     pub reader_memory: Option<u64>,
     /// What the user should know.
     pub warnings: Vec<String>,

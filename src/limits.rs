@@ -33,15 +33,12 @@ impl Default for Limits {
 pub struct Budget {
     limits: Limits,
     left: AtomicU64,
-    /// The least that was left so far.
-    least: AtomicU64,
 }
 
 impl Budget {
     /// A fresh account.
     pub fn new(limits: Limits) -> Self {
-        let [left, least] = [(); 2].map(|()| AtomicU64::new(limits.memory_bytes));
-        Budget { limits, left, least }
+        Budget { limits, left: AtomicU64::new(limits.memory_bytes) }
     }
     /// The limits of this account.
     pub fn limits(&self) -> &Limits {
@@ -51,9 +48,7 @@ impl Budget {
     pub fn charge(&self, what: &'static str, bytes: u64) -> Result<()> {
         self.left
             .fetch_update(Ordering::Relaxed, Ordering::Relaxed, |left| left.checked_sub(bytes))
-            .map(|before| {
-                self.least.fetch_min(before - bytes, Ordering::Relaxed);
-            })
+            .map(|_| ())
             .map_err(|left| Error::Limits { what, asked: bytes, allowed: left })
     }
     /// Charges `count` items of `size` bytes.
@@ -69,10 +64,6 @@ impl Budget {
     /// Bytes that are left.
     pub fn left(&self) -> u64 {
         self.left.load(Ordering::Relaxed)
-    }
-    /// The most that was charged at a time, in bytes.
-    pub fn peak(&self) -> u64 {
-        self.limits.memory_bytes - self.least.load(Ordering::Relaxed)
     }
     /// Gives back what was charged for something that is freed again.
     pub fn release(&self, bytes: u64) {

@@ -7,24 +7,28 @@ use crate::error::{Error, Result};
 use crate::limits::Limits;
 
 /// Decodes a file and compares every photograph, bit for bit, with what the encoder made the file's statements from. Returns the
-/// memory that was charged for it; warns where that is more than a reader grants by default.
+/// memory within which it was done: what a reader grants by default, or the first double of it that suffices, with a warning.
 /// # Errors
 /// [`Error::Check`] where the file does not decode or gives back something else.
 pub(super) fn check(bytes: &[u8], expected: &[Photograph], warnings: &mut Vec<String>) -> Result<u64> {
     let by_default = Limits::default();
-    match decode_within(bytes, expected, by_default) {
-        Err(Error::Limits { .. }) => {
-            let memory = decode_within(bytes, expected, Limits::UNLIMITED).map_err(failed)?;
-            let mebibytes = |bytes: u64| bytes.div_ceil(1 << 20);
-            warnings.push(format!(
-                "a reader needs {} MiB for this file, more than the {} MiB that it grants by default",
-                mebibytes(memory),
-                mebibytes(by_default.memory_bytes)
-            ));
-            Ok(memory)
+    let mut limits = by_default;
+    loop {
+        match decode_within(bytes, expected, limits) {
+            Err(Error::Limits { .. }) if limits.memory_bytes < u64::MAX / 2 => limits.memory_bytes *= 2,
+            result => {
+                result.map_err(failed)?;
+                break;
+            }
         }
-        result => result.map_err(failed),
     }
+    if limits.memory_bytes > by_default.memory_bytes {
+        let [granted, needed] = [by_default, limits].map(|limits| limits.memory_bytes >> 20);
+        warnings.push(format!(
+            "a reader needs more than the {granted} MiB that it grants by default: {needed} MiB suffice"
+        ));
+    }
+    Ok(limits.memory_bytes)
 }
 
 fn failed(error: Error) -> Error {
@@ -34,7 +38,7 @@ fn failed(error: Error) -> Error {
     }
 }
 
-fn decode_within(bytes: &[u8], expected: &[Photograph], limits: Limits) -> Result<u64> {
+fn decode_within(bytes: &[u8], expected: &[Photograph], limits: Limits) -> Result<()> {
     let mut file = Container::open_slice(bytes, limits)?;
     let mut missing = vec![true; expected.len()];
     decode_each(&mut file, &DecodeOptions { limits, ..Default::default() }, |asset, decoded| {
@@ -52,7 +56,7 @@ fn decode_within(bytes: &[u8], expected: &[Photograph], limits: Limits) -> Resul
         Some(view) => {
             Err(Error::Check(format!("view {view} is not in the encoded file; this is a defect of the program")))
         }
-        None => Ok(file.budget().peak()),
+        None => Ok(()),
     }
 }
 
