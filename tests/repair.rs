@@ -165,7 +165,7 @@ fn a_changed_byte_costs_its_section_or_its_views_alone() {
 
 #[test]
 fn holes_and_bytes_lost_or_added_cost_what_they_hit() {
-    let garbage: Vec<u8> = (0..1000u32).map(|k| (k * k >> 3) as u8).collect();
+    let garbage: Vec<u8> = (0..1000u32).map(|k| ((k * k) >> 3) as u8).collect();
     for whole in whole_files() {
         let views = whole.asset.views.len();
         let kept = |damaged: &[u8], what: &str| {

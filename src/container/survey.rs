@@ -85,7 +85,7 @@ pub fn survey(bytes: &[u8]) -> Result<Survey> {
             continue;
         }
         let header = search.headers.iter().find(|header| header.tag == section.tag);
-        let start = header.map_or_else(|| search.likely_start(&section, stated), |header| content_start(header));
+        let start = header.map_or_else(|| search.likely_start(&section, stated), content_start);
         let start = start.min(end);
         let next = search.whole.iter().map(|whole| whole.section.offset as usize).filter(|at| *at >= start).min();
         damaged.push((section, start..next.unwrap_or(end).max(start)));
