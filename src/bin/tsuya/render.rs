@@ -167,7 +167,7 @@ impl Render {
     }
 
     fn run_job(&self, path: &Path, is_exr: bool) -> Result<()> {
-        self.check(&[self.output.clone()], path)?;
+        self.check(std::slice::from_ref(&self.output), path)?;
         let (job, folder) = surroundings::read_job(path, self.outside)?;
         let quality = Quality {
             evaluator: self.evaluator(job.evaluator),
