@@ -1,7 +1,7 @@
 //! Single files: each made whole beside its place, then renamed into it.
 
 use super::place::{folder_of, is_same_file, keep_permissions, rename_file, resolved, sync_folder};
-use super::staging::{Staging, taking_places};
+use super::staging::{Staging, making, taking_places};
 use super::{complain, exists, is_stream};
 use anyhow::Result;
 use std::fs::{File, OpenOptions};
@@ -41,6 +41,7 @@ impl Files {
         }
         let new = self.reserve(path)?;
         let failed = |e| Error::io(path, e);
+        let _guard = making();
         let mut file = File::create_new(&new).map_err(failed)?;
         file.write_all(bytes).and_then(|()| file.sync_all()).map_err(failed)?;
         Ok(())

@@ -6,7 +6,7 @@
 //! renamed into place one by one; the index, which names all others, goes first and comes last.
 
 use super::place::{exchange, folder_of, is_other_file_system, is_same_file, keep_permissions, resolved, sync_folder};
-use super::staging::{Staging, is_staging, taking_places};
+use super::staging::{Staging, is_staging, making, taking_places};
 use super::{complain, files::is_input};
 use anyhow::Result;
 use std::collections::BTreeSet;
@@ -71,7 +71,9 @@ impl Folder {
                 Staging::create_in(&target).map_err(failed)?
             }
         };
+        let guard = making();
         std::fs::create_dir(staging.join(NEW)).map_err(failed)?;
+        drop(guard);
         let inputs = inputs.iter().map(|path| path.to_path_buf()).collect();
         let written = Mutex::default();
         Ok(Folder { shown: path.to_owned(), target, staging, is_inside, index, inputs, written })
@@ -86,6 +88,7 @@ impl Folder {
             return Err(is_input(&shown, input).into());
         }
         let new = self.staging.join(NEW).join(name);
+        let _guard = making();
         std::fs::create_dir_all(folder_of(&new)).map_err(failed)?;
         let mut file = File::create_new(&new).map_err(failed)?;
         file.write_all(bytes).and_then(|()| file.sync_all()).map_err(failed)?;
@@ -116,7 +119,10 @@ impl Folder {
             return Ok(());
         }
         let mut carried = 0;
-        match self.carry_over(Path::new(""), &mut carried) {
+        let guard = making();
+        let carried_over = self.carry_over(Path::new(""), &mut carried);
+        drop(guard);
+        match carried_over {
             Ok(()) => {}
             Err(Refusal::OneByOne) => return Ok(self.one_by_one(&new, &written)?),
             Err(Refusal::Error(error)) => return Err(error.into()),

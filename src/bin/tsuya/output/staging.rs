@@ -9,7 +9,7 @@ use std::fs::{File, OpenOptions, TryLockError};
 use std::hash::{BuildHasher, RandomState};
 use std::io::{Error, ErrorKind, Result};
 use std::path::{Path, PathBuf};
-use std::sync::{LazyLock, Mutex, MutexGuard, PoisonError};
+use std::sync::{LazyLock, Mutex, MutexGuard, PoisonError, RwLock, RwLockReadGuard};
 
 const PREFIX: &str = ".tsuya-";
 const LETTERS: usize = 16;
@@ -20,6 +20,8 @@ const TARGET: &str = "target";
 /// Names that are tried before giving up.
 const ATTEMPTS: usize = 16;
 
+/// Held for reading while something is made in a staging folder, so that none comes back when a signal removes them.
+static MAKING: RwLock<()> = RwLock::new(());
 /// Staging folders of this process.
 static LIVE: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 /// Held while files take their places, so that a signal never ends the program halfway.
@@ -35,6 +37,11 @@ pub fn taking_places() -> MutexGuard<'static, ()> {
     locked(&TAKING_PLACES)
 }
 
+/// Keeps a signal from removing staging folders while something is made there; waits for ever once one has.
+pub fn making() -> RwLockReadGuard<'static, ()> {
+    MAKING.read().unwrap_or_else(PoisonError::into_inner)
+}
+
 /// A folder in which something is made; removed with all that is left in it when dropped.
 #[derive(Debug)]
 pub struct Staging {
@@ -46,6 +53,7 @@ impl Staging {
     /// Makes one in `folder`, and sweeps what ended processes of the same user left there.
     pub fn create_in(folder: &Path) -> Result<Staging> {
         for _ in 0..ATTEMPTS {
+            let guard = making();
             let number = RandomState::new().hash_one(std::process::id());
             let path = folder.join(format!("{PREFIX}{number:0LETTERS$x}"));
             match make_own_folder(&path) {
@@ -63,6 +71,7 @@ impl Staging {
                 continue;
             }
             locked(&LIVE).push(path.clone());
+            drop(guard);
             let staging = Staging { path, _lock: lock };
             let first = locked(&SWEPT).insert(folder.to_owned());
             if first {
@@ -163,16 +172,13 @@ fn bring_back(path: &Path, folder: &Path) -> bool {
     target.symlink_metadata().is_ok() || std::fs::rename(&old, &target).is_ok()
 }
 
-/// Waits for files that are taking their places and removes all staging folders of this process; none takes its place any more.
+/// Waits for files that are being made or are taking their places and removes all staging folders of this process; from then on none
+/// is made and none takes its place.
 pub fn abandon_all() {
     std::mem::forget(taking_places());
+    std::mem::forget(MAKING.write().unwrap_or_else(PoisonError::into_inner));
     for path in locked(&LIVE).iter() {
-        // Other threads may still put files there.
-        for _ in 0..20 {
-            if std::fs::remove_dir_all(path).is_ok() || !path.exists() {
-                break;
-            }
-        }
+        let _ = std::fs::remove_dir_all(path);
     }
 }
 
