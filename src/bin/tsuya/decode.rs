@@ -117,7 +117,7 @@ impl Decode {
                 (asset, 0)
             }
             Some(folder) => {
-                let folder = CaptureFolder { folder, format: self.format, half: self.half };
+                let folder = CaptureFolder { folder, format: self.format, half: self.half, names: Default::default() };
                 let mut frames = Vec::new();
                 // What stopped the writing: the decoder's errors are of another kind.
                 let mut stopped = None;

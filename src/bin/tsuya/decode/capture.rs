@@ -7,6 +7,7 @@ use crate::{pictures, ply};
 use anyhow::Result;
 use rayon::prelude::*;
 use serde_json::{Value, json};
+use std::sync::OnceLock;
 use tsuya::asset::{Asset, Component, Photograph, View};
 use tsuya::brdf::materials::{FittedMaterial, NamedMaterial};
 use tsuya::container::metadata::Metadata;
@@ -27,6 +28,8 @@ pub struct CaptureFolder {
     pub folder: Folder,
     pub format: Format,
     pub half: bool,
+    /// What the views' files are called, once the views are known.
+    pub names: OnceLock<Vec<String>>,
 }
 
 impl CaptureFolder {
@@ -45,7 +48,7 @@ impl CaptureFolder {
 
     /// Writes some views' photographs; returns what the index says of them.
     pub fn write_views(&self, asset: &Asset, decoded: &[(usize, Photograph)], preview: bool) -> Result<Vec<Frame>> {
-        let names = view_names(&asset.views);
+        let names = self.names.get_or_init(|| view_names(&asset.views));
         let one = |(index, photograph): &(usize, Photograph)| {
             let view = (&asset.views[*index], &names[*index][..]);
             Ok((*index, self.write_view(asset, view, photograph, preview)?))
