@@ -1,15 +1,18 @@
 //! From a file back to photographs, mesh and reflectance: the encoder's stages from bottom to top.
 
-use crate::asset::{Asset, Mesh, Photograph, View};
+use crate::asset::Asset;
 use crate::brdf::materials;
-use crate::container::{Container, Tag, metadata, views};
+use crate::container::{Container, Tag, metadata};
 use crate::error::{Error, Result};
 use crate::limits::{Held, Limits};
-use crate::reflectance::code as reflectance_code;
+use crate::mesh::Mesh;
+use crate::predictive::header::{Header, PREFIX_BYTES};
+use crate::predictive::workspace::photograph_bytes;
+use crate::reflectance::codec as reflectance_code;
 use crate::surface::{charts, raster};
-use crate::tuned::header::{Header, PREFIX_BYTES};
-use crate::tuned::workspace::photograph_bytes;
-use crate::{Budget, lighting, mesh, paper, tuned, visibility};
+use crate::views::codec;
+use crate::views::{Photograph, View};
+use crate::{Budget, lighting, mesh, predictive, visibility, wavelet_texture};
 use std::io::{Read, Seek};
 
 pub mod arriving;
@@ -94,12 +97,12 @@ fn decode_model<R: Read + Seek>(file: &mut Container<R>, options: &DecodeOptions
     let needs_views = !alone || has(&[Tag::VIEWS, Tag::PLANES, Tag::PAPER]);
     let needs_mesh = !alone || needs_views || has(&[Tag::MESH, Tag::VISIBILITY, Tag::CHARTS]);
     let section = match needs_views {
-        true => views::decode(&file.read_section(Tag::VIEWS)?, &budget)?,
-        false => views::ViewsSection { white: [1.0; 3], components: Vec::new(), views: Vec::new() },
+        true => codec::decode(&file.read_section(Tag::VIEWS)?, &budget)?,
+        false => codec::ViewsSection { white: [1.0; 3], components: Vec::new(), views: Vec::new() },
     };
     // 2. Mesh.
     let mesh = match needs_mesh {
-        true => mesh::code::decode(&file.read_section(Tag::MESH)?, &budget)?,
+        true => mesh::codec::decode(&file.read_section(Tag::MESH)?, &budget)?,
         false => Default::default(),
     };
     if let Selection::Views(wanted) = &options.selection
@@ -118,14 +121,14 @@ fn decode_model<R: Read + Seek>(file: &mut Container<R>, options: &DecodeOptions
     };
     // Precomputed: what the vertices see, and light.
     let visibility = file.read_optional(Tag::VISIBILITY)?;
-    let visibility = visibility.map(|bytes| visibility::code::decode(&bytes, &mesh, &budget)).transpose()?;
-    let light = file.read_optional(Tag::LIGHT)?.map(|bytes| lighting::code::decode(&bytes, &budget)).transpose()?;
+    let visibility = visibility.map(|bytes| visibility::codec::decode(&bytes, &mesh, &budget)).transpose()?;
+    let light = file.read_optional(Tag::LIGHT)?.map(|bytes| lighting::codec::decode(&bytes, &budget)).transpose()?;
     // Materials.
     let materials = match file.read_optional(Tag::MATERIALS)? {
         Some(bytes) => materials::decode(&bytes, &budget)?,
         None => Vec::new(),
     };
-    let views::ViewsSection { white, components, views } = section;
+    let codec::ViewsSection { white, components, views } = section;
     let photographs = vec![None; views.len()];
     Ok(Asset {
         metadata,
@@ -160,10 +163,10 @@ fn decode_photographs<R: Read + Seek>(
     }
     if file.find(Tag::PAPER).is_some() {
         let bytes = file.read_section(Tag::PAPER)?;
-        let decoded = paper::decode(&bytes, &asset.mesh, &asset.components, asset.views.len(), &budget)?;
+        let decoded = wavelet_texture::decode(&bytes, &asset.mesh, &asset.components, asset.views.len(), &budget)?;
         for (index, view) in asset.views.iter().enumerate().filter(|(index, _)| wanted(*index)) {
             let _held = hold_paper_photograph(&asset.mesh, view, asset.components.len(), &budget)?;
-            done(asset, vec![(index, paper_photograph(&decoded, &asset.mesh, view, index))])?;
+            done(asset, vec![(index, wavelet_texture::decode::photograph(&decoded, &asset.mesh, view, index))])?;
         }
     }
     Ok(())
@@ -185,12 +188,12 @@ fn tuned_photographs<R: Read + Seek>(
     if stored != length + header.stream_bytes() {
         return Err(Error::format("PLAN", length, "the streams are not as long as the head says"));
     }
-    let read = |step: &tuned::header::CodedStep| {
+    let read = |step: &predictive::header::CodedStep| {
         let bytes = step.lengths.iter().map(|&l| l as u64).sum();
         file.read_range(Tag::PLANES, length + step.offset, bytes).map(Some)
     };
     let capture = (&asset.views[..], asset.white);
-    tuned::decode::for_each_view(&header, &asset.mesh, capture, wanted, read, budget, done)
+    predictive::decode::for_each_view(&header, &asset.mesh, capture, wanted, read, budget, done)
 }
 
 /// Charges what a photograph of profile `paper` takes and checks that drawing it is bounded work.
@@ -198,24 +201,4 @@ fn hold_paper_photograph<'b>(mesh: &Mesh, view: &View, components: usize, budget
     raster::check_work(mesh, &view.camera)?;
     let pixels = view.camera.width as u64 * view.camera.height as u64;
     budget.hold("a view being decoded", pixels.saturating_mul(32 + 12 * components as u64))
-}
-
-/// Photographs of profile `paper`: model plus residual at every pixel that meets the mesh.
-pub fn paper_photographs(
-    decoded: &paper::Decoded,
-    mesh: &Mesh,
-    views: &[View],
-    wanted: impl Fn(usize) -> bool,
-) -> Vec<Option<Photograph>> {
-    let wanted = |(index, view): (usize, &View)| wanted(index).then(|| paper_photograph(decoded, mesh, view, index));
-    views.iter().enumerate().map(wanted).collect()
-}
-
-fn paper_photograph(decoded: &paper::Decoded, mesh: &Mesh, view: &View, index: usize) -> Photograph {
-    let raster = raster::rasterise(mesh, &view.camera);
-    decoded.photograph(index, view, |x, y| {
-        let at = y * raster.width + x;
-        let [b, c] = raster.barycentric[at].map(f64::from);
-        raster.is_covered(at).then_some((raster.triangle[at], [1.0 - b - c, b, c]))
-    })
 }

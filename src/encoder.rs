@@ -1,19 +1,21 @@
 //! From a capture to a file: the stages in the order of the data's way. [`crate::decoder`] runs them backwards.
 
-use crate::asset::{Component, Photograph, View};
 use crate::brdf::materials::{self, NamedMaterial};
 use crate::capture::Capture;
-use crate::container::views::{self, ViewsSection};
 use crate::container::{SectionCodec, Tag, Writer, metadata, thumbnail};
 use crate::error::{Error, Result};
 use crate::image::{Mask, RgbImage};
 use crate::limits::{Budget, Limits};
-use crate::measure::{self, FrameError, ImagePsnr};
+use crate::metrics;
+use crate::metrics::{FrameError, ImagePsnr};
 use crate::options::{EncodeOptions, Profile, Target};
-use crate::reflectance::{code as reflectance_code, maps};
+use crate::reflectance::{codec as reflectance_code, gather, maps};
 use crate::separate::{Observations, ObservedFrame, separate};
 use crate::surface::{atlas, charts, raster};
-use crate::{mesh, paper, rate, tuned};
+use crate::views::codec;
+use crate::views::codec::ViewsSection;
+use crate::views::{Component, Photograph, View};
+use crate::{mesh, predictive, rate, wavelet_texture};
 
 mod check;
 
@@ -27,7 +29,7 @@ pub struct Encoded {
     /// Image PSNR of the coded views, as a decoder will reach it.
     pub image_psnr: ImagePsnr,
     /// PSNR on surface samples, per component: linear and sqrt. Profile `paper` only.
-    pub sample_psnr: Option<Vec<(Component, paper::SampleError)>>,
+    pub sample_psnr: Option<Vec<(Component, wavelet_texture::SampleError)>>,
     /// Coefficients kept, per cent. Profile `paper` only.
     pub kept_percent: Option<f64>,
     /// Share of the masks' pixels that the mesh covers.
@@ -46,7 +48,7 @@ pub fn encode(mut capture: Capture, options: &EncodeOptions) -> Result<Encoded> 
     hold_out(&mut observations, options)?;
     // 2. Mesh: order and quantise. All later stages see the mesh and the views that the decoder will see.
     let position_bits = options.position_bits.unwrap_or_else(|| position_bits(&capture, &observations));
-    let coded_mesh = mesh::code::encode(&capture.mesh, &mesh::code::MeshOptions { position_bits })?;
+    let coded_mesh = mesh::codec::encode(&capture.mesh, &mesh::codec::MeshOptions { position_bits })?;
     let mesh = coded_mesh.mesh;
     let (views_bytes, section) = code_views(&observations, &mesh)?;
     let (views, components) = (&section.views, &section.components);
@@ -63,10 +65,17 @@ pub fn encode(mut capture: Capture, options: &EncodeOptions) -> Result<Encoded> 
         Profile::Tuned => {
             let maps = ReflectanceStage::new(&mesh, views, components, &photographs, options)?;
             let signed = options.signed_specular;
-            let encoder =
-                tuned::encode::Encoder::new(&mesh, views, section.white, components, &photographs, &covered, signed);
+            let encoder = predictive::encode::Encoder::new(
+                &mesh,
+                views,
+                section.white,
+                components,
+                &photographs,
+                &covered,
+                signed,
+            );
             let outcome = rate::tuned(options.target.unwrap_or(Target::Quality(75.0)), |step| {
-                let quality = tuned::encode::Quality { step, decoding: options.decoding, ..Default::default() };
+                let quality = predictive::encode::Quality { step, decoding: options.decoding, ..Default::default() };
                 let planes = encoder.encode(&quality)?;
                 let reflectance = maps.code(step)?;
                 let bytes =
@@ -81,21 +90,26 @@ pub fn encode(mut capture: Capture, options: &EncodeOptions) -> Result<Encoded> 
             (planes.photographs, total, None, None)
         }
         Profile::Paper => {
-            let frames: Vec<paper::Frame> = (views.iter().zip(&photographs))
-                .map(|(view, taken)| paper::Frame { view, mask: Some(&taken.mask), images: &taken.images })
+            let frames: Vec<wavelet_texture::Frame> = (views.iter().zip(&photographs))
+                .map(|(view, taken)| wavelet_texture::Frame { view, mask: Some(&taken.mask), images: &taken.images })
                 .collect();
-            let samples = paper::Samples::gather(&mesh, &frames, PATCH_DENSITY);
-            let model = paper::encode::fit_model(&samples, components);
+            let samples = wavelet_texture::Samples::gather(&mesh, &frames, PATCH_DENSITY);
+            let model = wavelet_texture::encode::fit_model(&samples, components);
             let outcome = rate::paper(options.target.unwrap_or(Target::KeepPercent(5.0)), |keep_percent| {
-                let settings = paper::Options { keep_percent, ..Default::default() };
-                let encoded = paper::encode(&samples, components, Some(&model), &settings)?;
-                let decoded =
-                    paper::decode(&encoded.bytes, &mesh, components, views.len(), &Budget::new(Limits::UNLIMITED))?;
-                let photographs = crate::decoder::paper_photographs(&decoded, &mesh, views, |_| true);
+                let settings = wavelet_texture::Options { keep_percent, ..Default::default() };
+                let encoded = wavelet_texture::encode(&samples, components, Some(&model), &settings)?;
+                let decoded = wavelet_texture::decode(
+                    &encoded.bytes,
+                    &mesh,
+                    components,
+                    views.len(),
+                    &Budget::new(Limits::UNLIMITED),
+                )?;
+                let photographs = crate::wavelet_texture::decode::photographs(&decoded, &mesh, views, |_| true);
                 let photographs: Vec<Photograph> = photographs.into_iter().flatten().collect();
                 let (measured, total) = judge.measure(&photographs);
                 let bytes = file.bytes() + encoded.bytes.len() as u64;
-                let errors = paper::encode::sample_errors(&samples, &decoded, section.white);
+                let errors = wavelet_texture::encode::sample_errors(&samples, &decoded, section.white);
                 Ok(rate::Trial { measured, bytes, content: (encoded, errors, photographs, total) })
             })?;
             let (encoded, errors, decoded, total) = outcome;
@@ -154,19 +168,19 @@ fn position_bits(capture: &Capture, observations: &Observations) -> u8 {
         &observations.frames.iter().map(|f| f.view.camera).collect::<Vec<_>>(),
         1.0,
     );
-    let (_, radius) = crate::relight::bounds(&capture.mesh);
+    let (_, radius) = capture.mesh.bounding_sphere();
     let steps = 8.0 * 2.0 * radius * per_pixel;
     (steps.log2().ceil().clamp(8.0, 20.0)) as u8
 }
 
-fn code_views(observations: &Observations, mesh: &crate::asset::Mesh) -> Result<(Vec<u8>, ViewsSection)> {
+fn code_views(observations: &Observations, mesh: &crate::mesh::Mesh) -> Result<(Vec<u8>, ViewsSection)> {
     let section = ViewsSection {
         white: observations.white,
         components: observations.components.clone(),
         views: observations.frames.iter().map(|f| f.view.clone()).collect(),
     };
-    let bytes = views::encode(&section, &mesh.positions)?;
-    let decoded = views::decode(&bytes, &Budget::new(Limits::UNLIMITED))?;
+    let bytes = codec::encode(&section, &mesh.positions)?;
+    let decoded = codec::decode(&bytes, &Budget::new(Limits::UNLIMITED))?;
     Ok((bytes, decoded))
 }
 
@@ -223,7 +237,7 @@ impl Judge<'_> {
             for (wanted, got) in original.images.iter().zip(&decoded.images) {
                 for at in (0..covered.data.len()).filter(|&at| covered.data[at] && original.mask.data[at]) {
                     for c in 0..3 {
-                        let [wanted, got] = [wanted, got].map(|image| measure::signal(image.data[at][c], white[c]));
+                        let [wanted, got] = [wanted, got].map(|image| metrics::signal(image.data[at][c], white[c]));
                         largest = largest.max((wanted - got).abs());
                     }
                 }
@@ -235,15 +249,15 @@ impl Judge<'_> {
 
 /// Fitted maps, coded anew for each trial of the rate control.
 struct ReflectanceStage<'a> {
-    mesh: &'a crate::asset::Mesh,
-    charts: crate::asset::Charts,
+    mesh: &'a crate::mesh::Mesh,
+    charts: crate::surface::charts::Charts,
     chart_bytes: Vec<u8>,
-    maps: crate::asset::ReflectanceMaps,
+    maps: crate::reflectance::maps::ReflectanceMaps,
 }
 
 impl<'a> ReflectanceStage<'a> {
     fn new(
-        mesh: &'a crate::asset::Mesh,
+        mesh: &'a crate::mesh::Mesh,
         views: &[View],
         components: &[Component],
         photographs: &[Photograph],
@@ -258,15 +272,15 @@ impl<'a> ReflectanceStage<'a> {
         let chart_bytes = charts::encode(mesh, &charts)?;
         let raster = atlas::rasterise_atlas(mesh, &charts)?;
         let photographs = photographs.iter().map(Some).collect();
-        let sources = maps::Sources { mesh, views, components, photographs, specular: options.specular };
-        let maps = maps::fit_maps(&sources, &charts, &raster);
+        let sources = gather::Sources { mesh, views, components, photographs, specular: options.specular };
+        let maps = gather::fit_maps(&sources, &charts, &raster);
         Ok(ReflectanceStage { mesh, charts, chart_bytes, maps })
     }
     /// The maps carry the look between captured views; they are coded a little coarser than the photographs.
     fn code(&self, step: f32) -> Result<Vec<u8>> {
         let relative = (step * 2.0).clamp(0.08, 0.25);
         let colour = relative * maps::COLOUR_LEVELS as f32;
-        let sigma = 2.0 * relative * maps::SIGMA_LEVELS as f32;
+        let sigma = 2.0 * relative * crate::reflectance::torrance_sparrow::SIGMA_LEVELS as f32;
         let steps = reflectance_code::MapSteps { diffuse: 0.5 * colour, specular: colour, sigma };
         Ok(reflectance_code::encode(&self.maps, self.mesh, &self.charts, &steps, MAP_LAMBDA)?.0)
     }
@@ -339,7 +353,7 @@ fn thumbnail_png(photographs: &[Photograph], white: [f64; 3]) -> Result<Vec<u8>>
             *small.at_mut(x, y) = mean.map(|v| v / f32::max(count, 1.0));
         }
     }
-    let display = measure::to_display(&small, white);
+    let display = metrics::to_display(&small, white);
     let mut png = std::io::Cursor::new(Vec::new());
     let pixels: Vec<u8> = display.data.into_iter().flatten().collect();
     ::image::write_buffer_with_format(

@@ -23,11 +23,12 @@ pub mod lighting;
 pub mod limits;
 #[cfg(feature = "encode")]
 pub mod marker;
-pub mod measure;
 pub mod mesh;
+pub mod metrics;
+pub mod optimise;
 pub mod options;
-pub mod paper;
 pub(crate) mod parallel;
+pub mod predictive;
 pub mod quantise;
 #[cfg(feature = "encode")]
 pub mod rate;
@@ -38,11 +39,13 @@ pub mod repair;
 pub mod residual;
 #[cfg(feature = "encode")]
 pub mod separate;
+pub mod sphere;
 pub mod surface;
 pub mod transform;
-pub mod tuned;
 mod vector;
+pub mod views;
 pub mod visibility;
+pub mod wavelet_texture;
 
 pub use error::{Error, Result};
 pub use limits::{Budget, Limits};

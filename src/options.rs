@@ -2,9 +2,6 @@
 
 use serde::{Deserialize, Serialize};
 
-#[cfg(feature = "encode")]
-pub use crate::reflectance::maps::SpecularModel;
-
 /// How the look is stored. See the chapter on profiles in `spec/`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -89,4 +86,14 @@ impl Default for EncodeOptions {
             metadata: serde_json::Map::new(),
         }
     }
+}
+
+/// What highlights are fitted with.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum SpecularModel {
+    /// Torrance and Sparrow's lobe for every texel.
+    #[default]
+    TorranceSparrow,
+    /// The same widths, but shapes from a palette of measured lobes (DSBRDF).
+    Dsbrdf,
 }

@@ -1,18 +1,20 @@
 //! Repair: from a damaged file to a whole one with all that checksums still prove.
 //!
-//! [`repair`] looks for sections ([`crate::container::survey`]) and, in section PLAN, for views ([`crate::tuned::repair`]). What needs
+//! [`repair`] looks for sections ([`crate::container::survey`]) and, in section PLAN, for views ([`crate::predictive::repair`]). What needs
 //! something that is lost is lost with it; what a reader must have to read the rest stands in its place, empty.
 
-use crate::asset::{Component, Mesh};
 use crate::container::metadata::{self, Metadata};
 use crate::container::survey::{Survey, survey, without_carriage_returns};
-use crate::container::{Section, SectionCodec, Tag, Writer, verify, views};
+use crate::container::{Section, SectionCodec, Tag, Writer, verify};
 use crate::error::{Error, Result};
 use crate::limits::{Budget, Limits};
-use crate::{mesh, tuned};
+use crate::mesh::Mesh;
+use crate::views::Component;
+use crate::views::codec;
+use crate::views::codec::ViewsSection;
+use crate::{mesh, predictive};
 use serde_json::{Map, json};
 use std::borrow::Cow;
-use views::ViewsSection;
 
 /// A repaired file.
 #[derive(Debug, Clone, PartialEq)]
@@ -94,7 +96,7 @@ pub fn repair(bytes: &[u8], limits: Limits) -> Result<Repaired> {
 fn views_of(bytes: &[u8], sections: &[Section], budget: &Budget) -> Option<ViewsSection> {
     let section = sections.iter().find(|section| section.tag == Tag::VIEWS)?;
     let start = (section.offset + section.header_bytes()) as usize;
-    views::decode(bytes.get(start..start + section.stored as usize)?, budget).ok()
+    codec::decode(bytes.get(start..start + section.stored as usize)?, budget).ok()
 }
 
 struct Repair<'a> {
@@ -126,7 +128,7 @@ impl Repair<'_> {
         }
         let section = self.section(&sections)?;
         let mesh = match sections.iter().find(|(tag, ..)| *tag == Tag::MESH) {
-            Some((_, _, content)) => Some(mesh::code::decode(content, self.budget)?),
+            Some((_, _, content)) => Some(mesh::codec::decode(content, self.budget)?),
             None => None,
         };
         if let (Some(mesh), Some(section)) = (&mesh, &section) {
@@ -135,7 +137,7 @@ impl Repair<'_> {
         self.drop_what_needs_others(&mut sections);
         let photographs = sections.iter().any(|(tag, ..)| [Tag::PLANES, Tag::PAPER].contains(tag));
         if let Some(section) = section.as_ref().filter(|_| !photographs && self.had_photographs()) {
-            let lost = |(index, view): (usize, &crate::asset::View)| {
+            let lost = |(index, view): (usize, &crate::views::View)| {
                 (index, view.name.clone(), "its section is lost".to_owned())
             };
             self.lost_views = section.views.iter().enumerate().map(lost).collect();
@@ -161,7 +163,7 @@ impl Repair<'_> {
 
     fn section(&self, sections: &[(Tag, SectionCodec, Vec<u8>)]) -> Result<Option<ViewsSection>> {
         let found = sections.iter().find(|(tag, ..)| *tag == Tag::VIEWS);
-        found.map(|(_, _, content)| views::decode(content, self.budget)).transpose()
+        found.map(|(_, _, content)| codec::decode(content, self.budget)).transpose()
     }
 
     /// The views of a section PLAN that is not whole.
@@ -180,13 +182,14 @@ impl Repair<'_> {
         let is_known = damaged.is_some();
         let ranges: Vec<_> = damaged.into_iter().chain(self.survey.unexplained.iter().cloned()).collect();
         let count = views.components.len();
-        let Some(start) = tuned::repair::find_head(self.bytes, &ranges, views.views.len(), count, self.budget) else {
+        let Some(start) = predictive::repair::find_head(self.bytes, &ranges, views.views.len(), count, self.budget)
+        else {
             return Ok(());
         };
         // Up to the next whole section, or the directory.
         let within = ranges.iter().filter(|range| range.contains(&start)).map(|range| range.end).max();
         let end = within.unwrap_or(self.bytes.len());
-        let made = tuned::repair::repair(self.bytes, (start, end), mesh, &views.views, count, self.budget)?;
+        let made = predictive::repair::repair(self.bytes, (start, end), mesh, &views.views, count, self.budget)?;
         if made.lost.len() == views.views.len() {
             if !is_known {
                 self.lost_sections.push((Tag::PLANES, DAMAGED.into()));
@@ -197,8 +200,8 @@ impl Repair<'_> {
         for (view, loss) in made.lost {
             let name = views.views[view].name.clone();
             let reason = match loss {
-                tuned::repair::Loss::Streams => "its bytes are damaged or missing".to_owned(),
-                tuned::repair::Loss::Predicted(other) => {
+                predictive::repair::Loss::Streams => "its bytes are damaged or missing".to_owned(),
+                predictive::repair::Loss::Predicted(other) => {
                     format!("it is predicted from {}, which is lost", views.views[other].name)
                 }
             };
@@ -237,10 +240,10 @@ impl Repair<'_> {
         }
         let standing = if has_mesh {
             let none = ViewsSection { white: [1.0; 3], components: vec![Component::Combined], views: Vec::new() };
-            (Tag::VIEWS, SectionCodec::Own, views::encode(&none, &[])?)
+            (Tag::VIEWS, SectionCodec::Own, codec::encode(&none, &[])?)
         } else {
-            let options = mesh::code::MeshOptions { position_bits: 8 };
-            (Tag::MESH, SectionCodec::Own, mesh::code::encode(&Mesh::default(), &options)?.bytes)
+            let options = mesh::codec::MeshOptions { position_bits: 8 };
+            (Tag::MESH, SectionCodec::Own, mesh::codec::encode(&Mesh::default(), &options)?.bytes)
         };
         let beside = if has_mesh { Tag::MESH } else { Tag::VIEWS };
         let at = sections.iter().position(|(tag, ..)| *tag == beside).unwrap_or(0);

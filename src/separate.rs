@@ -1,9 +1,9 @@
 //! Diffuse and specular reflection out of photographs through polarisers, and back.
 
-use crate::asset::{Component, View};
 use crate::capture::{Capture, Frame};
 use crate::error::{Error, Result};
 use crate::image::{Mask, RgbImage};
+use crate::views::{Component, View};
 
 /// A capture's photographs as components of reflection.
 #[derive(Debug, Clone, PartialEq)]
@@ -95,7 +95,8 @@ pub fn recombine(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::asset::{Camera, Mesh};
+    use crate::mesh::Mesh;
+    use crate::views::Camera;
 
     fn capture(cross: Option<RgbImage>, beta: Option<[f64; 3]>) -> Capture {
         let photograph = RgbImage {

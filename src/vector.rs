@@ -17,3 +17,11 @@ pub(crate) fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
 pub(crate) fn dot_slices(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
+
+/// Unit vector from one point to another, and the squared distance.
+pub(crate) fn direction(from: [f64; 3], to: [f64; 3]) -> ([f64; 3], f64) {
+    let d: [f64; 3] = std::array::from_fn(|i| to[i] - from[i]);
+    let squared = dot(d, d);
+    let scale = if squared > 0.0 { 1.0 / squared.sqrt() } else { 0.0 };
+    (d.map(|x| x * scale), squared)
+}

@@ -4,17 +4,18 @@
 
 mod support;
 
-use tsuya::asset::{Asset, Photograph};
+use tsuya::asset::Asset;
 use tsuya::capture::Capture;
 use tsuya::container::metadata::Metadata;
 use tsuya::container::{Arrival, Container, SectionCodec, Tag, Writer};
 use tsuya::decoder::arriving::{ArrivingFile, ViewProgress};
 use tsuya::decoder::{DecodeOptions, Selection, decode, decode_from};
 use tsuya::encoder::{Encoded, encode};
-use tsuya::measure::FrameError;
+use tsuya::metrics::FrameError;
 use tsuya::options::{Decoding, EncodeOptions, Profile};
 use tsuya::separate::separate;
 use tsuya::surface::raster::rasterise;
+use tsuya::views::Photograph;
 use tsuya::{Limits, Result};
 
 const CODINGS: [(Profile, Decoding); 4] = [

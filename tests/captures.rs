@@ -4,11 +4,11 @@ mod support;
 
 use support::{encode_default, read, sample, shared, variant};
 use tsuya::Error;
-use tsuya::asset::Component;
 use tsuya::decoder::{DecodeOptions, decode};
 use tsuya::encoder::encode;
-use tsuya::measure;
+use tsuya::metrics;
 use tsuya::options::{EncodeOptions, Profile, Target};
+use tsuya::views::Component;
 
 /// What an error should be and say.
 fn fails(result: tsuya::Result<impl Sized>, words: &str) {
@@ -61,7 +61,7 @@ fn unknown_lights_make_a_file_that_cannot_be_relit() {
     let encoded = encode_default(capture.path()).unwrap();
     let asset = decode(&encoded.bytes, &DecodeOptions::default()).unwrap();
     assert!(!asset.reflectance.as_ref().unwrap().relightable);
-    let light = tsuya::asset::PointLight { position: [1.0, 2.0, 3.0], intensity: [9.0; 3] };
+    let light = tsuya::views::PointLight { position: [1.0, 2.0, 3.0], intensity: [9.0; 3] };
     let options =
         tsuya::relight::RenderOptions { lighting: tsuya::relight::Lighting::Points(vec![light]), ..Default::default() };
     assert!(tsuya::relight::render(&asset, &asset.views[0].camera, &options).is_err());
@@ -162,7 +162,7 @@ fn targets_are_reached() {
         for (wanted, got) in frame.images.iter().zip(&decoded.images) {
             for at in (0..mask.data.len()).filter(|&at| mask.data[at] && covered.data[at]) {
                 for c in 0..3 {
-                    let signal = |image: &tsuya::image::RgbImage| measure::signal(image.data[at][c], asset.white[c]);
+                    let signal = |image: &tsuya::image::RgbImage| metrics::signal(image.data[at][c], asset.white[c]);
                     largest = largest.max((signal(wanted) - signal(got)).abs());
                 }
             }

@@ -5,11 +5,11 @@ mod support;
 
 use std::path::Path;
 use std::process::Command;
-use tsuya::asset::{Component, Photograph};
 use tsuya::decoder::{DecodeOptions, decode};
 use tsuya::encoder::encode;
 use tsuya::image::Mask;
 use tsuya::options::{Decoding, EncodeOptions, Profile, Target};
+use tsuya::views::{Component, Photograph};
 
 fn python() -> Option<String> {
     let name = std::env::var("TSUYA_PYTHON").unwrap_or_else(|_| "python3".into());

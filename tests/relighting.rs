@@ -6,7 +6,7 @@ use tsuya::decoder::{DecodeOptions, decode};
 use tsuya::lighting::fit::{self, FitOptions};
 use tsuya::lighting::projection::{Fisheye, Looks, Projection};
 use tsuya::lighting::read::{self, ReadOptions};
-use tsuya::lighting::{Environment, Light, code, levels};
+use tsuya::lighting::{Environment, Light, codec, levels};
 use tsuya::visibility::bake::{BakeOptions, bake};
 use tsuya::{Limits, mesh};
 
@@ -33,7 +33,7 @@ fn file(sections: &[(Tag, &[u8])]) -> Vec<u8> {
 fn visibility_of_a_small_bunny() {
     let Some(path) = data("meshes/bunny_lowres.ply") else { return };
     let (given, _) = mesh::clean::clean(mesh::read::read(&path, &Default::default()).unwrap());
-    let coded = mesh::code::encode(&given, &mesh::code::MeshOptions { position_bits: 14 }).unwrap();
+    let coded = mesh::codec::encode(&given, &mesh::codec::MeshOptions { position_bits: 14 }).unwrap();
     let baked = bake(&coded.mesh, &BakeOptions::default()).unwrap();
     assert_eq!(baked.bytes, bake(&coded.mesh, &BakeOptions::default()).unwrap().bytes, "the same bytes each time");
     let error = baked.visibility.error();
@@ -60,13 +60,13 @@ fn light_of_a_museum() {
     let diffuse = fit::fit(&environment, &FitOptions::default(), None);
     assert!(fit::relative_error(&environment, &diffuse) < 0.02);
     let levels = levels::levels(&environment, 256);
-    let (bytes, light) = code::encode(&Light { diffuse, levels }, &Default::default()).unwrap();
+    let (bytes, light) = codec::encode(&Light { diffuse, levels }, &Default::default()).unwrap();
     let errors = levels::relative_errors(&environment, &light.levels[1..], 16);
     assert!(errors.iter().all(|&error| error < 0.05), "{errors:?}");
     let alone = file(&[(Tag::LIGHT, &bytes)]);
     assert_eq!(decode(&alone, &DecodeOptions::default()).unwrap().light, Some(light.clone()));
     // Put in place of another light.
-    let dark = code::encode(&Light::default(), &Default::default()).unwrap().0;
+    let dark = codec::encode(&Light::default(), &Default::default()).unwrap().0;
     let changed = edit::with_sections(&alone, &[(Tag::LIGHT, SectionCodec::Own, dark)], Limits::default()).unwrap();
     assert_eq!(decode(&changed, &DecodeOptions::default()).unwrap().light, Some(Light::default()));
     for length in (0..alone.len()).step_by(997) {

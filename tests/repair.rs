@@ -4,12 +4,13 @@ mod support;
 
 use std::sync::OnceLock;
 use support::{complaint, read, text, tsuya, variant};
-use tsuya::asset::{Asset, Photograph};
+use tsuya::asset::Asset;
 use tsuya::container::{Container, Section, Tag, verify};
 use tsuya::decoder::{DecodeOptions, decode};
 use tsuya::encoder::encode;
 use tsuya::options::{Decoding, EncodeOptions, Profile};
 use tsuya::repair::{Repaired, repair};
+use tsuya::views::Photograph;
 use tsuya::{Error, Limits};
 
 struct Whole {

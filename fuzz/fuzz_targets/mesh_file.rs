@@ -1,7 +1,7 @@
 //! Any bytes as a mesh file of the kind that the first byte says, cleaned and coded.
 #![no_main]
 use libfuzzer_sys::fuzz_target;
-use tsuya::mesh::{clean, code, read};
+use tsuya::mesh::{clean, codec, read};
 use tsuya_fuzz::{folder, values};
 
 fuzz_target!(|bytes: &[u8]| {
@@ -18,8 +18,8 @@ fuzz_target!(|bytes: &[u8]| {
     let (mesh, _) = clean::clean(mesh);
     if !mesh.triangles.is_empty()
         && mesh.triangles.len() < 1000
-        && let Ok(coded) = code::encode(&mesh, &code::MeshOptions { position_bits: 12 })
+        && let Ok(coded) = codec::encode(&mesh, &codec::MeshOptions { position_bits: 12 })
     {
-        assert!(code::decode(&coded.bytes, &values::budget()).expect("our own mesh") == coded.mesh);
+        assert!(codec::decode(&coded.bytes, &values::budget()).expect("our own mesh") == coded.mesh);
     }
 });

@@ -1,8 +1,8 @@
 //! Any bytes as section `PLAN` of a small object, checksums put right; and any bytes as the streams of a sound head.
 #![no_main]
 use libfuzzer_sys::fuzz_target;
-use tsuya::tuned::header::{CodedStep, Header, PREFIX_BYTES};
-use tsuya::{Budget, Limits, tuned};
+use tsuya::predictive::header::{CodedStep, Header, PREFIX_BYTES};
+use tsuya::{Budget, Limits, predictive};
 use tsuya_fuzz::scene;
 
 fuzz_target!(|bytes: &[u8]| {
@@ -35,7 +35,7 @@ fuzz_target!(|bytes: &[u8]| {
     }
     let mut next = parts.into_iter();
     let read = |_: &CodedStep| Ok(next.next());
-    let decoded = tuned::decode::decode(&header, &mesh, (&views, scene::WHITE), |_| true, read, &budget);
+    let decoded = predictive::decode::decode(&header, &mesh, (&views, scene::WHITE), |_| true, read, &budget);
     for (photograph, view) in decoded.into_iter().flatten().zip(&views) {
         let photograph = photograph.expect("all were asked for");
         let pixels = view.camera.width as usize * view.camera.height as usize;

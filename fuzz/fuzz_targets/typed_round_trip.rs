@@ -2,12 +2,12 @@
 #![no_main]
 use libfuzzer_sys::arbitrary::{self, Arbitrary, Unstructured};
 use libfuzzer_sys::fuzz_target;
-use tsuya::asset::{Component, Photograph};
 use tsuya::image::{Mask, RgbImage};
 use tsuya::options::Decoding;
-use tsuya::tuned::encode::{Encoder, Quality};
-use tsuya::tuned::header::{Header, PREFIX_BYTES};
-use tsuya::{Budget, Limits, tuned};
+use tsuya::predictive::encode::{Encoder, Quality};
+use tsuya::predictive::header::{Header, PREFIX_BYTES};
+use tsuya::views::{Component, Photograph};
+use tsuya::{Budget, Limits, predictive};
 use tsuya_fuzz::scene;
 
 #[derive(Arbitrary, Debug)]
@@ -57,12 +57,12 @@ fuzz_target!(|bytes: &[u8]| {
     let budget = Budget::new(Limits::default());
     let header = Header::parse(&encoded.bytes, views.len(), components.len(), &budget).expect("our own head");
     let body = &encoded.bytes[PREFIX_BYTES + Header::length(&encoded.bytes).expect("our own head") as usize..];
-    let read = |step: &tuned::header::CodedStep| {
+    let read = |step: &predictive::header::CodedStep| {
         let length: usize = step.lengths.iter().map(|&l| l as usize).sum();
         Ok(Some(body[step.offset as usize..][..length].to_vec()))
     };
     let decoded =
-        tuned::decode::decode(&header, &mesh, (&views, white), |_| true, read, &budget).expect("our own file");
+        predictive::decode::decode(&header, &mesh, (&views, white), |_| true, read, &budget).expect("our own file");
     for ((decoded, expected), target) in decoded.iter().zip(&encoded.photographs).zip(&photographs) {
         let decoded = decoded.as_ref().expect("all views were asked for");
         assert_eq!(decoded.mask, target.mask);

@@ -6,7 +6,7 @@ use tsuya_fuzz::scene;
 
 fuzz_target!(|bytes: &[u8]| {
     let budget = Budget::new(Limits { memory_bytes: 1 << 24, ..Limits::default() });
-    if let Ok(visibility) = visibility::code::decode(bytes, &scene::mesh(), &budget) {
+    if let Ok(visibility) = visibility::codec::decode(bytes, &scene::mesh(), &budget) {
         assert_eq!(visibility.places().vertices(), 6);
         for place in 0..=visibility.places().count() {
             assert!(visibility.evaluate(place, [0.48, -0.6, 0.64]).abs() <= 3.15);

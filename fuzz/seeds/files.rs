@@ -2,11 +2,11 @@
 
 use crate::{Seeds, models, scene};
 use tsuya::Limits;
-use tsuya::asset::Mesh;
 use tsuya::capture::{Capture, Frame};
 use tsuya::container::{SectionCodec, Tag, Writer, edit::with_sections};
 use tsuya::encoder::{encode, encode_materials};
 use tsuya::image::Grid;
+use tsuya::mesh::Mesh;
 use tsuya::options::{Decoding, EncodeOptions, Profile, SpecularModel, Target};
 
 /// What a capture consists of.

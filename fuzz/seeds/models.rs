@@ -2,12 +2,12 @@
 
 use crate::Seeds;
 use std::f64::consts::PI;
-use tsuya::asset::Mesh;
 use tsuya::brdf::materials::{FittedMaterial, NamedMaterial};
 use tsuya::brdf::models::{ClassicalModel, Lobe};
 use tsuya::brdf::plan::{Method, Population};
-use tsuya::brdf::{Brdf, Sample, dsbrdf, tuned};
-use tsuya::lighting::{Environment, Light, code, fit, levels};
+use tsuya::brdf::{Brdf, Sample, compact, dsbrdf};
+use tsuya::lighting::{Environment, Light, codec, fit, levels};
+use tsuya::mesh::Mesh;
 use tsuya::visibility::bake::{BakeOptions, bake};
 
 /// A classical material.
@@ -26,7 +26,7 @@ pub fn materials() -> Vec<NamedMaterial> {
     let samples = Sample::of(&model(0), [18, 9, 4]);
     let options = dsbrdf::FitOptions { slices: 6, ..Default::default() };
     let lobes = dsbrdf::fit(&samples, &options).expect("a material");
-    let tuned = tuned::fit(&samples, &Default::default()).expect("a material");
+    let tuned = compact::fit(&samples, &Default::default()).expect("a material");
     vec![
         NamedMaterial { name: "lobes".into(), material: FittedMaterial::Lobes(lobes) },
         NamedMaterial { name: "compact".into(), material: FittedMaterial::Tuned(tuned) },
@@ -50,7 +50,7 @@ pub fn light(size: usize) -> Vec<u8> {
     let diffuse = fit::fit(&environment, &options, None);
     let mut levels = levels::levels(&environment, size);
     levels.truncate(3);
-    code::encode(&Light { diffuse, levels }, &Default::default()).expect("a light").0
+    codec::encode(&Light { diffuse, levels }, &Default::default()).expect("a light").0
 }
 
 /// Tables, fits and plans.

@@ -1,15 +1,16 @@
 //! Sections for the targets that read one of them, made for the mesh and the views that these targets have.
 
 use crate::{Seeds, models, scene};
-use tsuya::asset::Mesh;
-use tsuya::container::views::{self, ViewsSection};
-use tsuya::mesh::code::{MeshOptions, encode};
+use tsuya::mesh::Mesh;
+use tsuya::mesh::codec::{MeshOptions, encode};
 use tsuya::options::{Decoding, SpecularModel};
-use tsuya::reflectance::code::MapSteps;
-use tsuya::reflectance::maps::{self, Sources};
+use tsuya::predictive::encode::{Encoder, Quality};
+use tsuya::reflectance::codec::MapSteps;
+use tsuya::reflectance::gather::{self, Sources};
 use tsuya::surface::{atlas, charts, raster};
-use tsuya::tuned::encode::{Encoder, Quality};
-use tsuya::{paper, reflectance};
+use tsuya::views::codec;
+use tsuya::views::codec::ViewsSection;
+use tsuya::{reflectance, wavelet_texture};
 
 /// Puts sections.
 pub fn put(seeds: &Seeds) {
@@ -23,7 +24,7 @@ pub fn put(seeds: &Seeds) {
                 all[2].light = None;
             }
             let section = ViewsSection { white, components: scene::components(polarised).to_vec(), views: all };
-            let bytes = views::encode(&section, &scene::mesh().positions).expect("views");
+            let bytes = codec::encode(&section, &scene::mesh().positions).expect("views");
             seeds.put("views", &format!("{polarised}-{mixed}"), bytes);
             photographs(seeds, polarised, mixed);
         }
@@ -84,15 +85,16 @@ fn photographs(seeds: &Seeds, polarised: bool, mixed: bool) {
         let kind = (components.len() - 1) as u8 | (mixed as u8) << 1;
         seeds.put("planes", &format!("{decoding:?}-{polarised}-{mixed}"), [&[kind][..], &bytes].concat());
     }
-    let frames: Vec<paper::Frame> = (views.iter().zip(&photographs))
-        .map(|(view, taken)| paper::Frame { view, mask: Some(&taken.mask), images: &taken.images })
+    let frames: Vec<wavelet_texture::Frame> = (views.iter().zip(&photographs))
+        .map(|(view, taken)| wavelet_texture::Frame { view, mask: Some(&taken.mask), images: &taken.images })
         .collect();
     for (number, density) in [0.3, 1.0].into_iter().enumerate() {
-        let samples = paper::Samples::gather(&mesh, &frames, density);
-        let model = paper::encode::fit_model(&samples, components);
+        let samples = wavelet_texture::Samples::gather(&mesh, &frames, density);
+        let model = wavelet_texture::encode::fit_model(&samples, components);
         for model in [None, Some(&model)] {
-            let options = paper::Options { keep_percent: 8.0, view_levels: number as u8 + 1, ..Default::default() };
-            let bytes = paper::encode(&samples, components, model, &options).expect("samples").bytes;
+            let options =
+                wavelet_texture::Options { keep_percent: 8.0, view_levels: number as u8 + 1, ..Default::default() };
+            let bytes = wavelet_texture::encode(&samples, components, model, &options).expect("samples").bytes;
             let kind = 4 + (2 - components.len()) as u8;
             let name = format!("{polarised}-{mixed}-{number}-{}", model.is_some());
             seeds.put("paper", &name, [&[kind][..], &bytes].concat());
@@ -118,9 +120,9 @@ fn atlases(seeds: &Seeds) {
         let taken = scene::photographs(&mesh, &views, components, false);
         let photographs = taken.iter().map(Some).collect();
         let sources = Sources { mesh: &mesh, views: &views, components, photographs, specular };
-        let maps = maps::fit_maps(&sources, &charts, &raster);
+        let maps = gather::fit_maps(&sources, &charts, &raster);
         let steps = MapSteps { diffuse: 8.0, specular: 16.0, sigma: 16.0 };
-        let (bytes, _) = reflectance::code::encode(&maps, &mesh, &charts, &steps, 0.15).expect("maps");
+        let (bytes, _) = reflectance::codec::encode(&maps, &mesh, &charts, &steps, 0.15).expect("maps");
         seeds.put("reflectance", name, bytes);
     }
 }

@@ -1,10 +1,13 @@
 //! A file decoded in every way there is: whole, view by view, from ranges and from a stream. All give the same bits.
 
 use std::sync::Arc;
-use tsuya::asset::{Asset, Charts, Mesh, Photograph};
+use tsuya::asset::Asset;
 use tsuya::container::Arrival;
 use tsuya::decoder::arriving::{ArrivingFile, ViewProgress};
 use tsuya::decoder::{DecodeOptions, Selection, decode};
+use tsuya::mesh::Mesh;
+use tsuya::surface::charts::Charts;
+use tsuya::views::Photograph;
 use tsuya::{Error, Limits, Result};
 
 /// Decodes in every way and compares; the whole asset where it decodes.

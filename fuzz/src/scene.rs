@@ -1,8 +1,10 @@
 //! A small object, its cameras and its photographs, for sections that need them and for seeds.
 
-use tsuya::asset::{Camera, Chart, Charts, Component, Mesh, Photograph, PointLight, View};
 use tsuya::image::RgbImage;
+use tsuya::mesh::Mesh;
+use tsuya::surface::charts::{Chart, Charts};
 use tsuya::surface::raster;
+use tsuya::views::{Camera, Component, Photograph, PointLight, View};
 
 /// White board of the scene.
 pub const WHITE: [f64; 3] = [1.0, 0.9, 0.8];

@@ -3,10 +3,11 @@
 
 use super::plate::{Curve, Plate};
 use super::sensor::grain;
-use crate::asset::{Camera, Mesh};
 use crate::capture::calibration::Calibration;
 use crate::image::Grid;
+use crate::mesh::Mesh;
 use crate::relight::{Frame, GroundShadow, RUN};
+use crate::views::Camera;
 use glam::Vec3A;
 
 /// The pinhole camera's picture reaches at most this many of its own sizes beyond the frame.

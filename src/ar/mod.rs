@@ -4,26 +4,29 @@
 //! ([`crate::relight`]) and **composite** (shadow, object, the camera's gain and noise). See `spec/placing.md`.
 
 mod canvas;
+pub mod placement;
 mod plate;
 mod sensor;
 
 pub use plate::Plate;
 pub use sensor::PAPER;
 
-use crate::asset::{Asset, Camera, Mesh};
+use crate::asset::Asset;
 use crate::capture::calibration::Calibration;
 use crate::error::Result;
 use crate::image::{Grid, Mask};
 use crate::lighting::{Environment, follow::Follower};
-use crate::marker::detect::Detection;
-use crate::marker::place::{Placement, Stands};
+use crate::marker::detection::Detection;
 use crate::marker::track::Tracker;
 use crate::marker::{Estimate, Rig};
+use crate::mesh::Mesh;
 use crate::relight::{
     EnvironmentOptions, Evaluator, Frame, GroundShadow, Look, Motion, Object, Occlusion, Renderer, Scene, Surround,
     SurroundOptions, add_detail,
 };
+use crate::views::Camera;
 use canvas::Canvas;
+use placement::{Placement, Stands};
 use plate::Curve;
 use std::borrow::Cow;
 use std::time::Instant;

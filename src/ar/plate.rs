@@ -1,11 +1,11 @@
 //! Frames of a camera in memory, and the display's curve as tables.
 
-use crate::capture::photograph::read_display;
 use crate::capture::read_radiance;
 use crate::error::{Error, Result};
+use crate::image::read::read_display;
 use crate::image::{Grid, Mask, RgbImage, from_srgb, to_srgb};
 use crate::input::FileAccess;
-use crate::measure::{Picture, to_display};
+use crate::metrics::{Picture, to_display};
 use std::path::Path;
 
 /// A camera's picture, which an object is put into: 8 bits, sRGB, or linear radiance. Pixels that nothing is put over stay as they are.

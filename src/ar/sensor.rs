@@ -2,7 +2,7 @@
 
 use super::plate::{Curve, Plate};
 use crate::image::Grid;
-use crate::marker::detect::Detection;
+use crate::marker::detection::Detection;
 
 /// Reflectance that a marker's paper is taken to have.
 pub const PAPER: f64 = 0.8;

@@ -2,7 +2,8 @@
 
 use super::Brdf;
 use super::merl::{CellGrid, MerlTable, THETA_D_BINS, THETA_H_BINS};
-use super::sphere::{SpherePictures, SphereScenes};
+use super::preview::SpherePsnr;
+use super::preview::{SpherePictures, SphereScenes};
 use crate::parallel;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::{FRAC_PI_2, PI};
@@ -22,15 +23,6 @@ pub struct ErrorReport {
     pub reciprocity: f64,
     /// Of a rendered sphere.
     pub sphere_psnr_db: SpherePsnr,
-}
-
-/// PSNR of a rendered sphere against the measured material's, see [`SphereScenes`].
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct SpherePsnr {
-    /// Under a point light.
-    pub point: f64,
-    /// Under an environment.
-    pub environment: f64,
 }
 
 /// A measured material with its pictures, so that several fits can be compared with it.

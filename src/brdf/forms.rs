@@ -1,18 +1,18 @@
 //! Every form that a measured material can be fitted in, by name.
 
+use super::compact;
 use super::dsbrdf;
 use super::materials::FittedMaterial;
 use super::merl::{CellGrid, MerlTable, PHI_D_BINS, THETA_D_BINS, THETA_H_BINS};
 use super::models::{self, ClassicalModel, Form, Objective};
 use super::plan::{Angles, Method, Plan};
-use super::tuned;
 use super::{Brdf, Sample};
 use crate::Result;
 
 /// A form by name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum AnyForm {
-    /// [`tuned::TunedMaterial`]: the smallest error for its bytes.
+    /// [`compact::TunedMaterial`]: the smallest error for its bytes.
     Tuned,
     /// [`dsbrdf::LobeMaterial`]: the lobes of the half angle as published.
     Published,
@@ -46,7 +46,7 @@ impl AnyForm {
 #[derive(Debug, Clone, Copy, Default)]
 pub struct FitSettings {
     /// Of [`AnyForm::Tuned`].
-    pub tuned: tuned::FitOptions,
+    pub tuned: compact::FitOptions,
     /// Of [`AnyForm::Published`].
     pub published: dsbrdf::FitOptions,
     /// Of [`AnyForm::Classical`].
@@ -105,7 +105,7 @@ pub fn fit(table: &MerlTable, form: AnyForm, settings: &FitSettings) -> Result<F
 /// [`crate::Error::Parameter`] for a classical model, and as [`fit`].
 pub fn fit_samples(samples: &[Sample], form: AnyForm, settings: &FitSettings) -> Result<Fitted> {
     Ok(Fitted::Coded(match form {
-        AnyForm::Tuned => FittedMaterial::Tuned(tuned::fit(samples, &settings.tuned)?),
+        AnyForm::Tuned => FittedMaterial::Tuned(compact::fit(samples, &settings.tuned)?),
         AnyForm::Published => FittedMaterial::Lobes(dsbrdf::fit(samples, &settings.published)?),
         AnyForm::Classical(_) => {
             return Err(crate::Error::parameter("samples are fitted in the forms tuned and published only"));

@@ -1,8 +1,8 @@
 //! Fitted materials by name, and section `mATl` that holds them.
 
 use super::Brdf;
+use super::compact::TunedMaterial;
 use super::dsbrdf::LobeMaterial;
-use super::tuned::TunedMaterial;
 use crate::error::{Error, Result};
 use crate::limits::Budget;
 use std::collections::HashSet;
@@ -201,7 +201,7 @@ mod tests {
         let mut all = vec![NamedMaterial { name: "lobes".into(), material: FittedMaterial::Lobes(lobes) }];
         #[cfg(feature = "encode")]
         {
-            let tuned = super::super::tuned::fit(&samples, &Default::default()).unwrap();
+            let tuned = crate::brdf::compact::fit(&samples, &Default::default()).unwrap();
             all.push(NamedMaterial { name: "own form \u{8276}".into(), material: FittedMaterial::Tuned(tuned) });
         }
         all

@@ -1,6 +1,7 @@
 //! Materials whose reflectance was measured: reading tables, fitting lobes, planning what to measure.
 
 mod angles;
+pub mod compact;
 #[cfg(feature = "encode")]
 pub mod directions;
 pub mod dsbrdf;
@@ -15,13 +16,12 @@ pub mod models;
 #[cfg(feature = "encode")]
 pub mod plan;
 #[cfg(feature = "encode")]
+pub mod preview;
+#[cfg(feature = "encode")]
 pub mod rgl;
 mod sample;
-#[cfg(feature = "encode")]
-pub mod sphere;
 #[cfg(all(test, feature = "encode"))]
 mod test_data;
-pub mod tuned;
 
 pub use angles::HalfDifference;
 pub use sample::Sample;

@@ -41,16 +41,3 @@ impl Sample {
         samples
     }
 }
-
-#[cfg(feature = "encode")]
-impl From<super::merl::Cell> for Sample {
-    fn from(cell: super::merl::Cell) -> Self {
-        Sample {
-            theta_h: cell.angles.theta_h,
-            theta_d: cell.angles.theta_d,
-            cos_incoming: cell.cos_incoming,
-            cos_outgoing: cell.cos_outgoing,
-            value: cell.value,
-        }
-    }
-}

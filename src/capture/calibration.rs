@@ -8,9 +8,9 @@
 use super::Lens;
 use super::json::Document;
 use super::transforms::read_intrinsics;
-use crate::asset::Camera;
 use crate::error::{Error, Result};
 use crate::input::{FileAccess, plain};
+use crate::views::Camera;
 use std::collections::HashMap;
 use std::path::Path;
 use yaml_rust2::parser::{Event, Parser, Tag};

@@ -3,9 +3,9 @@
 use super::description::{Description, FrameDescription, camera_fault, capture_folder, folder_name};
 use super::lens::Lens;
 use super::view_names::view_names;
-use crate::asset::{Camera, View};
 use crate::error::{Error, Result};
 use crate::input::{FileAccess, Folder, plain, quoted};
+use crate::views::{Camera, View};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 

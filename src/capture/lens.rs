@@ -1,7 +1,7 @@
 //! Lens distortion, and pictures without it.
 
-use crate::asset::Camera;
 use crate::image::{Mask, RgbImage};
+use crate::views::Camera;
 
 /// How a lens bends the ideal image position `(x, y) = (q.x / q.z, q.y / q.z)` before focal length and principal point apply.
 /// The models and coefficient orders are OpenCV's and COLMAP's.

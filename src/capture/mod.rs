@@ -14,10 +14,10 @@
 pub mod align;
 pub mod calibration;
 mod colmap;
+mod describe;
 mod description;
 pub(crate) mod json;
 mod lens;
-pub(crate) mod photograph;
 mod scale;
 #[cfg(test)]
 mod tests;
@@ -25,17 +25,19 @@ mod transforms;
 mod view_names;
 mod white;
 
-pub use description::{Description, FrameDescription, WhiteReference, describe};
+pub use crate::image::read::{ColorSpace, read_radiance, read_values};
+pub use describe::describe;
+pub use description::{Description, FrameDescription, WhiteReference};
 pub use lens::Lens;
-pub use photograph::{ColorSpace, read_radiance, read_values};
 pub(crate) use transforms::nearest_rotation;
 
-use crate::asset::{Mesh, View};
 use crate::error::{Error, Result};
+use crate::image::read::{Fault, read_mask, read_picture, reading_bytes};
 use crate::image::{Mask, RgbImage};
 use crate::input::{FileAccess, plain};
 use crate::limits::Limits;
-use photograph::{Fault, read_mask, read_picture, reading_bytes};
+use crate::mesh::Mesh;
+use crate::views::View;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 

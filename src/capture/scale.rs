@@ -2,8 +2,8 @@
 
 use super::align::apply;
 use super::description::FrameDescription;
-use crate::asset::Mesh;
 use crate::error::{Error, Result};
+use crate::mesh::Mesh;
 use glam::{DMat3, DVec3};
 use std::path::Path;
 

@@ -4,9 +4,9 @@ use super::description::{Description, FrameDescription, WhiteReference, camera_f
 use super::json::{Document, Node};
 use super::lens::Lens;
 use super::view_names::view_names;
-use crate::asset::{Camera, PointLight, View};
 use crate::error::Result;
 use crate::input::{FileAccess, Folder, plain, quoted};
+use crate::views::{Camera, PointLight, View};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 

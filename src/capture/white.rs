@@ -1,9 +1,9 @@
 //! The white board: the unit of radiance, and what the crossed polarisers take away.
 
 use super::description::WhiteReference;
-use super::photograph::{ColorSpace, read_picture};
 use crate::error::{Error, Result};
 use crate::image::RgbImage;
+use crate::image::read::{ColorSpace, read_picture};
 use crate::input::FileAccess;
 use std::path::Path;
 

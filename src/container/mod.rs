@@ -14,7 +14,6 @@ mod stream;
 pub mod survey;
 mod tags;
 pub mod thumbnail;
-pub mod views;
 #[cfg(feature = "encode")]
 mod writer;
 mod zstd_frame;

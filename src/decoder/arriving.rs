@@ -1,23 +1,27 @@
 //! Decoding a file while it arrives: each part as soon as its bytes are there, each view once.
 
-use crate::asset::{Charts, Mesh, Photograph, ReflectanceMaps};
 use crate::brdf::materials::{self, NamedMaterial};
 use crate::container::arriving::here;
 use crate::container::metadata::Metadata;
-use crate::container::views::ViewsSection;
-use crate::container::{Arrival, Arriving, Section, Tag, metadata, views};
+use crate::container::{Arrival, Arriving, Section, Tag, metadata};
 use crate::error::{Error, Result};
 use crate::image::Mask;
 use crate::lighting::{self, Light};
 use crate::limits::{Budget, Limits};
 use crate::mesh;
-use crate::paper;
-use crate::reflectance::code as reflectance_code;
+use crate::mesh::Mesh;
+use crate::predictive::decode::DecodedPicture;
+use crate::predictive::decoder::ViewDecoder;
+use crate::predictive::header::{Header, PREFIX_BYTES};
+use crate::reflectance::codec as reflectance_code;
+use crate::reflectance::maps::ReflectanceMaps;
 use crate::surface::charts;
-use crate::tuned::decode::DecodedPicture;
-use crate::tuned::decoder::ViewDecoder;
-use crate::tuned::header::{Header, PREFIX_BYTES};
+use crate::surface::charts::Charts;
+use crate::views::Photograph;
+use crate::views::codec;
+use crate::views::codec::ViewsSection;
 use crate::visibility::{self, Visibility};
+use crate::wavelet_texture;
 use std::borrow::Cow;
 use std::ops::Range;
 use std::sync::Arc;
@@ -67,7 +71,7 @@ pub enum PictureFacts {
 enum Pictures {
     None,
     Tuned(Box<ViewDecoder<'static>>, u64),
-    Paper(Box<paper::Decoded>, Arc<Mesh>),
+    Paper(Box<wavelet_texture::Decoded>, Arc<Mesh>),
 }
 
 /// What came of asking for a view.
@@ -178,7 +182,7 @@ impl ArrivingFile {
         here!(self.file.all(&wanted)?);
         let metadata =
             here!(self.file.read(Tag::METADATA)?).map(|content| metadata::decode(&content, &budget)).transpose()?;
-        let capture = here!(self.file.read(Tag::VIEWS)?).map(|content| views::decode(&content, &budget)).transpose()?;
+        let capture = here!(self.file.read(Tag::VIEWS)?).map(|content| codec::decode(&content, &budget)).transpose()?;
         let capture = match capture {
             Some(capture) => capture,
             None if pictures.is_some() => return Err(missing_section(Tag::VIEWS)),
@@ -208,7 +212,7 @@ impl ArrivingFile {
         if self.mesh.is_none() {
             let budget = self.file.budget();
             let content = here!(self.file.read(Tag::MESH)?);
-            let mesh = content.map(|bytes| mesh::code::decode(&bytes, &budget)).transpose()?;
+            let mesh = content.map(|bytes| mesh::codec::decode(&bytes, &budget)).transpose()?;
             self.mesh = Some(mesh.map(Arc::new));
         }
         Ok(Arrival::Here(self.mesh.clone().flatten()))
@@ -247,7 +251,7 @@ impl ArrivingFile {
         let mesh = here!(self.mesh()?);
         let content = here!(self.file.read(Tag::VISIBILITY)?);
         let (Some(mesh), Some(bytes)) = (mesh, content) else { return Ok(Arrival::Here(None)) };
-        let decode = |budget: &Budget| visibility::code::decode(&bytes, &mesh, budget);
+        let decode = |budget: &Budget| visibility::codec::decode(&bytes, &mesh, budget);
         Ok(Arrival::Here(Some(handed_out(&budget, decode)?)))
     }
 
@@ -255,7 +259,7 @@ impl ArrivingFile {
     pub fn light(&mut self) -> Result<Arrival<Option<Light>>> {
         let budget = self.file.budget();
         let content = here!(self.file.read(Tag::LIGHT)?);
-        let decode = |bytes: Vec<u8>| handed_out(&budget, |budget| lighting::code::decode(&bytes, budget));
+        let decode = |bytes: Vec<u8>| handed_out(&budget, |budget| lighting::codec::decode(&bytes, budget));
         Ok(Arrival::Here(content.map(decode).transpose()?))
     }
 
@@ -295,7 +299,8 @@ impl ArrivingFile {
                 let Some(bytes) = here!(self.file.read(Tag::PAPER)?) else {
                     return Err(missing_section(Tag::PAPER));
                 };
-                let decoded = paper::decode(&bytes, &mesh, &capture.components, capture.views.len(), &budget)?;
+                let decoded =
+                    wavelet_texture::decode(&bytes, &mesh, &capture.components, capture.views.len(), &budget)?;
                 Pictures::Paper(Box::new(decoded), mesh)
             }
         };
@@ -325,7 +330,9 @@ impl ArrivingFile {
             Some(Pictures::Paper(decoded, mesh)) => {
                 let budget = self.file.budget();
                 let _held = super::hold_paper_photograph(mesh, view, opened.capture.components.len(), &budget)?;
-                ViewProgress::Done(take(ViewPicture::Photograph(super::paper_photograph(decoded, mesh, view, index))))
+                ViewProgress::Done(take(ViewPicture::Photograph(wavelet_texture::decode::photograph(
+                    decoded, mesh, view, index,
+                ))))
             }
             Some(Pictures::Tuned(decoder, streams)) => {
                 let steps = decoder.missing(index)?;

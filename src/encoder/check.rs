@@ -1,10 +1,10 @@
 //! A finished file read back, by the path that its readers take.
 
-use crate::asset::Photograph;
 use crate::container::Container;
 use crate::decoder::{DecodeOptions, decode_each};
 use crate::error::{Error, Result};
 use crate::limits::Limits;
+use crate::views::Photograph;
 
 /// Decodes a file and compares every photograph, bit for bit, with what the encoder made the file's statements from. Returns the
 /// memory within which it was done: what a reader grants by default, or the first double of it that suffices, with a warning.

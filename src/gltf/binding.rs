@@ -2,13 +2,14 @@
 
 use super::accessor;
 use super::document::{Document, Files};
-use super::stream::Binding;
-use crate::asset::{Charts, Mesh};
 use crate::error::Result;
 use crate::limits::Budget;
+use crate::mesh::Mesh;
 use crate::surface::atlas::{AtlasRaster, rasterise_atlas_within};
+use crate::surface::charts::Charts;
 use crate::surface::charts::NONE;
 use glam::{DMat3, DVec3};
+use serde_json::Map;
 use serde_json::Value;
 
 /// Vertices of a primitive that are looked at, at most.
@@ -115,4 +116,47 @@ fn affine_residual(from: &[DVec3], to: &[DVec3]) -> f64 {
     let map = product * (square + DMat3::from_diagonal(DVec3::splat(1e-12 * trace + 1e-300))).inverse();
     let gap = |(&x, &y): (&DVec3, &DVec3)| (map * (x - middle_from)).distance_squared(y - middle_to);
     from.iter().zip(to).map(gap).sum()
+}
+
+/// How texture coordinates lead to the atlas: the set and the transform of a `textureInfo` object.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Binding {
+    /// `texCoord` and `extensions.KHR_texture_transform`, as in glTF.
+    pub(super) info: Map<String, Value>,
+}
+
+impl Binding {
+    /// Takes `texCoord` and `KHR_texture_transform` of any `textureInfo` object.
+    pub fn of(info: &Map<String, Value>) -> Self {
+        let mut kept = Map::new();
+        if let Some(set) = info.get("texCoord") {
+            kept.insert("texCoord".into(), set.clone());
+        }
+        if let Some(transform) = info.get("extensions").and_then(|e| e.get("KHR_texture_transform")) {
+            kept.insert("extensions".into(), serde_json::json!({"KHR_texture_transform": transform}));
+        }
+        Binding { info: kept }
+    }
+
+    pub(super) fn texture_transform(&self) -> Option<&Value> {
+        self.info.get("extensions")?.get("KHR_texture_transform")
+    }
+
+    /// Which `TEXCOORD_n`.
+    pub fn tex_coord(&self) -> u64 {
+        let overridden = self.texture_transform().and_then(|transform| transform.get("texCoord"));
+        overridden.or(self.info.get("texCoord")).and_then(Value::as_u64).unwrap_or(0)
+    }
+
+    /// A texture coordinate as `KHR_texture_transform` changes it.
+    pub fn transform(&self, at: [f64; 2]) -> [f64; 2] {
+        let transform = self.texture_transform();
+        let number =
+            |key: &str, k: usize, default: f64| transform.and_then(|t| t.get(key)?.get(k)?.as_f64()).unwrap_or(default);
+        let rotation = transform.and_then(|t| t.get("rotation")?.as_f64()).unwrap_or(0.0);
+        let (sin, cos) = rotation.sin_cos();
+        let (u, v) = (at[0] * number("scale", 0, 1.0), at[1] * number("scale", 1, 1.0));
+        // Counter-clockwise on the picture, whose v goes down.
+        [cos * u + sin * v + number("offset", 0, 0.0), cos * v - sin * u + number("offset", 1, 0.0)]
+    }
 }

@@ -5,11 +5,12 @@ use super::fallback::{Fallback, bake};
 use super::geometry::charts;
 use super::levels;
 use super::stream::{push_view, put, sha256};
-use crate::asset::{Asset, metres, upright};
+use crate::asset::{Asset, metres};
 use crate::error::{Error, Result};
 use crate::image::Grid;
 use crate::limits::Limits;
 use crate::surface::split::{Geometry, split};
+use crate::views::upright;
 use serde_json::{Map, Value, json};
 
 /// bufferView targets.

@@ -7,7 +7,6 @@ use crate::error::{Error, Result};
 use crate::image::{Grid, from_srgb, to_srgb};
 use crate::reflectance::palette::without_palette;
 use crate::reflectance::torrance_sparrow::SIGMA_RANGE;
-use crate::relight::bounds;
 use crate::surface::atlas::{bilinear_taps, fill_unused, rasterise_atlas};
 use std::f64::consts::PI;
 
@@ -114,7 +113,7 @@ impl Fallback {
 /// What makes BRDFs out of the asset's reflectance, whose lights may be in any unit: the white board, facing the light from the object's
 /// place, has `white_albedo / pi`.
 fn unit(asset: &Asset, white_albedo: f64) -> [f64; 3] {
-    let middle = bounds(&asset.mesh).0;
+    let middle = asset.mesh.bounding_sphere().0;
     std::array::from_fn(|c| {
         let mut boards: Vec<f64> = (asset.views.iter().filter_map(|view| view.light))
             .map(|light| {

@@ -1,7 +1,8 @@
 //! Mesh and atlas of an asset that glTF can hold.
 
-use crate::asset::{Asset, Charts};
+use crate::asset::Asset;
 use crate::error::{Error, Result};
+use crate::surface::charts::Charts;
 
 /// The charts of an asset with a mesh and an atlas that belong together.
 pub(super) fn charts(asset: &Asset) -> Result<&Charts> {

@@ -1,9 +1,10 @@
 //! Prefixes of a stream from which more can be shown than from shorter ones.
 
-use crate::container::{Container, Tag, views};
+use crate::container::{Container, Tag};
 use crate::error::Result;
 use crate::limits::Limits;
-use crate::tuned::header::{Header, PREFIX_BYTES};
+use crate::predictive::header::{Header, PREFIX_BYTES};
+use crate::views::codec;
 
 /// Lengths in bytes, ascending: all that comes before the pictures (mesh and reflectance); then 1, 2, 4, 8 ... views; the whole stream.
 pub fn levels(stream: &[u8], limits: Limits) -> Result<Vec<u64>> {
@@ -16,7 +17,7 @@ pub fn levels(stream: &[u8], limits: Limits) -> Result<Vec<u64>> {
         found.extend(model.filter(|&end| end <= section.offset));
         if section.tag == Tag::PLANES {
             let budget = file.budget();
-            let capture = views::decode(&file.read_section(Tag::VIEWS)?, &budget)?;
+            let capture = codec::decode(&file.read_section(Tag::VIEWS)?, &budget)?;
             let prefix = file.read_range(Tag::PLANES, 0, PREFIX_BYTES as u64)?;
             let length = PREFIX_BYTES as u64 + Header::length(&prefix)?;
             let head = file.read_range(Tag::PLANES, 0, length)?;

@@ -1,13 +1,14 @@
 //! What a viewer shows of the fallback, to be set beside photographs.
 
 use super::fallback::Fallback;
-use crate::asset::{Asset, Camera, PointLight};
+use crate::asset::Asset;
 use crate::brdf::Brdf;
 use crate::image::{Grid, RgbImage};
 use crate::parallel;
-use crate::reflectance::geometry::direction;
 use crate::surface::atlas::{atlas_position, smooth_normal};
 use crate::surface::raster::{rasterise, vertex_normals};
+use crate::vector::direction;
+use crate::views::{Camera, PointLight};
 use glam::DVec3;
 
 /// Renders the asset's mesh with the fallback's textures, in the asset's unit of radiance. `light` may be `None` for an unlit fallback only:

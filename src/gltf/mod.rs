@@ -18,6 +18,7 @@ mod stream;
 
 pub use crate::input::percent_decoded as path_of;
 pub use appearance::{Appearance, Source, appearances, bound_materials};
+pub use binding::Binding;
 pub use binding::{Fit, compare_mesh};
 pub use document::{Document, Files, percent_encoded as reference};
 pub use export::{ExportOptions, Exported, Placement, export};
@@ -25,7 +26,7 @@ pub use fallback::{Fallback, bake};
 pub use levels::levels;
 pub use look::render;
 pub use metallic_roughness::{Microfacets, equivalent_lobe};
-pub use stream::{Binding, Taken, find_material, put, remove, sha256, take};
+pub use stream::{Taken, find_material, put, remove, sha256, take};
 
 /// Name of the extension.
 pub const EXTENSION: &str = "TSUYA_materials_appearance";

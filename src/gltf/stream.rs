@@ -1,6 +1,7 @@
 //! Moving a stream out of a document and into it.
 
 use super::appearance::{Appearance, Source, appearances, bound_materials, extension};
+use super::binding::Binding;
 use super::document::{Document, Files};
 use super::{EXTENSION, EXTENSION_VERSION, MIME_TYPE};
 use crate::error::{Error, Result};
@@ -10,49 +11,6 @@ use sha2::{Digest, Sha256};
 /// SHA-256 as 64 lower-case hexadecimal digits.
 pub fn sha256(bytes: &[u8]) -> String {
     Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect()
-}
-
-/// How texture coordinates lead to the atlas: the set and the transform of a `textureInfo` object.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct Binding {
-    /// `texCoord` and `extensions.KHR_texture_transform`, as in glTF.
-    info: Map<String, Value>,
-}
-
-impl Binding {
-    /// Takes `texCoord` and `KHR_texture_transform` of any `textureInfo` object.
-    pub fn of(info: &Map<String, Value>) -> Self {
-        let mut kept = Map::new();
-        if let Some(set) = info.get("texCoord") {
-            kept.insert("texCoord".into(), set.clone());
-        }
-        if let Some(transform) = info.get("extensions").and_then(|e| e.get("KHR_texture_transform")) {
-            kept.insert("extensions".into(), json!({"KHR_texture_transform": transform}));
-        }
-        Binding { info: kept }
-    }
-
-    fn texture_transform(&self) -> Option<&Value> {
-        self.info.get("extensions")?.get("KHR_texture_transform")
-    }
-
-    /// Which `TEXCOORD_n`.
-    pub fn tex_coord(&self) -> u64 {
-        let overridden = self.texture_transform().and_then(|transform| transform.get("texCoord"));
-        overridden.or(self.info.get("texCoord")).and_then(Value::as_u64).unwrap_or(0)
-    }
-
-    /// A texture coordinate as `KHR_texture_transform` changes it.
-    pub fn transform(&self, at: [f64; 2]) -> [f64; 2] {
-        let transform = self.texture_transform();
-        let number =
-            |key: &str, k: usize, default: f64| transform.and_then(|t| t.get(key)?.get(k)?.as_f64()).unwrap_or(default);
-        let rotation = transform.and_then(|t| t.get("rotation")?.as_f64()).unwrap_or(0.0);
-        let (sin, cos) = rotation.sin_cos();
-        let (u, v) = (at[0] * number("scale", 0, 1.0), at[1] * number("scale", 1, 1.0));
-        // Counter-clockwise on the picture, whose v goes down.
-        [cos * u + sin * v + number("offset", 0, 0.0), cos * v - sin * u + number("offset", 1, 0.0)]
-    }
 }
 
 /// A stream that was found in a document.

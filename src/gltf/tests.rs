@@ -2,10 +2,14 @@ use super::appearance::Source;
 use super::export::write_geometry;
 use super::metallic_roughness::material;
 use super::*;
-use crate::asset::{Asset, Chart, Charts, Mesh, PointLight, ReflectanceMaps, View};
+use crate::asset::Asset;
 use crate::brdf::Brdf;
 use crate::image::Grid;
+use crate::mesh::Mesh;
+use crate::reflectance::maps::ReflectanceMaps;
+use crate::surface::charts::{Chart, Charts};
 use crate::surface::split::split;
+use crate::views::{PointLight, View};
 use crate::{Budget, Error, Limits, Result};
 use serde_json::{Value, json};
 

@@ -4,9 +4,9 @@
 //! with the lobes are known in closed form. The sum of the squared differences is minimised over axes, sharpness and flux. The
 //! test lobes are a little narrower than the cosine: shadows cut parts out of it.
 
-use super::minimise::{Stop, minimise};
-use super::spherical_gaussian::sphere_integral;
 use super::{Environment, SphericalGaussian};
+use crate::optimise::lbfgs::{Stop, minimise};
+use crate::sphere::gaussian::sphere_integral;
 use crate::vector::dot;
 
 /// How the fit is done.

@@ -9,9 +9,9 @@
 use super::Environment;
 use super::environment::direction_at;
 use super::fit::Projection;
-use super::octahedral::directions;
 use super::prefiltered::{Level, Light, SHARPNESS};
 use crate::image::RgbImage;
+use crate::sphere::octahedral::directions;
 use crate::vector::dot;
 use glam::Vec3A;
 use std::sync::OnceLock;

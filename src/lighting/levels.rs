@@ -4,9 +4,9 @@
 //! columns; then every cell of the level sums the pixels about its direction. Averaging pixels before blurs by their own width,
 //! interpolating between cells after by that of a cell: both are taken off the lobe's.
 
-use super::octahedral::{directions, solid_angles};
 use super::prefiltered::{Level, SHARPNESS};
 use super::{Environment, fit::spread};
+use crate::sphere::octahedral::{directions, solid_angles};
 
 /// Pixels for the standard deviation of a lobe, `1 / sqrt(sharpness)`.
 const PIXELS: f64 = 1.3;

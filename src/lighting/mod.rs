@@ -1,6 +1,6 @@
 //! Light from all around: environment maps, spherical Gaussians fitted to them, prefiltered levels.
 
-pub mod code;
+pub mod codec;
 pub mod environment;
 #[cfg(feature = "encode")]
 pub mod fit;
@@ -8,16 +8,12 @@ pub mod fit;
 pub mod follow;
 #[cfg(feature = "encode")]
 pub mod levels;
-#[cfg(feature = "encode")]
-mod minimise;
-pub mod octahedral;
 pub mod prefiltered;
 #[cfg(feature = "encode")]
 pub mod projection;
 #[cfg(feature = "encode")]
 pub mod read;
-pub mod spherical_gaussian;
 
+pub use crate::sphere::gaussian::SphericalGaussian;
 pub use environment::Environment;
 pub use prefiltered::{Level, Light};
-pub use spherical_gaussian::SphericalGaussian;

@@ -2,7 +2,7 @@
 
 use super::SphericalGaussian;
 use super::environment::turn_y;
-use super::octahedral::{Taps, directions, solid_angles, taps};
+use crate::sphere::octahedral::{Taps, directions, solid_angles, taps};
 
 /// Sharpness of the levels that the encoder makes, from a mirror's to nearly diffuse (Sonoda 2011, section 4.2).
 pub const SHARPNESS: [f64; 7] = [21_000.0, 5_250.0, 1_312.0, 328.0, 82.0, 20.0, 5.0];
@@ -21,7 +21,7 @@ pub struct Light {
 pub struct Level {
     sharpness: f64,
     size: usize,
-    /// Cells of [`super::octahedral`], row by row.
+    /// Cells of [`crate::sphere::octahedral`], row by row.
     cells: Vec<[f32; 3]>,
 }
 

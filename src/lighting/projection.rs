@@ -335,7 +335,7 @@ mod tests {
 
     fn check(environment: &Environment, tolerance: f32, only: impl Fn([f64; 3]) -> bool) {
         let mut compared = 0;
-        for d in super::super::octahedral::directions(12).into_iter().filter(|&d| only(d)) {
+        for d in crate::sphere::octahedral::directions(12).into_iter().filter(|&d| only(d)) {
             let found = environment.radiance(d);
             let wanted = linear(d);
             assert!((0..3).all(|c| (found[c] - wanted[c]).abs() < tolerance), "{d:?}: {found:?}, not {wanted:?}");

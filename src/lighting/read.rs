@@ -5,8 +5,8 @@
 
 use super::environment::{Cleaned, Environment, clean};
 use super::projection::{Projection, unwrap};
-use crate::capture::photograph::{ColorSpace, read_picture};
 use crate::error::{Error, Result};
+use crate::image::read::{ColorSpace, read_picture};
 use crate::image::{RgbImage, from_srgb};
 use crate::input::FileAccess;
 use crate::limits::Limits;

@@ -2,7 +2,7 @@
 //! compared with the dictionaries.
 
 use super::Family;
-use super::detect::{Detection, area};
+use super::detection::{Detection, area};
 use crate::image::Grid;
 use aruco_rs::ImageBuffer;
 use aruco_rs::core::dictionary::{DICTIONARY_ARUCO, DICTIONARY_ARUCO_MIP_36H12};
@@ -112,7 +112,7 @@ fn decode(family: Family, grey: &Grid<u8>, corners: [[f64; 2]; 4]) -> Option<Det
 /// The perspective map from the unit square, x to the right and y down, to four corners that go clockwise from the upper left (Heckbert
 /// 1989).
 fn unit_square_to(corners: [[f64; 2]; 4]) -> Option<impl Fn(f64, f64) -> [f64; 2]> {
-    let (across, down, constant) = super::pose::homography(corners)?;
+    let (across, down, constant) = crate::marker::homography::homography(corners)?;
     Some(move |x: f64, y: f64| {
         let p = across * x + down * y + constant;
         [p.x / p.z, p.y / p.z]

@@ -1,6 +1,7 @@
 //! Finding markers in a picture: AprilTags by the AprilTag library; ArUco markers from the contours of `aruco-rs` with its dictionaries, corners
 //! and bits read here.
 
+use super::detection::{Detection, area};
 use super::{Family, aruco};
 use crate::error::{Error, Result};
 use crate::image::Grid;
@@ -12,17 +13,6 @@ const SIDES: std::ops::RangeInclusive<usize> = 32..=16384;
 const CORRECTED_BITS: usize = 1;
 /// Pictures of more pixels are first looked at with every second pixel left out.
 const LARGE: usize = 160 * 160;
-
-/// A marker in a picture.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Detection {
-    /// Its family.
-    pub family: Family,
-    /// Its number within the family.
-    pub id: u32,
-    /// Corners in pixels (centres at +0.5): upper left, upper right, lower right, lower left, as the marker is printed.
-    pub corners: [[f64; 2]; 4],
-}
 
 /// Finds markers of some families.
 pub struct Detector {
@@ -85,13 +75,6 @@ impl Detector {
         found.dedup_by(|b, a| (a.family, a.id) == (b.family, b.id));
         Ok(found)
     }
-}
-
-/// Area of a marker in a picture, in pixels.
-pub(super) fn area(detection: &Detection) -> f64 {
-    let c = &detection.corners;
-    let twice: f64 = (0..4).map(|k| c[k][0] * c[(k + 1) % 4][1] - c[k][1] * c[(k + 1) % 4][0]).sum();
-    0.5 * twice.abs()
 }
 
 fn failed(error: apriltag::Error) -> Error {

@@ -6,15 +6,16 @@
 //!
 //! - **local**: the mesh's own coordinates, any unit.
 //! - **world**: +Y up, the ground level, at y = 0 unless the object is put elsewhere; in the rig's unit. Environments are given in these axes.
-//!   `world_of_local` ([`place::Placement`]) turns, scales and shifts the object.
+//!   `world_of_local` ([`crate::ar::placement::Placement`]) turns, scales and shifts the object.
 //! - **rig**: the markers' common frame, in the unit in which their sizes are given. A single marker's own frame: origin in its middle,
-//!   x to the right and y upwards on the print, z out of the paper towards whoever looks at it. `rig_of_world` ([`place::Stands`])
+//!   x to the right and y upwards on the print, z out of the paper towards whoever looks at it. `rig_of_world` ([`crate::ar::placement::Stands`])
 //!   says how the world's ground lies to it.
-//! - **camera**: x to the right, y down, z forward, as in [`crate::asset::Camera`]; `camera_of_rig` is the [`Pose`] found here.
+//! - **camera**: x to the right, y down, z forward, as in [`crate::views::Camera`]; `camera_of_rig` is the [`Pose`] found here.
 
 mod aruco;
 pub mod detect;
-pub mod place;
+pub mod detection;
+mod homography;
 mod pose;
 mod rig;
 pub mod track;

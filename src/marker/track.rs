@@ -1,11 +1,12 @@
 //! Poses from frame to frame.
 
-use super::detect::{Detection, Detector};
+use super::detect::Detector;
+use super::detection::Detection;
 use super::{Estimate, Rig, estimate};
-use crate::asset::Camera;
 use crate::capture::Lens;
 use crate::error::Result;
 use crate::image::Grid;
+use crate::views::Camera;
 
 /// A second pose whose error is within this factor and this many pixels of the best one's may be the true one.
 const AMBIGUOUS: (f64, f64) = (2.0, 0.15);

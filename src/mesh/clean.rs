@@ -1,6 +1,6 @@
 //! What scanners and exporters leave in a mesh that nothing later should meet: split seams, degenerate and repeated triangles.
 
-use crate::asset::Mesh;
+use super::Mesh;
 use crate::vector::cross;
 use std::collections::HashMap;
 

@@ -1,14 +1,18 @@
 //! Gathers what the photographs show of each texel and fits the reflectance maps.
 
 use super::lambert::LambertSums;
+use super::maps::ReflectanceMaps;
 use super::torrance_sparrow::{self, Lobe, Sighting};
 use super::{Geometry, lambert, palette};
-use crate::asset::{Charts, Component, Mesh, Photograph, PointLight, ReflectanceMaps, View};
 use crate::image::Grid;
+use crate::mesh::Mesh;
+use crate::options::SpecularModel;
 use crate::parallel;
 use crate::surface::atlas::AtlasRaster;
+use crate::surface::charts::Charts;
 use crate::surface::charts::NONE;
 use crate::surface::raster::{Raster, rasterise, vertex_normals};
+use crate::views::{Component, Photograph, PointLight, View};
 use std::collections::BTreeMap;
 
 /// Sightings with a smaller `cos(normal, view)` are left out: they are half of the model's error (and few of its pixels).
@@ -36,16 +40,6 @@ pub struct Sources<'a> {
     pub photographs: Vec<Option<&'a Photograph>>,
     /// What the specular component is fitted with.
     pub specular: SpecularModel,
-}
-
-/// What highlights are fitted with.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum SpecularModel {
-    /// Torrance and Sparrow's lobe for every texel.
-    #[default]
-    TorranceSparrow,
-    /// The same widths, but shapes from a palette of measured lobes (DSBRDF).
-    Dsbrdf,
 }
 
 /// Fits reflectance to every texel in use: Lambert per texel and Torrance-Sparrow per block of `BLOCK` x `BLOCK` texels of a chart,

@@ -1,7 +1,8 @@
 //! How a surface point lies between a light and a camera.
 
-use crate::asset::PointLight;
+use crate::vector::direction;
 use crate::vector::dot;
+use crate::views::PointLight;
 
 /// Smallest `cos(theta_r)` that the specular model divides by: beyond it (87 degrees) the model is cut off.
 pub const LEAST_COS_VIEW: f32 = 0.05;
@@ -37,12 +38,4 @@ impl Geometry {
             difference: (0.5 * length).clamp(0.0, 1.0).acos() as f32,
         }
     }
-}
-
-/// Unit vector from one point to another, and the squared distance.
-pub(crate) fn direction(from: [f64; 3], to: [f64; 3]) -> ([f64; 3], f64) {
-    let d: [f64; 3] = std::array::from_fn(|i| to[i] - from[i]);
-    let squared = dot(d, d);
-    let scale = if squared > 0.0 { 1.0 / squared.sqrt() } else { 0.0 };
-    (d.map(|x| x * scale), squared)
 }

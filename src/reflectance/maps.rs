@@ -1,14 +1,33 @@
 //! Reflectance of every texel of the atlas: fitted from photographs, evaluated, and as integer planes for coding.
 
 use super::palette::{self, PaletteEntry};
+use super::torrance_sparrow::SIGMA_LEVELS;
 use super::{Geometry, Lobe, lambert, torrance_sparrow};
-use crate::asset::{Component, ReflectanceMaps};
 use crate::error::{Error, Result};
 use crate::image::{Grid, Mask};
 use crate::surface::atlas::{read_colour, read_number};
+use crate::views::Component;
 
-#[cfg(feature = "encode")]
-pub use super::gather::{Sources, SpecularModel, fit_maps};
+/// Fitted reflectance on the atlas of [`Charts`].
+///
+/// With a point light of intensity `L` at distance `r`: diffuse `K_d (L / r^2) cos(theta_i)`, specular
+/// `K_s (L / r^2) / cos(theta_r) exp(-alpha^2 / (2 sigma^2))` (Miyazaki 2007, equations 7 and 8, after division by the
+/// light's irradiance). Where the lights are unknown `diffuse` is the weighted mean radiance over the views, the others
+/// are empty, and the object can't be relit. Where there is a palette, its lobes replace the specular formula, see
+/// [`crate::reflectance::palette`].
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct ReflectanceMaps {
+    /// Whether the lights were known, so that `diffuse` is a reflectance and not a radiance.
+    pub relightable: bool,
+    /// `K_d` per texel.
+    pub diffuse: Grid<[f32; 3]>,
+    /// `K_s` per texel; empty grid without a specular component.
+    pub specular: Grid<[f32; 3]>,
+    /// `sigma` per texel, radians; empty grid without a specular component.
+    pub sigma: Grid<f32>,
+    /// Shapes of highlights, by rising `sigma`; empty for those of Torrance and Sparrow.
+    pub palette: Vec<PaletteEntry>,
+}
 
 /// Radiance of one component at an atlas position. `geometry` is that of the surface point, not used by maps that hold radiance;
 /// reflectance without it is 0.
@@ -47,9 +66,6 @@ pub fn evaluate(maps: &ReflectanceMaps, component: Component, at: [f64; 2], geom
 
 /// Largest value of a colour plane: `round(sqrt(x / scale) * COLOUR_LEVELS)`. Part of the format.
 pub const COLOUR_LEVELS: i32 = 1023;
-/// Largest value of the plane of `sigma`: `round(ln(sigma / least) / ln(most / least) * SIGMA_LEVELS)`, with
-/// [`torrance_sparrow::SIGMA_RANGE`]. Part of the format.
-pub const SIGMA_LEVELS: i32 = 255;
 
 /// Reflectance maps as integers.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -135,7 +151,7 @@ pub fn from_planes(planes: &ReflectancePlanes) -> Result<ReflectanceMaps> {
     };
     if count == 7 {
         maps.specular = colour(3, planes.scales[1]);
-        maps.sigma = planes.planes[6].map(|&level| palette::sigma_of_level(level));
+        maps.sigma = planes.planes[6].map(|&level| crate::reflectance::torrance_sparrow::sigma_of_level(level));
         maps.palette.clone_from(&planes.palette);
     }
     Ok(maps)

@@ -3,9 +3,10 @@
 
 use super::Geometry;
 use super::geometry::LEAST_COS_VIEW;
+use crate::elementary;
 
 #[cfg(feature = "encode")]
-use super::levenberg_marquardt::minimise;
+use crate::optimise::levenberg_marquardt::minimise;
 
 /// Parameters of the highlight at one surface point.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -234,4 +235,23 @@ mod tests {
         assert!((filled[2].specular[0] - 0.1).abs() < 1e-6);
         assert_eq!(fill_from_neighbours(&[None, None], |_| [])[0].specular, [0.0; 3]);
     }
+}
+
+/// Largest value of the plane of `sigma`: `round(ln(sigma / least) / ln(most / least) * SIGMA_LEVELS)`, with
+/// [`torrance_sparrow::SIGMA_RANGE`]. Part of the format.
+pub const SIGMA_LEVELS: i32 = 255;
+
+/// `ln 40`, of the largest `sigma` over the smallest: 0x406C169A. Part of the format.
+const LOG_RANGE: f32 = 3.688_879_5;
+
+/// `sigma` of a level, radians.
+pub fn sigma_of_level(level: i32) -> f32 {
+    let share = level.clamp(0, SIGMA_LEVELS) as f32 / SIGMA_LEVELS as f32;
+    SIGMA_RANGE.0 * elementary::exp((share * LOG_RANGE) as f64) as f32
+}
+
+/// Level of a `sigma`, not rounded.
+pub(crate) fn level_of_sigma(sigma: f32) -> f64 {
+    let (least, most) = SIGMA_RANGE;
+    ((sigma / least) as f64).ln() / ((most / least) as f64).ln() * SIGMA_LEVELS as f64
 }

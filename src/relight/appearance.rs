@@ -1,8 +1,8 @@
 //! What the surface is made of at each point.
 
-use super::gloss::Gloss;
+use super::brdf_table::Gloss;
+use super::environment_light::level_of;
 use super::material::{Material, Specular};
-use super::surround::level_of;
 use glam::Vec3;
 
 /// Reflectance at one point.

@@ -1,17 +1,8 @@
 //! Cameras that were not captured.
 
-use crate::asset::{Asset, Camera, Mesh};
+use crate::asset::Asset;
+use crate::views::Camera;
 use glam::{DMat3, DQuat, DVec3};
-
-/// Middle of the mesh's bounding box and radius of the sphere around it that holds the mesh.
-pub fn bounds(mesh: &Mesh) -> ([f64; 3], f64) {
-    let points = || mesh.positions.iter().map(|p| DVec3::from_array(p.map(f64::from)));
-    let Some(first) = points().next() else { return ([0.0; 3], 1.0) };
-    let (low, high) = points().fold((first, first), |(low, high), p| (low.min(p), high.max(p)));
-    let middle = (low + high) / 2.0;
-    let radius = points().map(|p| (p - middle).length()).fold(0.0, f64::max);
-    (middle.to_array(), radius)
-}
 
 /// A camera at `eye` that looks at `target`, with `up` upwards in the picture. `focal` in pixels.
 pub fn look_at(eye: [f64; 3], target: [f64; 3], up: [f64; 3], focal: f64, width: u32, height: u32) -> Camera {
@@ -43,7 +34,7 @@ pub fn orbit(asset: &Asset, count: usize) -> Vec<Camera> {
         right_side += across * centre;
     }
     let views = asset.views.len() as f64;
-    let middle = DVec3::from_array(bounds(&asset.mesh).0);
+    let middle = DVec3::from_array(asset.mesh.bounding_sphere().0);
     let target = if matrix.determinant() > 1e-6 * views.powi(3) { matrix.inverse() * right_side } else { middle };
     let up = up.normalize_or(-row(&first, 1));
     let centres: Vec<DVec3> = asset.views.iter().map(|v| DVec3::from_array(v.camera.centre())).collect();
@@ -89,7 +80,7 @@ fn ring_axis(centres: &[DVec3]) -> Option<DVec3> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::asset::View;
+    use crate::views::View;
 
     #[test]
     fn an_orbit_passes_the_captured_cameras() {

@@ -2,8 +2,9 @@
 
 use super::scene::Relit;
 use super::{Layers, RenderOptions, Renderer};
-use crate::asset::{Asset, Camera, Component};
+use crate::asset::Asset;
 use crate::error::Result;
+use crate::views::{Camera, Component};
 
 /// Bounds of the factor by which detail changes the diffuse part.
 const FACTOR: [f32; 2] = [0.5, 2.0];

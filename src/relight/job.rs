@@ -2,13 +2,13 @@
 
 use super::material::{Material, Specular};
 use super::models::{TorranceSparrow, above_its_least};
-use crate::asset::Camera;
 use crate::brdf::models::{ClassicalModel, Lobe};
 use crate::brdf::{Brdf, materials};
 use crate::container::{Container, Tag};
 use crate::error::{Error, Result};
 use crate::input::Folder;
 use crate::limits::Limits;
+use crate::views::Camera;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 

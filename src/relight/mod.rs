@@ -4,51 +4,53 @@
 //! captured views (Miyazaki 2007, equations 12 to 16).
 
 mod appearance;
-mod bands;
-mod better;
+mod asset_renderer;
+mod brdf_table;
 mod cameras;
 mod detail;
-mod gloss;
+mod environment;
+mod environment_light;
+mod filtered;
 #[cfg(feature = "encode")]
 mod ground;
 #[cfg(feature = "encode")]
 pub mod job;
 mod material;
 mod models;
-mod motion;
+mod multisample;
 mod occlusion;
-mod octahedral;
-mod published;
+mod octahedral_map;
+mod realtime;
 #[cfg(feature = "encode")]
 mod reference;
-mod renderer;
 mod residual;
 mod scene;
 mod shadow;
-mod surround;
+mod spherical_gaussian;
 mod textures;
 
 pub use appearance::{Appearance, Look, Prepared, Uniform};
-pub use cameras::{bounds, look_at, orbit};
+pub use asset_renderer::Renderer;
+pub use cameras::{look_at, orbit};
 pub use detail::add_detail;
+pub use environment_light::{DistantLight, Surround, SurroundOptions};
 #[cfg(feature = "encode")]
 pub(crate) use ground::RUN;
 #[cfg(feature = "encode")]
 pub use ground::{Ground, GroundShadow, composite, ground_shadow};
 pub use material::{HalfLobe, Material, Specular, WarpedLobe, fit_lobes};
 pub use models::TorranceSparrow;
-pub use motion::{Frame, Motion};
 pub use occlusion::Occlusion;
+pub use realtime::{Frame, Motion};
 #[cfg(feature = "encode")]
 pub use reference::{ReferenceOptions, reference};
-pub use renderer::Renderer;
 pub use scene::{EnvironmentOptions, Evaluator, Object, Relit, Scene};
-pub use surround::{DistantLight, Surround, SurroundOptions};
 pub use textures::{AssetLook, Texture, TexturedLook, Textures};
 
-use crate::asset::{Asset, Camera, PointLight};
+use crate::asset::Asset;
 use crate::error::Result;
 use crate::image::{Mask, RgbImage};
+use crate::views::{Camera, PointLight};
 
 /// Which light falls on the object.
 #[derive(Debug, Clone, PartialEq)]

@@ -78,11 +78,11 @@ pub(super) fn above_its_least(brdf: Box<dyn Brdf + Send>) -> ([f64; 3], Box<dyn 
 #[cfg(all(test, feature = "encode"))]
 mod tests {
     use super::*;
-    use crate::asset::PointLight;
     use crate::brdf::Sample;
     use crate::brdf::dsbrdf::{FitOptions, fit};
     use crate::reflectance::palette::{self, PaletteEntry};
     use crate::reflectance::{Geometry, Lobe};
+    use crate::views::PointLight;
 
     /// An environment's light goes through the same function as a point light's.
     #[test]

@@ -1,8 +1,9 @@
 //! Signed spherical distances of all places of a mesh, ready to be read in any direction.
 
-use super::octahedral::to_square;
-use crate::lighting::octahedral::{self, wrap};
-use crate::surface::places::Places;
+use super::octahedral_map::to_square;
+use crate::sphere::octahedral;
+use crate::sphere::octahedral::wrap;
+use crate::surface::samples::Places;
 use crate::visibility::{self, Visibility};
 use glam::{Vec2, Vec3};
 
@@ -20,7 +21,7 @@ pub struct Occlusion {
 }
 
 impl Occlusion {
-    /// From `side * side` distances, radians, of each place in rows of [`crate::lighting::octahedral`]; a place with another number
+    /// From `side * side` distances, radians, of each place in rows of [`crate::sphere::octahedral`]; a place with another number
     /// of them counts as unshadowed.
     pub fn new<D: AsRef<[f32]>>(side: usize, places: Places, distances: impl Fn(usize) -> D + Sync + Send) -> Self {
         let pitch = side + 2;

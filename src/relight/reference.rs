@@ -3,10 +3,10 @@
 
 use super::appearance::{Appearance, Look};
 use super::scene::{Drawn, Object, Point, Relit, draw};
-use crate::asset::Camera;
 use crate::error::{Error, Result};
 use crate::lighting::Environment;
-use crate::surface::visibility::Occluders;
+use crate::surface::occluders::Occluders;
+use crate::views::Camera;
 use glam::Vec3;
 use std::f32::consts::PI;
 

@@ -1,8 +1,8 @@
 //! Captured views, photograph and model, read at surface points.
 
-use crate::asset::{Camera, Photograph};
 use crate::image::{Grid, RgbImage};
 use crate::surface::raster::Raster;
+use crate::views::{Camera, Photograph};
 
 /// A captured view counts less within this many pixels of its silhouettes, depth edges and missing pixels.
 const FEATHER: usize = 4;

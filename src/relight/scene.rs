@@ -1,16 +1,15 @@
 //! An object under light from all around: what every evaluator shares.
 
-use super::appearance::Look;
-use super::bands::Samples;
-use super::cameras::bounds;
+use super::environment_light::Surround;
+use super::multisample::Samples;
 use super::occlusion::Occlusion;
 use super::shadow::ShadowMap;
-use super::surround::Surround;
-use crate::asset::{Camera, Mesh};
 use crate::error::{Error, Result};
 use crate::image::{Grid, RgbImage};
 use crate::lighting;
+use crate::mesh::Mesh;
 use crate::surface::raster::{check_work, vertex_normals};
+use crate::views::Camera;
 use glam::{Mat3, Vec3};
 
 /// How light is summed.
@@ -110,7 +109,7 @@ pub(super) struct Point {
 }
 
 impl Point {
-    /// Tangent frame of the shading normal, see [`crate::lighting::spherical_gaussian::tangents`].
+    /// Tangent frame of the shading normal, see [`crate::sphere::gaussian::tangents`].
     #[inline]
     pub fn frame(&self) -> Mat3 {
         let normal = self.normal;
@@ -134,47 +133,6 @@ pub struct Relit {
     pub diffuse: RgbImage,
     /// Share of each pixel that shows the object.
     pub coverage: Grid<f32>,
-}
-
-impl<'a> Scene<'a> {
-    /// Prepares the light on an object.
-    pub fn new(
-        object: &'a Object<'a>,
-        surround: &'a Surround,
-        light: Option<&'a lighting::Light>,
-        options: EnvironmentOptions,
-    ) -> Result<Self> {
-        if options.evaluator == Evaluator::Published && light.is_none() {
-            return Err(Error::parameter("the published evaluator needs light fitted as lobes and levels"));
-        }
-        if options.shadows && object.occlusion.is_none() {
-            return Err(Error::parameter("shadows need the mesh's visibility: tsuya bake"));
-        }
-        if !(1..=8).contains(&options.samples) || options.taps == 0 {
-            return Err(Error::parameter("a picture needs 1 to 8 samples a side and at least one tap"));
-        }
-        let better = options.evaluator == Evaluator::Better;
-        let irradiance = if better { super::better::irradiance(object, surround, options.shadows) } else { Vec::new() };
-        let (middle, radius) = bounds(object.mesh);
-        let shadows = surround.distant.iter().filter(|_| better && options.shadows).map(|light| {
-            let position = std::array::from_fn(|k| middle[k] + 40.0 * radius * light.direction[k] as f64);
-            ShadowMap::distant(object.mesh, position)
-        });
-        let shadows = shadows.collect();
-        Ok(Scene { object, surround, light, options, irradiance, shadows })
-    }
-
-    /// Renders one picture.
-    pub fn render(&self, camera: &Camera, look: &dyn Look) -> Result<Relit> {
-        let drawn = Drawn::new(self.object, camera, self.options.samples)?;
-        Ok(draw(self.object, &drawn, |point: &Point, _| {
-            let appearance = look.at(point.triangle, point.weights, point.position);
-            match self.options.evaluator {
-                Evaluator::Published => super::published::radiance(self, point, &appearance),
-                Evaluator::Better => super::better::radiance(self, point, &appearance),
-            }
-        }))
-    }
 }
 
 /// A mesh drawn with all samples of a picture.

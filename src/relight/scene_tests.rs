@@ -2,9 +2,9 @@
 
 use super::job::JobMaterial;
 use super::*;
-use crate::asset::Mesh;
 use crate::lighting::{self, Environment};
-use crate::surface::places::Places;
+use crate::mesh::Mesh;
+use crate::surface::samples::Places;
 use crate::visibility::bake::{BakeOptions, bake};
 
 /// A ball of radius 1 over a square plate with `side` vertices along each side.

@@ -1,8 +1,9 @@
 //! Which surface points a point light reaches: a depth map drawn from the light.
 
-use super::cameras::{bounds, look_at};
-use crate::asset::{Camera, Mesh};
+use super::cameras::look_at;
+use crate::mesh::Mesh;
 use crate::surface::raster::rasterise;
+use crate::views::Camera;
 
 /// Width and height of the depth map.
 const SIDE: u32 = 1024;
@@ -24,7 +25,7 @@ pub(super) struct ShadowMap {
 impl ShadowMap {
     /// `None` for a light within the sphere around the mesh: nothing is shadowed then.
     pub(super) fn new(mesh: &Mesh, light: [f64; 3]) -> Option<Self> {
-        let (middle, radius) = bounds(mesh);
+        let (middle, radius) = mesh.bounding_sphere();
         let gap: [f64; 3] = std::array::from_fn(|k| light[k] - middle[k]);
         let squared = gap.iter().map(|x| x * x).sum::<f64>();
         let clear = squared - 1.05 * radius * radius;

@@ -1,8 +1,9 @@
 //! Assets made in memory from the test captures.
 
-use crate::asset::{Asset, Camera, Photograph};
+use crate::asset::Asset;
 use crate::surface::atlas::{AtlasRaster, layout, rasterise_atlas, texels_per_unit};
 use crate::surface::raster::rasterise;
+use crate::views::{Camera, Photograph};
 use std::path::{Path, PathBuf};
 
 /// Folder of a capture: of the test data, or the bundled sample.
@@ -37,14 +38,14 @@ pub fn fit(asset: &mut Asset, density: f64) -> AtlasRaster {
     let cameras: Vec<Camera> = asset.views.iter().map(|v| v.camera).collect();
     let charts = layout(&asset.mesh, texels_per_unit(&asset.mesh, &cameras, density)).unwrap();
     let raster = rasterise_atlas(&asset.mesh, &charts).unwrap();
-    let sources = crate::reflectance::maps::Sources {
+    let sources = crate::reflectance::gather::Sources {
         mesh: &asset.mesh,
         views: &asset.views,
         components: &asset.components,
         photographs: asset.photographs.iter().map(Option::as_ref).collect(),
         specular: Default::default(),
     };
-    asset.reflectance = Some(crate::reflectance::maps::fit_maps(&sources, &charts, &raster));
+    asset.reflectance = Some(crate::reflectance::gather::fit_maps(&sources, &charts, &raster));
     asset.charts = Some(charts);
     raster
 }

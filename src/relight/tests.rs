@@ -2,9 +2,9 @@
 
 use super::test_capture::{fit, load};
 use super::*;
-use crate::asset::{Component, Photograph, View};
 use crate::error::Error;
-use crate::measure::{FrameError, hold_out};
+use crate::metrics::{FrameError, hold_out};
+use crate::views::{Component, Photograph, View};
 
 /// Takes every sixth view out.
 fn leave_out(asset: &mut Asset) -> (Vec<View>, Vec<Photograph>) {

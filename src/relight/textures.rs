@@ -3,13 +3,15 @@
 use super::appearance::{Appearance, Look, Prepared, Uniform};
 use super::material::{Material, Specular};
 use super::models::{PaletteHighlight, TorranceSparrow};
-use crate::asset::{Asset, Charts, ReflectanceMaps};
+use crate::asset::Asset;
 use crate::brdf::Brdf;
 use crate::error::{Error, Result};
 use crate::image::Grid;
+use crate::reflectance::maps::ReflectanceMaps;
 use crate::reflectance::palette::PaletteTables;
 use crate::reflectance::torrance_sparrow::SIGMA_RANGE;
 use crate::surface::atlas::{atlas_position, read_colour, read_number};
+use crate::surface::charts::Charts;
 use glam::{DVec3, Vec3};
 use std::sync::Arc;
 

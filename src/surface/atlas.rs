@@ -1,10 +1,11 @@
 //! The atlas: which point of the surface each texel is, and reading between texels.
 
+use super::charts::Charts;
 use super::charts::NONE;
-use crate::asset::{Charts, Mesh};
 use crate::error::{Error, Result};
 use crate::image::{Grid, Mask};
 use crate::limits::Budget;
+use crate::mesh::Mesh;
 use glam::{DVec2, DVec3};
 
 #[cfg(feature = "encode")]

@@ -3,11 +3,57 @@
 //! Triangles are visited in an order that follows from the mesh alone; each is predicted to belong to the chart of one of
 //! its neighbours that were visited before, so that only the borders between charts cost bits.
 
-use crate::asset::{Chart, Charts, Mesh};
 use crate::entropy::{BitCoder, BitModel, Number, RangeDecoder, RangeEncoder};
 use crate::error::{Error, Result};
 use crate::limits::{Budget, check};
+use crate::mesh::Mesh;
 use crate::vector::cross;
+
+/// Where the triangles lie in a texture atlas: each chart is an orthographic projection along one axis of the world,
+/// so that its texture coordinates follow from the mesh and four numbers.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Charts {
+    /// Width of the atlas in texels.
+    pub width: u32,
+    /// Height of the atlas in texels.
+    pub height: u32,
+    /// Texels for one unit of world length.
+    pub texels_per_unit: f64,
+    /// The charts.
+    pub charts: Vec<Chart>,
+    /// For each triangle of the mesh the index of its chart.
+    pub chart_of_triangle: Vec<u32>,
+}
+
+/// One chart.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Chart {
+    /// Direction the chart faces: 0 +x, 1 -x, 2 +y, 3 -y, 4 +z, 5 -z.
+    pub facing: u8,
+    /// Texel position of the world origin's projection (may lie outside the atlas).
+    pub offset: [i32; 2],
+}
+
+impl Charts {
+    /// Atlas position, in texels (texel centres at +0.5), of the three corners of a triangle.
+    pub fn corners(&self, mesh: &Mesh, triangle: usize) -> [[f64; 2]; 3] {
+        let chart = self.charts[self.chart_of_triangle[triangle] as usize];
+        mesh.triangles[triangle].map(|vertex| {
+            let p = mesh.positions[vertex as usize];
+            let (u, v) = match chart.facing / 2 {
+                0 => (p[1], p[2]),
+                1 => (p[2], p[0]),
+                _ => (p[0], p[1]),
+            };
+            // The far side is mirrored so that no chart is.
+            let u = if chart.facing.is_multiple_of(2) { u as f64 } else { -(u as f64) };
+            [
+                u * self.texels_per_unit + chart.offset[0] as f64,
+                v as f64 * self.texels_per_unit + chart.offset[1] as f64,
+            ]
+        })
+    }
+}
 
 /// No triangle, no chart.
 pub const NONE: u32 = u32::MAX;

@@ -1,8 +1,10 @@
 //! Makes charts: triangles grouped by the axis they face, borders smoothed, overlaps split, charts packed.
 
+use super::charts::{Chart, Charts};
 use super::charts::{NONE, along, area_normal, dominant, neighbours, visiting_order};
-use crate::asset::{Camera, Chart, Charts, Mesh};
 use crate::error::{Error, Result};
+use crate::mesh::Mesh;
+use crate::views::Camera;
 use std::collections::{HashMap, VecDeque};
 
 /// A triangle lies in a chart only if the cosine between its normal and the chart's facing is at least this.

@@ -3,14 +3,15 @@
 
 pub mod atlas;
 pub mod charts;
-pub mod find;
 #[cfg(feature = "encode")]
 mod layout;
+#[cfg(feature = "encode")]
+pub mod occluders;
 pub mod patches;
-pub mod places;
 pub mod raster;
+pub mod reproject;
+pub mod samples;
 pub mod split;
 pub mod texels;
-#[cfg(feature = "encode")]
-pub mod visibility;
+pub mod view_geometry;
 pub mod warp;

@@ -4,7 +4,7 @@
 //! edge is the diagonal. A triangle without a partner fills its half alone. Sample `(column, row)` lies at
 //! `u = (column + 0.5) / N`, `v = (row + 0.5) / N`. The pairing follows from the mesh, so that a file needs not tell it.
 
-use crate::asset::Mesh;
+use crate::mesh::Mesh;
 use crate::vector::{cross, dot};
 use std::collections::BTreeSet;
 

@@ -3,12 +3,13 @@
 //! Decoded pictures are predicted from what this module computes, so it must give the same result everywhere: it uses
 //! IEEE double with `+ - * /` and comparisons only, in the order written (normative, `spec/planes.md`).
 
-use crate::asset::{Camera, Mesh, View};
 use crate::error::Result;
 use crate::image::Mask;
 use crate::limits::check;
+use crate::mesh::Mesh;
 use crate::parallel;
 use crate::vector::cross;
+use crate::views::{Camera, View};
 
 /// No triangle at a pixel.
 pub const NO_TRIANGLE: u32 = u32::MAX;

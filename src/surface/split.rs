@@ -1,7 +1,8 @@
 //! The mesh as renderers want it: one vertex for each corner that differs, with normal, tangent and texture coordinate.
 
+use super::charts::Charts;
 use super::raster::vertex_normals;
-use crate::asset::{Charts, Mesh};
+use crate::mesh::Mesh;
 use crate::vector::{cross, dot};
 use std::collections::HashMap;
 

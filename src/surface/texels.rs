@@ -4,11 +4,13 @@
 //! decoding, for renderers and export, and works on the signed square-root signal.
 
 use super::atlas::{AtlasRaster, atlas_position, bilinear_taps};
+use super::charts::Charts;
 use super::charts::NONE;
 use super::raster::Raster;
-use crate::asset::{Camera, Charts, Mesh};
 use crate::error::{Error, Result};
 use crate::image::{Grid, Mask, RgbImage};
+use crate::mesh::Mesh;
+use crate::views::Camera;
 use glam::DVec3;
 
 /// Weight of the squared differences between neighbouring texels against the squared errors at pixels.
@@ -215,7 +217,7 @@ mod tests {
     use super::super::atlas::{layout, rasterise_atlas, texels_per_unit};
     use super::super::raster::rasterise;
     use super::*;
-    use crate::measure::FrameError;
+    use crate::metrics::FrameError;
     use crate::relight::test_capture::load;
 
     /// Image PSNR (sum) of fitted texels over some views, with texels per pixel and seconds a view.

@@ -1,14 +1,15 @@
 //! From a mesh to its visibility: rays, signed distances, principal components, integers.
 
-use super::code::{self, Steps};
+use super::codec;
+use super::codec::Steps;
 use super::measure::measure;
 use super::principal;
 use super::rays::{Grid, Scratch, Surroundings};
 use super::{Visibility, VisibilityError};
-use crate::asset::Mesh;
 use crate::error::{Error, Result};
-use crate::lighting::octahedral;
-use crate::surface::places::Places;
+use crate::mesh::Mesh;
+use crate::sphere::octahedral;
+use crate::surface::samples::Places;
 use std::time::Instant;
 
 /// How visibility is computed.
@@ -80,9 +81,9 @@ pub fn bake(mesh: &Mesh, options: &BakeOptions) -> Result<Baked> {
     let spread = spread(&sample, &mean, &components);
     let unroot = |values: &[f32]| -> Vec<f32> { values.iter().zip(&roots).map(|(value, root)| value / root).collect() };
     let basis_error = (0.2 / (count_of_places as f64).sqrt()).clamp(0.0015, 0.007);
-    let mean = code::quantise(&unroot(&mean), basis_error);
-    let bases: Vec<code::Quantised> = (components.iter().zip(&spread))
-        .map(|(component, &spread)| code::quantise(&unroot(component), basis_error / spread.max(1e-3)))
+    let mean = codec::quantise(&unroot(&mean), basis_error);
+    let bases: Vec<codec::Quantised> = (components.iter().zip(&spread))
+        .map(|(component, &spread)| codec::quantise(&unroot(component), basis_error / spread.max(1e-3)))
         .collect();
     // 3. Weights, by least squares for the bases as they are stored.
     let rooted =
@@ -115,7 +116,7 @@ pub fn bake(mesh: &Mesh, options: &BakeOptions) -> Result<Baked> {
         .flat_map(|w| w.iter().zip(&steps).map(|(w, step)| (w / step).round().clamp(-127.0, 127.0) as i8))
         .collect();
     // 4. Section.
-    let content = code::Content {
+    let content = codec::Content {
         size: options.size,
         terms: options.terms,
         ground: options.ground_up.is_some(),
@@ -129,11 +130,11 @@ pub fn bake(mesh: &Mesh, options: &BakeOptions) -> Result<Baked> {
         places: places.clone(),
         weights: integers,
     };
-    let mut bytes = code::write(&content, mesh);
+    let mut bytes = codec::write(&content, mesh);
     let mut visibility = content.visibility();
     let seconds = start.elapsed().as_secs_f64();
     visibility.error = measure(&surroundings, &visibility);
-    code::state_error(&mut bytes, visibility.error);
+    codec::state_error(&mut bytes, visibility.error);
     Ok(Baked { bytes, visibility, seconds })
 }
 
@@ -145,10 +146,10 @@ fn check(mesh: &Mesh, options: &BakeOptions) -> Result<()> {
     if corner_missing || !mesh.positions.as_flattened().iter().all(|x| x.is_finite()) {
         return Err(Error::parameter("visibility needs a mesh whose positions are finite and whose corners exist"));
     }
-    if !code::SIZES.contains(&options.size) {
+    if !codec::SIZES.contains(&options.size) {
         return Err(Error::parameter("the grid of directions must have 8 to 128 cells a side"));
     }
-    if !(1..=code::MOST_TERMS).contains(&options.terms[0]) || options.terms[1] > code::MOST_TERMS {
+    if !(1..=codec::MOST_TERMS).contains(&options.terms[0]) || options.terms[1] > codec::MOST_TERMS {
         return Err(Error::parameter("visibility takes 1 to 64 terms, and 0 to 64 more"));
     }
     if !(options.weight_step > 0.0 && options.weight_step.is_finite()) {

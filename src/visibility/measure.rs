@@ -2,7 +2,7 @@
 
 use super::rays::{Grid, Scratch, Surroundings};
 use super::{Visibility, VisibilityError};
-use crate::lighting::octahedral;
+use crate::sphere::octahedral;
 use std::f32::consts::FRAC_PI_2;
 
 /// Places looked at, and cells along a side of the grid of exact directions.

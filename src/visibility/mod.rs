@@ -8,7 +8,7 @@
 
 #[cfg(feature = "encode")]
 pub mod bake;
-pub mod code;
+pub mod codec;
 #[cfg(feature = "encode")]
 mod measure;
 #[cfg(feature = "encode")]
@@ -16,13 +16,13 @@ mod principal;
 #[cfg(feature = "encode")]
 pub mod rays;
 
-use crate::lighting::octahedral::{Taps, taps};
-use crate::surface::places::Places;
+use crate::sphere::octahedral::{Taps, taps};
+use crate::surface::samples::Places;
 use std::f64::consts::FRAC_PI_2;
 
 /// Visibility of a mesh's places: `distance(place, direction) = mean(direction) + sum_k weight(place, k) base(direction, k)`.
 ///
-/// Directions are those of the mesh's world. Bases are functions on the octahedral grid of [`crate::lighting::octahedral`],
+/// Directions are those of the mesh's world. Bases are functions on the octahedral grid of [`crate::sphere::octahedral`],
 /// bilinear between its cells, already multiplied by the steps of their weights; weights are integers of 8 bits.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Visibility {

@@ -1,8 +1,8 @@
 //! What a vertex sees: rays against the mesh on the octahedral grid, and the edges of the visible set found by bisection.
 
-use crate::asset::Mesh;
-use crate::lighting::octahedral;
-use crate::surface::visibility::{Occluders, diagonal};
+use crate::mesh::Mesh;
+use crate::sphere::octahedral;
+use crate::surface::occluders::{Occluders, diagonal};
 use obvhs::triangle::Triangle;
 
 /// A mesh made ready for rays from its own surface.

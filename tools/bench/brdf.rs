@@ -14,8 +14,8 @@ use tsuya::brdf::forms::{AnyForm, FitSettings, fit, fit_planned};
 use tsuya::brdf::merl::MerlTable;
 use tsuya::brdf::models::{Form, Objective, read_published};
 use tsuya::brdf::plan::{Method, Plan, Population};
+use tsuya::brdf::preview::{Environment, SphereScenes, studio};
 use tsuya::brdf::rgl::RglMaterial;
-use tsuya::brdf::sphere::{Environment, SphereScenes, studio};
 
 type Result<T> = std::result::Result<T, Box<dyn Error>>;
 

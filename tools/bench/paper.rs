@@ -6,14 +6,15 @@
 use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
-use tsuya::asset::{Component, Mesh, Photograph, View};
-use tsuya::decoder::paper_photographs;
 use tsuya::image::Mask;
-use tsuya::measure::FrameError;
-use tsuya::paper::encode::{fit_model, sample_errors};
-use tsuya::paper::{Encoded, Frame, Options, Samples, decode, encode};
+use tsuya::mesh::Mesh;
+use tsuya::metrics::FrameError;
 use tsuya::residual::volume::Effort;
 use tsuya::surface::raster::coverage;
+use tsuya::views::{Component, Photograph, View};
+use tsuya::wavelet_texture::decode::photographs;
+use tsuya::wavelet_texture::encode::{fit_model, sample_errors};
+use tsuya::wavelet_texture::{Encoded, Frame, Options, Samples, decode, encode};
 use tsuya::{Budget, Limits};
 
 type Result<T> = std::result::Result<T, Box<dyn Error>>;
@@ -99,7 +100,7 @@ fn report(
     let budget = Budget::new(Limits::default());
     let decoded = decode(&encoded.bytes, &capture.mesh, &COMPONENTS, capture.views.len(), &budget)?;
     let errors = sample_errors(samples, &decoded, capture.white);
-    let photographs = paper_photographs(&decoded, &capture.mesh, &capture.views, |_| true);
+    let photographs = photographs(&decoded, &capture.mesh, &capture.views, |_| true);
     let mut total = FrameError::default();
     for ((original, decoded), covered) in
         capture.photographs.iter().zip(photographs.iter().flatten()).zip(&capture.covered)

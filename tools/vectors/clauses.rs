@@ -210,7 +210,7 @@ fn file_with(sections: &[(&[u8; 4], u8, &[u8])], varint: impl Fn(usize) -> Vec<u
 
 /// container.md: files that must be refused, and why.
 fn refused() -> tsuya::Result<Vec<Value>> {
-    let light = tsuya::lighting::code::encode(&Default::default(), &Default::default())?.0;
+    let light = tsuya::lighting::codec::encode(&Default::default(), &Default::default())?.0;
     let whole = file(&[(b"lIGt", 2, &light)]);
     let long = file_with(&[(b"lIGt", 2, &light)], |length| vec![length as u8 | 128, 0]);
     let changed = |at: usize, bits: u8| {

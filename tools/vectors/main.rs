@@ -11,12 +11,12 @@ mod clauses;
 use std::path::{Path, PathBuf};
 use tsuya::brdf::materials::{self, FittedMaterial, NamedMaterial};
 use tsuya::brdf::models::{ClassicalModel, Lobe};
-use tsuya::brdf::{Sample, dsbrdf, tuned};
+use tsuya::brdf::{Sample, compact, dsbrdf};
 use tsuya::container::{SectionCodec, Tag, Writer, edit};
 use tsuya::encoder::encode;
-use tsuya::lighting::spherical_gaussian::SphericalGaussian;
 use tsuya::lighting::{Level, Light};
 use tsuya::options::{Decoding, EncodeOptions, Profile, SpecularModel, Target};
+use tsuya::sphere::gaussian::SphericalGaussian;
 use tsuya::visibility::bake::{BakeOptions, bake};
 
 type Outcome<T> = Result<T, Box<dyn std::error::Error>>;
@@ -64,7 +64,7 @@ fn light() -> Outcome<Vec<u8>> {
         Level::new(sharpness, size, (0..size * size).map(cell).collect()).ok_or("not a level")
     };
     let light = Light { diffuse: vec![lobe(0.5), lobe(-0.25)], levels: vec![level(80.0, 16)?, level(5.0, 8)?] };
-    Ok(tsuya::lighting::code::encode(&light, &Default::default())?.0)
+    Ok(tsuya::lighting::codec::encode(&light, &Default::default())?.0)
 }
 
 /// One material in each form.
@@ -75,7 +75,7 @@ fn two_materials() -> Outcome<Vec<u8>> {
     let named = |name: &str, material| NamedMaterial { name: name.into(), material };
     Ok(materials::encode(&[
         named("lobes", FittedMaterial::Lobes(dsbrdf::fit(&samples, &Default::default())?)),
-        named("compact", FittedMaterial::Tuned(tuned::fit(&samples, &Default::default())?)),
+        named("compact", FittedMaterial::Tuned(compact::fit(&samples, &Default::default())?)),
     ])?)
 }
 

@@ -4,9 +4,12 @@ mod parts;
 mod pictures;
 
 use arbitrary::{Result, Unstructured};
-use tsuya::asset::{Charts, Component, Mesh, View};
-use tsuya::container::{SectionCodec, Tag, metadata, thumbnail, views};
-use tsuya::{Budget, Limits, lighting, mesh, paper, reflectance, surface, tuned, visibility};
+use tsuya::container::{SectionCodec, Tag, metadata, thumbnail};
+use tsuya::mesh::Mesh;
+use tsuya::surface::charts::Charts;
+use tsuya::views::codec;
+use tsuya::views::{Component, View};
+use tsuya::{Budget, Limits, lighting, mesh, predictive, reflectance, surface, visibility, wavelet_texture};
 
 /// What sections are made for, as a decoder has it.
 #[derive(Debug)]
@@ -14,7 +17,7 @@ pub struct Object {
     /// The mesh and its section.
     pub mesh: (Mesh, Vec<u8>),
     /// The views and their section.
-    pub views: (views::ViewsSection, Vec<u8>),
+    pub views: (codec::ViewsSection, Vec<u8>),
     /// The atlas and its section.
     pub charts: (Charts, Vec<u8>),
 }
@@ -83,15 +86,17 @@ impl Object {
         match tag {
             Tag::METADATA => drop(metadata::decode(bytes, &budget)),
             Tag::THUMBNAIL => drop(thumbnail::decode(bytes.to_vec())),
-            Tag::MESH => drop(mesh::code::decode(bytes, &budget)),
-            Tag::VIEWS => drop(views::decode(bytes, &budget)),
+            Tag::MESH => drop(mesh::codec::decode(bytes, &budget)),
+            Tag::VIEWS => drop(codec::decode(bytes, &budget)),
             Tag::CHARTS => drop(surface::charts::decode(bytes, mesh, &budget)),
-            Tag::REFLECTANCE => drop(reflectance::code::decode(bytes, mesh, &self.charts.0, &budget)),
+            Tag::REFLECTANCE => drop(reflectance::codec::decode(bytes, mesh, &self.charts.0, &budget)),
             Tag::PLANES => pictures::read_planes(bytes, self),
-            Tag::PAPER => drop(paper::decode(bytes, mesh, self.components(), self.all_views().len(), &budget)),
+            Tag::PAPER => {
+                drop(wavelet_texture::decode(bytes, mesh, self.components(), self.all_views().len(), &budget))
+            }
             Tag::MATERIALS => drop(tsuya::brdf::materials::decode(bytes, &budget)),
-            Tag::VISIBILITY => drop(visibility::code::decode(bytes, mesh, &budget)),
-            _ => drop(lighting::code::decode(bytes, &budget)),
+            Tag::VISIBILITY => drop(visibility::codec::decode(bytes, mesh, &budget)),
+            _ => drop(lighting::codec::decode(bytes, &budget)),
         }
     }
 
@@ -107,7 +112,7 @@ impl Object {
 }
 
 /// The head of section `PLAN` of any value comes back.
-pub fn planes_header(u: &mut Unstructured) -> Result<tuned::header::Header> {
+pub fn planes_header(u: &mut Unstructured) -> Result<predictive::header::Header> {
     pictures::header(u)
 }
 

@@ -4,16 +4,20 @@ use super::{budget, number, positive};
 use crate::scene;
 use arbitrary::{Result, Unstructured};
 use serde_json::{Map, Value};
-use tsuya::asset::{Charts, Mesh, PointLight, ReflectanceMaps, View};
+use tsuya::brdf::compact::TunedMaterial;
 use tsuya::brdf::dsbrdf::LobeMaterial;
 use tsuya::brdf::materials::{self, FittedMaterial, NamedMaterial};
-use tsuya::brdf::tuned::TunedMaterial;
 use tsuya::container::metadata::{self, Metadata};
-use tsuya::container::{thumbnail, views};
+use tsuya::container::thumbnail;
 use tsuya::image::Grid;
 use tsuya::lighting::{self, Level, Light, SphericalGaussian};
-use tsuya::reflectance::code::MapSteps;
+use tsuya::mesh::Mesh;
+use tsuya::reflectance::codec::MapSteps;
+use tsuya::reflectance::maps::ReflectanceMaps;
 use tsuya::reflectance::palette::PaletteEntry;
+use tsuya::surface::charts::Charts;
+use tsuya::views::codec;
+use tsuya::views::{PointLight, View};
 use tsuya::visibility::bake::{BakeOptions, bake};
 use tsuya::{mesh as meshes, reflectance as reflectances, surface, visibility as visibilities};
 
@@ -28,14 +32,14 @@ pub fn mesh(u: &mut Unstructured) -> Result<(Mesh, Vec<u8>)> {
         let count = mesh.triangles.len();
         mesh.triangles.truncate(u.int_in_range(1..=count)?);
     }
-    let options = meshes::code::MeshOptions { position_bits: u.int_in_range(1..=24)? };
-    let coded = match meshes::code::encode(&mesh, &options) {
+    let options = meshes::codec::MeshOptions { position_bits: u.int_in_range(1..=24)? };
+    let coded = match meshes::codec::encode(&mesh, &options) {
         Ok(coded) => coded,
         // Positions that no lattice holds, or too few bits for so many.
-        Err(_) => meshes::code::encode(&scene::mesh(), &meshes::code::MeshOptions { position_bits: 12 })
+        Err(_) => meshes::codec::encode(&scene::mesh(), &meshes::codec::MeshOptions { position_bits: 12 })
             .expect("an octahedron can be coded"),
     };
-    let again = meshes::code::decode(&coded.bytes, &budget()).expect("our own mesh");
+    let again = meshes::codec::decode(&coded.bytes, &budget()).expect("our own mesh");
     assert!(again == coded.mesh, "the mesh comes back another");
     Ok((coded.mesh, coded.bytes))
 }
@@ -65,7 +69,7 @@ fn any_mesh(u: &mut Unstructured) -> Result<Mesh> {
 }
 
 /// Views as a decoder has them, and their section.
-pub fn views(u: &mut Unstructured, mesh: &Mesh) -> Result<(views::ViewsSection, Vec<u8>)> {
+pub fn views(u: &mut Unstructured, mesh: &Mesh) -> Result<(codec::ViewsSection, Vec<u8>)> {
     let count = u.int_in_range(1..=4)?;
     let mut sizes = Vec::new();
     for _ in 0..count {
@@ -80,17 +84,17 @@ pub fn views(u: &mut Unstructured, mesh: &Mesh) -> Result<(views::ViewsSection, 
     if u.ratio(1, 8)? {
         white[1] = number(u)? as f64;
     }
-    let section = views::ViewsSection { white, components, views: all };
-    let (section, bytes) = match views::encode(&section, &mesh.positions) {
+    let section = codec::ViewsSection { white, components, views: all };
+    let (section, bytes) = match codec::encode(&section, &mesh.positions) {
         Ok(bytes) => (section, bytes),
         Err(_) => {
             let views = scene::views_of(&sizes);
-            let section = views::ViewsSection { white: scene::WHITE, components: section.components, views };
-            let bytes = views::encode(&section, &scene::mesh().positions).expect("plain views can be coded");
+            let section = codec::ViewsSection { white: scene::WHITE, components: section.components, views };
+            let bytes = codec::encode(&section, &scene::mesh().positions).expect("plain views can be coded");
             (section, bytes)
         }
     };
-    let again = views::decode(&bytes, &budget()).expect("our own views");
+    let again = codec::decode(&bytes, &budget()).expect("our own views");
     assert_eq!((&again.components, again.views.len()), (&section.components, section.views.len()));
     for (again, view) in again.views.iter().zip(&section.views) {
         assert_eq!(
@@ -172,8 +176,8 @@ pub fn reflectance(u: &mut Unstructured, mesh: &Mesh, charts: &Charts) -> Result
     }
     let steps = [positive(u)?, positive(u)?, positive(u)?].map(|step| step.clamp(0.05, 200.0));
     let steps = MapSteps { diffuse: steps[0], specular: steps[1], sigma: steps[2] };
-    let Ok((bytes, decoded)) = reflectances::code::encode(&maps, mesh, charts, &steps, 0.15) else { return Ok(None) };
-    let again = reflectances::code::decode(&bytes, mesh, charts, &budget()).expect("our own maps");
+    let Ok((bytes, decoded)) = reflectances::codec::encode(&maps, mesh, charts, &steps, 0.15) else { return Ok(None) };
+    let again = reflectances::codec::decode(&bytes, mesh, charts, &budget()).expect("our own maps");
     assert!(again == decoded, "the maps come back others");
     Ok(Some(bytes))
 }
@@ -225,9 +229,9 @@ pub fn light(u: &mut Unstructured) -> Result<Option<Vec<u8>>> {
         let cells = (0..size * size).map(|at| if at % 13 == 0 { [bright, dim, 1.0] } else { [dim; 3] }).collect();
         light.levels.extend(Level::new(positive(u)? as f64, size, cells));
     }
-    let options = lighting::code::StoreOptions { step: positive(u)? };
-    let Ok((bytes, decoded)) = lighting::code::encode(&light, &options) else { return Ok(None) };
-    let again = lighting::code::decode(&bytes, &budget()).expect("our own light");
+    let options = lighting::codec::StoreOptions { step: positive(u)? };
+    let Ok((bytes, decoded)) = lighting::codec::encode(&light, &options) else { return Ok(None) };
+    let again = lighting::codec::decode(&bytes, &budget()).expect("our own light");
     assert!(again == decoded, "the light comes back another");
     Ok(Some(bytes))
 }
@@ -242,7 +246,7 @@ pub fn visibility(u: &mut Unstructured, mesh: &Mesh) -> Result<Option<Vec<u8>>> 
         places: u.int_in_range(0..=64)?,
     };
     let Ok(baked) = bake(mesh, &options) else { return Ok(None) };
-    let again = visibilities::code::decode(&baked.bytes, mesh, &budget()).expect("our own visibility");
+    let again = visibilities::codec::decode(&baked.bytes, mesh, &budget()).expect("our own visibility");
     assert!(again == baked.visibility, "the visibility comes back another");
     Ok(Some(baked.bytes))
 }

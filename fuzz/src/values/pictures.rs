@@ -3,14 +3,15 @@
 use super::{Object, budget, number, positive};
 use crate::scene;
 use arbitrary::{Result, Unstructured};
-use tsuya::asset::Photograph;
 use tsuya::options::Decoding;
+use tsuya::predictive;
+use tsuya::predictive::encode::{Encoder, Quality};
+use tsuya::predictive::header::{CodedStep, Header, PREFIX_BYTES};
+use tsuya::predictive::order::{MOST_REFERENCES, Step};
+use tsuya::predictive::{ComponentCoding, MaskCoding, PlaneCoding};
 use tsuya::residual::coefficients::Modelling;
-use tsuya::tuned::encode::{Encoder, Quality};
-use tsuya::tuned::header::{CodedStep, Header, PREFIX_BYTES};
-use tsuya::tuned::order::{MOST_REFERENCES, Step};
-use tsuya::tuned::{self, ComponentCoding, MaskCoding, PlaneCoding};
-use tsuya::{paper, surface};
+use tsuya::views::Photograph;
+use tsuya::{surface, wavelet_texture};
 
 /// Photographs of the object, changed here and there.
 fn photographs(u: &mut Unstructured, object: &Object) -> Result<Vec<Photograph>> {
@@ -64,7 +65,14 @@ fn decode_planes(bytes: &[u8], object: &Object) -> tsuya::Result<Vec<Option<Phot
         let length: usize = step.lengths.iter().map(|&l| l as usize).sum();
         Ok(body.get(step.offset as usize..).and_then(|rest| rest.get(..length)).map(<[u8]>::to_vec))
     };
-    tuned::decode::decode(&header, &object.mesh.0, (object.all_views(), object.views.0.white), |_| true, read, &budget)
+    predictive::decode::decode(
+        &header,
+        &object.mesh.0,
+        (object.all_views(), object.views.0.white),
+        |_| true,
+        read,
+        &budget,
+    )
 }
 
 /// Reads a section `PLAN` that may be damaged, its checksums put right.
@@ -78,20 +86,20 @@ pub fn read_planes(bytes: &[u8], object: &Object) {
 pub fn paper(u: &mut Unstructured, object: &Object) -> Result<Option<Vec<u8>>> {
     let (mesh, views, components) = (&object.mesh.0, object.all_views(), object.components());
     let photographs = photographs(u, object)?;
-    let frames: Vec<paper::Frame> = (views.iter().zip(&photographs))
-        .map(|(view, taken)| paper::Frame { view, mask: Some(&taken.mask), images: &taken.images })
+    let frames: Vec<wavelet_texture::Frame> = (views.iter().zip(&photographs))
+        .map(|(view, taken)| wavelet_texture::Frame { view, mask: Some(&taken.mask), images: &taken.images })
         .collect();
-    let samples = paper::Samples::gather(mesh, &frames, *u.choose(&[0.1, 1.0, 3.0])?);
-    let model = if u.arbitrary()? { Some(paper::encode::fit_model(&samples, components)) } else { None };
-    let options = paper::Options {
+    let samples = wavelet_texture::Samples::gather(mesh, &frames, *u.choose(&[0.1, 1.0, 3.0])?);
+    let model = if u.arbitrary()? { Some(wavelet_texture::encode::fit_model(&samples, components)) } else { None };
+    let options = wavelet_texture::Options {
         keep_percent: u.int_in_range(0..=100)? as f64,
         view_levels: u.int_in_range(0..=7)?,
         relative_step: positive(u)?.clamp(0.05, 2.0),
         ..Default::default()
     };
-    let Ok(encoded) = paper::encode(&samples, components, model.as_ref(), &options) else { return Ok(None) };
-    let decoded =
-        paper::decode(&encoded.bytes, mesh, components, views.len(), &budget()).expect("our own section of paper");
+    let Ok(encoded) = wavelet_texture::encode(&samples, components, model.as_ref(), &options) else { return Ok(None) };
+    let decoded = wavelet_texture::decode(&encoded.bytes, mesh, components, views.len(), &budget())
+        .expect("our own section of paper");
     let hit = |x: usize, y: usize| Some(((x + y) as u32 % mesh.triangles.len() as u32, [0.25, 0.25, 0.5]));
     for (index, view) in views.iter().enumerate() {
         let photograph = decoded.photograph(index, view, hit);

@@ -8,9 +8,9 @@ use serde_json::{Value, json};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use tsuya::Error;
-use tsuya::asset::Camera;
 use tsuya::capture::align::{align, apply, read_points};
 use tsuya::capture::{ReadOptions, describe};
+use tsuya::views::Camera;
 
 /// Registers a mesh to a capture by points marked in its photographs.
 ///

@@ -14,8 +14,9 @@ use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use tsuya::Error;
+use tsuya::ar::placement::{Placement, Stands};
 use tsuya::ar::{Done, Light, Options, Quality, Shot, Times, run};
-use tsuya::asset::{Asset, metres, upright};
+use tsuya::asset::{Asset, metres};
 use tsuya::capture::calibration::{self, Calibration};
 use tsuya::decoder::Selection;
 use tsuya::image::Mask;
@@ -24,8 +25,8 @@ use tsuya::lighting::projection::{Fisheye, Looks, Projection, Unwrapper};
 use tsuya::lighting::read::{ReadOptions, raise_clipped, read};
 use tsuya::lighting::{self, Environment};
 use tsuya::marker::Rig;
-use tsuya::marker::place::{Placement, Stands};
 use tsuya::relight::{AssetLook, Renderer};
+use tsuya::views::upright;
 
 /// Columns of the environments that light is taken from: those that stay, and those of sequences.
 const COLUMNS: std::ops::RangeInclusive<usize> = 512..=2048;

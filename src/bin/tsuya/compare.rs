@@ -10,10 +10,11 @@ use clap::Args;
 use serde_json::{Value, json};
 use std::fmt::Write;
 use std::path::PathBuf;
-use tsuya::asset::Photograph;
 use tsuya::encoder::sum_of_components;
-use tsuya::measure::{self, Picture};
+use tsuya::metrics;
+use tsuya::metrics::Picture;
 use tsuya::relight::{Lighting, RenderOptions, Renderer};
+use tsuya::views::Photograph;
 
 /// How much differences of the signal are amplified in pictures.
 pub const AMPLIFICATION: f64 = 8.0;
@@ -98,11 +99,11 @@ const SHOWN_WIDTH: usize = 384;
 pub fn side_by_side(original: &Photograph, decoded: &Photograph, white: [f64; 3]) -> Picture {
     let wanted = pictures::masked(&sum_of_components(original), &original.mask);
     let got = sum_of_components(decoded);
-    let difference = measure::difference(&wanted, &got, &original.mask, white, AMPLIFICATION);
+    let difference = metrics::difference(&wanted, &got, &original.mask, white, AMPLIFICATION);
     let factor = (SHOWN_WIDTH / wanted.width.max(1)).max(1);
     let shown = [
-        measure::to_display(&wanted, white),
-        measure::to_display(&pictures::masked(&got, &decoded.mask), white),
+        metrics::to_display(&wanted, white),
+        metrics::to_display(&pictures::masked(&got, &decoded.mask), white),
         difference,
     ];
     pictures::beside(&shown.map(|picture| pictures::enlarged(&picture, factor)))
@@ -144,7 +145,7 @@ pub fn report(comparison: &Comparison) -> Value {
 
 fn table(comparison: &Comparison) -> String {
     let mut text = String::from("view                              diffuse  specular     sum     SSIM\n");
-    let figures = |psnr: &measure::ImagePsnr| {
+    let figures = |psnr: &metrics::ImagePsnr| {
         format!("{:>8} {:>9} {:>7}", decibel(psnr.diffuse), decibel(psnr.specular), decibel(psnr.sum))
     };
     let ssim = |value: Option<f64>| value.map_or_else(|| "-".into(), |s| format!("{s:.4}"));

@@ -5,13 +5,15 @@ use crate::{progress, source};
 use anyhow::{Context, Result};
 use std::path::Path;
 use tsuya::Error;
-use tsuya::asset::{Asset, Photograph, View};
+use tsuya::asset::Asset;
 use tsuya::decoder::Selection;
 use tsuya::encoder::sum_of_components;
-use tsuya::measure::{self, FrameError, HeldOut};
+use tsuya::metrics;
+use tsuya::metrics::{FrameError, HeldOut};
 use tsuya::relight::Renderer;
 use tsuya::separate::separate;
 use tsuya::surface::raster::rasterise;
+use tsuya::views::{Photograph, View};
 
 /// The result.
 pub struct Comparison {
@@ -111,7 +113,7 @@ pub fn compare(file: &Path, capture: &Path, reading: &CaptureArguments, held_out
     let ssim = (!similar.is_empty()).then(|| similar.iter().sum::<f64>() / similar.len() as f64);
     let held_out_error = if held_out && !left_out.is_empty() {
         let (views, originals): (Vec<View>, Vec<Photograph>) = left_out.iter().cloned().unzip();
-        Some(measure::hold_out(&asset, &views, &originals).context("held-out views")?)
+        Some(metrics::hold_out(&asset, &views, &originals).context("held-out views")?)
     } else {
         None
     };
@@ -142,7 +144,7 @@ fn measure_frames(asset: &Asset, frames: &mut [Compared]) {
         let mut both = frame.original.mask.clone();
         both.data.iter_mut().zip(&covered.data).for_each(|(inside, covered)| *inside &= covered);
         let (wanted, got) = (sum_of_components(&frame.original), sum_of_components(decoded));
-        frame.ssim = measure::ssim(&wanted, &got, &both, asset.white);
+        frame.ssim = metrics::ssim(&wanted, &got, &both, asset.white);
     });
 }
 

@@ -9,7 +9,7 @@ use std::path::PathBuf;
 use tsuya::Error;
 use tsuya::capture::read_radiance;
 use tsuya::image::RgbImage;
-use tsuya::measure::to_display;
+use tsuya::metrics::to_display;
 use tsuya::relight::{Ground, Surround, SurroundOptions, composite, ground_shadow};
 
 /// Puts an object into a photograph whose camera and surroundings are known.

@@ -13,9 +13,11 @@ use serde_json::json;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 use tsuya::Error;
-use tsuya::asset::{Asset, Photograph};
-use tsuya::container::{Container, Tag, views};
+use tsuya::asset::Asset;
+use tsuya::container::{Container, Tag};
 use tsuya::decoder::{DecodeOptions, Selection, decode_each, decode_from};
+use tsuya::views::Photograph;
+use tsuya::views::codec;
 
 /// Decodes a file into a folder: photographs, masks, mesh, reflectance maps and a transforms.json that `tsuya encode` reads.
 #[derive(Args)]
@@ -172,7 +174,7 @@ impl Decode {
             return Ok(Selection::All);
         }
         let budget = file.budget();
-        let views = views::decode(&file.read_section(Tag::VIEWS)?, &budget)?.views;
+        let views = codec::decode(&file.read_section(Tag::VIEWS)?, &budget)?.views;
         let wanted: tsuya::Result<Vec<usize>> = self.views.iter().map(|wanted| find_view(wanted, &views)).collect();
         Ok(Selection::Views(wanted?))
     }

@@ -9,14 +9,15 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use tsuya::Error;
-use tsuya::asset::{Asset, Photograph};
+use tsuya::asset::Asset;
 use tsuya::capture::{self, ReadOptions};
 use tsuya::decoder::{DecodeOptions, decode};
 use tsuya::encoder::{Encoded, encode};
-use tsuya::measure::to_display;
+use tsuya::metrics::to_display;
 use tsuya::options::{EncodeOptions, Profile, Target};
 use tsuya::relight::{Lighting, RenderOptions, Renderer, orbit};
 use tsuya::separate::separate;
+use tsuya::views::Photograph;
 
 /// The sample capture in the source folder.
 const SAMPLE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/sample-spot");
@@ -135,7 +136,7 @@ fn row(name: &str, encoded: &Encoded, photograph_bytes: u64, seconds: f64) -> St
 }
 
 /// The first view under its captured light and, where lights are known, under that of a view from another side.
-fn relit(renderer: &Renderer, asset: &Asset) -> Result<tsuya::measure::Picture> {
+fn relit(renderer: &Renderer, asset: &Asset) -> Result<tsuya::metrics::Picture> {
     let first = asset.views[0].camera;
     let shown = (SHOWN_WIDTH / first.width.max(1) as usize).max(1);
     let camera = enlarge(first, shown);
@@ -155,9 +156,9 @@ fn relit(renderer: &Renderer, asset: &Asset) -> Result<tsuya::measure::Picture> 
 }
 
 /// The same view with `factor` times as many pixels each way.
-fn enlarge(camera: tsuya::asset::Camera, factor: usize) -> tsuya::asset::Camera {
+fn enlarge(camera: tsuya::views::Camera, factor: usize) -> tsuya::views::Camera {
     let scale = factor as f64;
-    tsuya::asset::Camera {
+    tsuya::views::Camera {
         width: camera.width * factor as u32,
         height: camera.height * factor as u32,
         focal: camera.focal.map(|focal| focal * scale),

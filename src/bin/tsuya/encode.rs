@@ -9,10 +9,10 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use tsuya::Error;
-use tsuya::asset::Component;
 use tsuya::encoder::{Encoded, encode};
-use tsuya::measure::ImagePsnr;
+use tsuya::metrics::ImagePsnr;
 use tsuya::options::{Decoding, EncodeOptions, Profile, SpecularModel, Target};
+use tsuya::views::Component;
 
 /// Encodes a capture: photographs with their cameras, and a mesh, into one .tsuya file.
 #[derive(Args)]

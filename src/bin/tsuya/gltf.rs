@@ -9,15 +9,16 @@ use clap::{Args, Subcommand};
 use rayon::prelude::*;
 use serde_json::json;
 use std::path::{Path, PathBuf};
-use tsuya::asset::{Asset, Component, Photograph};
+use tsuya::asset::Asset;
 use tsuya::container;
 use tsuya::decoder::{DecodeOptions, Selection, decode};
 use tsuya::encoder::sum_of_components;
 use tsuya::gltf::{self, Document, ExportOptions, Fallback, Fit, Placement};
 use tsuya::input::{FileAccess, Folder};
-use tsuya::measure::{FrameError, to_display};
+use tsuya::metrics::{FrameError, to_display};
 use tsuya::relight::{Layers, Lighting, RenderOptions, Renderer};
 use tsuya::surface::raster::rasterise;
+use tsuya::views::{Component, Photograph};
 use tsuya::{Budget, Error};
 
 /// Exports to glTF and back: the file's stream travels in the extension TSUYA_materials_appearance, with a material that every viewer shows.

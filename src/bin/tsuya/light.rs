@@ -13,7 +13,7 @@ use tsuya::lighting;
 use tsuya::lighting::fit::{self, FitOptions};
 use tsuya::lighting::projection::{Fisheye, Looks, Projection};
 use tsuya::lighting::read::{ReadOptions, read};
-use tsuya::lighting::{Environment, code, levels};
+use tsuya::lighting::{Environment, codec, levels};
 
 /// Environments as light: fits lobes and prefilters levels.
 #[derive(Args)]
@@ -137,7 +137,7 @@ impl Fit {
         let levels = levels::levels(&environment, self.level_size.into());
         let levels_seconds = start.elapsed().as_secs_f64();
         let (bytes, light) =
-            code::encode(&lighting::Light { diffuse, levels }, &code::StoreOptions { step: self.step })?;
+            codec::encode(&lighting::Light { diffuse, levels }, &codec::StoreOptions { step: self.step })?;
         let figures = Figures::new(&environment, &light, [diffuse_seconds, levels_seconds], bytes.len());
         drop(busy);
         let Some(path) = &self.output else { return figures.report(self.json) };

@@ -5,7 +5,7 @@ use exr::prelude::{Encoding, Image, SpecificChannels, Vec2, WritableImage, f16};
 use image::{ExtendedColorType, ImageFormat};
 use std::io::Cursor;
 use tsuya::image::{Grid, Mask, RgbImage, to_srgb};
-use tsuya::measure::Picture;
+use tsuya::metrics::Picture;
 
 /// 8-bit PNG.
 pub fn png(picture: &Picture) -> Result<Vec<u8>> {

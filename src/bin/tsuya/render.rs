@@ -7,13 +7,14 @@ use anyhow::Result;
 use clap::{Args, ValueEnum};
 use std::path::{Path, PathBuf};
 use tsuya::Error;
-use tsuya::asset::{Asset, Camera, PointLight};
+use tsuya::asset::Asset;
 use tsuya::decoder::Selection;
 use tsuya::image::RgbImage;
 use tsuya::input::Folder;
-use tsuya::measure::to_display;
+use tsuya::metrics::to_display;
 use tsuya::relight::job::{JobEnvironment, JobEvaluator};
 use tsuya::relight::{self, Layers, Lighting, RenderOptions, Renderer};
+use tsuya::views::{Camera, PointLight};
 
 /// Renders pictures of the object.
 #[derive(Args)]

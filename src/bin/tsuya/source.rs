@@ -78,7 +78,7 @@ pub fn decode(path: &Path, selection: Selection) -> Result<(Asset, u64)> {
 pub fn read_light(path: &Path) -> Result<tsuya::lighting::Light> {
     let mut file = open_container(path)?;
     let section = file.read_section(Tag::LIGHT).with_context(|| name(path))?;
-    tsuya::lighting::code::decode(&section, &file.budget()).with_context(|| name(path))
+    tsuya::lighting::codec::decode(&section, &file.budget()).with_context(|| name(path))
 }
 
 /// How messages call a file.

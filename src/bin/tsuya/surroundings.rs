@@ -4,17 +4,19 @@ use crate::source;
 use crate::values::OutsideArgument;
 use anyhow::Result;
 use std::path::{Path, PathBuf};
-use tsuya::asset::{Asset, Camera, Mesh};
+use tsuya::asset::Asset;
 use tsuya::decoder::Selection;
 use tsuya::image::RgbImage;
 use tsuya::input::{FileAccess, Folder};
 use tsuya::lighting::read::ReadOptions;
 use tsuya::lighting::{self, Environment, fit, levels};
+use tsuya::mesh::Mesh;
 use tsuya::relight::job::{Job, JobEnvironment, JobEvaluator, JobMaterial, Parameter};
 use tsuya::relight::{
     AssetLook, EnvironmentOptions, Evaluator, Look, Object, Occlusion, ReferenceOptions, Relit, Renderer, Scene,
     Surround, SurroundOptions, Texture, TexturedLook, Textures, Uniform, add_detail, reference,
 };
+use tsuya::views::Camera;
 use tsuya::visibility::Visibility;
 use tsuya::visibility::bake::{BakeOptions, bake};
 use tsuya::{Error, mesh};

@@ -7,9 +7,10 @@ use crate::{Failed, output, progress, source};
 use anyhow::{Context, Result};
 use clap::Args;
 use std::path::PathBuf;
-use tsuya::asset::{Asset, Photograph};
+use tsuya::asset::Asset;
 use tsuya::container::{self, Tag, metadata::Metadata, thumbnail};
 use tsuya::decoder::{DecodeOptions, decode_each};
+use tsuya::views::Photograph;
 
 /// The achieved error in the file is rounded; platforms may differ in the last bits of what they measure.
 const TOLERANCE_DB: f64 = 0.05;

@@ -5,7 +5,7 @@
 //! mirror-like. Between the middles of slices the logarithms of the parameters follow a monotone cubic (Fritsch and Butland 1984); beyond
 //! the first and last middle they stay.
 
-mod code;
+mod codec;
 mod fit;
 mod spline;
 

@@ -1,6 +1,7 @@
 //! The angles of a table's cells.
 
 use super::{CELLS, HalfDifference, PHI_D_BINS, THETA_D_BINS, THETA_H_BINS};
+use crate::brdf::Sample;
 use std::f64::consts::{FRAC_PI_2, PI};
 
 /// A valid cell of a table.
@@ -107,5 +108,18 @@ impl CellGrid {
             self.theta_d[index / PHI_D_BINS % THETA_D_BINS],
             self.phi_d[index % PHI_D_BINS],
         ]
+    }
+}
+
+#[cfg(feature = "encode")]
+impl From<Cell> for Sample {
+    fn from(cell: Cell) -> Self {
+        Sample {
+            theta_h: cell.angles.theta_h,
+            theta_d: cell.angles.theta_d,
+            cos_incoming: cell.cos_incoming,
+            cos_outgoing: cell.cos_outgoing,
+            value: cell.value,
+        }
     }
 }

@@ -6,7 +6,7 @@
 
 use super::{ClassicalModel, Form, Geometry};
 use crate::brdf::merl::{CellGrid, MerlTable, PHI_D_BINS, THETA_D_BINS, THETA_H_BINS};
-use crate::reflectance::levenberg_marquardt::{Minimum, minimise};
+use crate::optimise::levenberg_marquardt::{Minimum, minimise};
 use crate::{Error, Result};
 use std::f64::consts::PI;
 

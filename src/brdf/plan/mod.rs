@@ -14,7 +14,7 @@ mod principal;
 pub use population::Population;
 
 use super::Sample;
-use super::tuned::{TERMS, terms};
+use super::compact::{TERMS, terms};
 use crate::error::{Error, Result};
 use crate::vector::dot_slices;
 use serde::{Deserialize, Serialize};

@@ -2,8 +2,8 @@
 
 use super::principal::{self, Principal};
 use super::{Angles, Components, FORMAT, Method, NOISE, Plan, choose};
+use crate::brdf::compact::{TERMS, coefficients, terms};
 use crate::brdf::merl::{CellGrid, MerlTable, PHI_D_BINS, THETA_D_BINS, THETA_H_BINS};
-use crate::brdf::tuned::{TERMS, coefficients, terms};
 use crate::brdf::{HalfDifference, Sample};
 use crate::error::{Error, Result};
 use crate::vector::dot_slices;

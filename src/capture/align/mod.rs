@@ -19,9 +19,10 @@ pub(crate) mod start;
 
 use super::description::Description;
 use super::json::{Document, Node};
-use crate::asset::{Camera, Mesh};
 use crate::error::{Error, Result};
 use crate::input::{FileAccess, quoted};
+use crate::mesh::Mesh;
+use crate::views::Camera;
 use std::collections::HashMap;
 use std::ffi::OsStr;
 use std::path::Path;

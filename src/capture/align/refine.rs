@@ -1,7 +1,7 @@
 //! Levenberg-Marquardt on the reprojection error, seven unknowns at most.
 
 use super::{Correspondence, Similarity};
-use crate::asset::Camera;
+use crate::views::Camera;
 use glam::{DMat3, DQuat, DVec3};
 
 /// Rotation vector, translation of the points' centroid, logarithm of the scale.

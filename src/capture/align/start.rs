@@ -1,9 +1,9 @@
 //! Linear starts: the direct linear transform of one frame, and points triangulated from several.
 
 use super::{Correspondence, FEWEST_POINTS, Similarity};
-use crate::asset::Camera;
 use crate::error::{Error, Result};
 use crate::parallel::apart;
+use crate::views::Camera;
 use faer::Mat;
 use glam::{DMat3, DVec3};
 

@@ -1,10 +1,10 @@
 //! glTF and GLB, as far as it is triangles.
 
 use super::charge;
-use crate::asset::Mesh;
 use crate::error::{Error, Result};
 use crate::input::{FileAccess, Folder};
 use crate::limits::Held;
+use crate::mesh::Mesh;
 use std::path::Path;
 
 /// Bytes that an object and a value of the JSON become at most: a node without members has 300, lists may have grown to twice their need.

@@ -1,10 +1,10 @@
 //! Wavefront OBJ. Materials are not followed.
 
 use super::charge;
-use crate::asset::Mesh;
 use crate::error::{Error, Result};
 use crate::input::FileAccess;
 use crate::limits::Held;
+use crate::mesh::Mesh;
 use std::io::{BufRead, Cursor};
 use std::path::Path;
 

@@ -1,9 +1,9 @@
 //! PLY, text and binary.
 
 use super::charge;
-use crate::asset::Mesh;
 use crate::error::{Error, Result};
 use crate::input::{FileAccess, plain};
+use crate::mesh::Mesh;
 use ply_rs_bw::parser::{Parser, Reader};
 use ply_rs_bw::ply::{ElementDef, Encoding, Property, PropertyAccess, PropertyAccessResult, PropertyType, ScalarType};
 use std::io::Cursor;

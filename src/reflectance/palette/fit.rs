@@ -4,11 +4,12 @@
 //! palette has entries; what all sightings of a class say of `f` over the half angle, stretched to the class's width, and the difference
 //! angle, is averaged and fitted. Then the colours are fitted again, given the palette, and all once more.
 
-use super::{PaletteEntry, around, level_of_sigma, shape, sigma_of_level};
+use super::{PaletteEntry, around, shape};
 use crate::brdf::Sample;
 use crate::brdf::dsbrdf::{self, FitOptions, LobeCount};
 use crate::reflectance::Lobe;
 use crate::reflectance::torrance_sparrow::Sighting;
+use crate::reflectance::torrance_sparrow::{level_of_sigma, sigma_of_level};
 use std::f64::consts::FRAC_PI_2;
 
 /// Entries at most; more than these gain nothing on captures tried.

@@ -1,9 +1,10 @@
 //! Palettes for those who know Torrance and Sparrow's lobe only: each width's shape as the Gaussian that is nearest to it.
 
-use super::{PaletteEntry, level_of_sigma, shape, sigma_of_level};
-use crate::asset::ReflectanceMaps;
-use crate::reflectance::maps::SIGMA_LEVELS;
+use super::{PaletteEntry, shape};
+use crate::reflectance::maps::ReflectanceMaps;
+use crate::reflectance::torrance_sparrow::SIGMA_LEVELS;
 use crate::reflectance::torrance_sparrow::SIGMA_RANGE;
+use crate::reflectance::torrance_sparrow::{level_of_sigma, sigma_of_level};
 use std::borrow::Cow;
 use std::f64::consts::FRAC_PI_2;
 

@@ -15,11 +15,9 @@ pub(crate) use tables::PaletteTables;
 #[cfg(feature = "encode")]
 pub(super) use fit::fit;
 
-use super::maps::SIGMA_LEVELS;
-use super::torrance_sparrow::SIGMA_RANGE;
+use super::torrance_sparrow::{level_of_sigma, sigma_of_level};
 use super::{Geometry, Lobe};
 use crate::brdf::dsbrdf::LobeMaterial;
-use crate::elementary;
 use crate::error::{Error, Result};
 use crate::limits::Budget;
 use std::f64::consts::FRAC_PI_2;
@@ -38,21 +36,6 @@ pub struct PaletteEntry {
     pub level: u8,
     /// The lobes, per unit of specular colour.
     pub lobes: LobeMaterial,
-}
-
-/// `ln 40`, of the largest `sigma` over the smallest: 0x406C169A. Part of the format.
-const LOG_RANGE: f32 = 3.688_879_5;
-
-/// `sigma` of a level, radians.
-pub fn sigma_of_level(level: i32) -> f32 {
-    let share = level.clamp(0, SIGMA_LEVELS) as f32 / SIGMA_LEVELS as f32;
-    SIGMA_RANGE.0 * elementary::exp((share * LOG_RANGE) as f64) as f32
-}
-
-/// Level of a `sigma`, not rounded.
-fn level_of_sigma(sigma: f32) -> f64 {
-    let (least, most) = SIGMA_RANGE;
-    ((sigma / least) as f64).ln() / ((most / least) as f64).ln() * SIGMA_LEVELS as f64
 }
 
 /// Specular radiance, `K_s E cos(theta_i) f`; zero where the light or the camera is behind the surface. `palette` is not empty, its

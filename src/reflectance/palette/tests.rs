@@ -1,8 +1,10 @@
 use super::*;
 use crate::Limits;
-use crate::asset::{Chart, Charts, Mesh, ReflectanceMaps};
-use crate::reflectance::code::{MapSteps, decode, encode};
+use crate::mesh::Mesh;
+use crate::reflectance::codec::{MapSteps, decode, encode};
+use crate::reflectance::maps::ReflectanceMaps;
 use crate::reflectance::torrance_sparrow::{self, Sighting};
+use crate::surface::charts::{Chart, Charts};
 
 /// Sightings of a highlight with a core and a wide foot, which no Gaussian has.
 fn sightings(sigma: f32, colour: [f32; 3], block: usize) -> Vec<Sighting> {
@@ -168,7 +170,7 @@ fn sections_with_a_palette_come_back_and_hostile_ones_are_refused() {
     let geometry = Geometry { irradiance: [1.0; 3], cos_light: 0.8, cos_view: 0.7, alpha: 0.05, difference: 0.4 };
     for at in [[10.0, 10.0], [8.5, 11.0], [30.0, 9.0]] {
         let light =
-            |maps| crate::reflectance::maps::evaluate(maps, crate::asset::Component::Specular, at, Some(&geometry));
+            |maps| crate::reflectance::maps::evaluate(maps, crate::views::Component::Specular, at, Some(&geometry));
         let (before, after) = (light(&maps), light(&decoded));
         assert!((0..3).all(|c| (after[c] / before[c] - 1.0).abs() < 0.1), "{before:?} {after:?}");
     }

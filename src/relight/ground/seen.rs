@@ -1,7 +1,7 @@
 //! A kept shadow in the picture of a camera.
 
-use crate::asset::Camera;
 use crate::image::Grid;
+use crate::views::Camera;
 use glam::{DVec3, Vec2, Vec3, Vec3A};
 
 /// Pixels that [`SeenShadow::ratios`] takes at a time.

@@ -16,14 +16,15 @@ use std::collections::HashMap;
 use std::f64::consts::FRAC_PI_2;
 use std::path::Path;
 use std::time::Instant;
-use tsuya::asset::{Camera, Mesh};
 use tsuya::lighting::follow::Follower;
-use tsuya::lighting::{Environment, Light, fit, levels, octahedral, read};
+use tsuya::lighting::{Environment, Light, fit, levels, read};
+use tsuya::mesh::Mesh;
 use tsuya::relight::job::JobMaterial;
 use tsuya::relight::{
-    EnvironmentOptions, Evaluator, Motion, Object, Occlusion, Scene, Surround, SurroundOptions, Uniform, bounds,
-    look_at,
+    EnvironmentOptions, Evaluator, Motion, Object, Occlusion, Scene, Surround, SurroundOptions, Uniform, look_at,
 };
+use tsuya::sphere::octahedral;
+use tsuya::views::Camera;
 use tsuya::visibility::Visibility;
 use tsuya::visibility::bake::{BakeOptions, bake};
 use tsuya::visibility::rays::{Grid, Scratch, Surroundings};
@@ -63,16 +64,17 @@ fn main() -> Outcome {
 }
 
 fn placing(mesh: &Mesh, name: &str, environment: &Environment) -> Outcome {
+    use tsuya::ar::placement::Placement;
     use tsuya::ar::{Light, Options, Plate, Shot, Subject, run};
     use tsuya::capture::{Lens, calibration::Calibration};
-    use tsuya::marker::{Rig, place::Placement};
+    use tsuya::marker::Rig;
     const FRAMES: usize = 60;
     const PLANE: [usize; 2] = [640, 480];
     let baked = bake(mesh, &BakeOptions::default())?;
     let occlusion = Occlusion::of(&baked.visibility);
     let camera = markers::camera(PLANE[0] as u32, PLANE[1] as u32, 600.0);
     let calibration = Calibration { camera, lens: Lens::Pinhole };
-    let scale = 0.2 / (2.0 * bounds(mesh).1);
+    let scale = 0.2 / (2.0 * mesh.bounding_sphere().1);
     let placement = Placement::on_ground(mesh, None, 0.0, scale, [0.0; 3])?;
     let shots: Vec<Plate> = (0..FRAMES)
         .map(|k| {
@@ -284,7 +286,7 @@ fn frames(mesh: &Mesh, name: &str, environment: &Environment) -> Outcome {
 
 /// Round the object, which fills most of the picture's height.
 fn camera(mesh: &Mesh, k: usize) -> Camera {
-    let (middle, radius) = bounds(mesh);
+    let (middle, radius) = mesh.bounding_sphere();
     let turn = 0.1 * k as f64;
     let eye = [middle[0] + 3.2 * radius * turn.sin(), middle[1] + 0.8 * radius, middle[2] + 3.2 * radius * turn.cos()];
     look_at(eye, middle, [0.0, 1.0, 0.0], 740.0, 640, 480)
@@ -296,7 +298,7 @@ fn encoded(x: f32) -> f64 {
 
 /// About `wanted` vertices: those within a cube become their mean.
 fn clustered(mesh: &Mesh, wanted: usize) -> Mesh {
-    let (middle, radius) = bounds(mesh);
+    let (middle, radius) = mesh.bounding_sphere();
     let cluster = |side: f64| {
         let mut numbers = HashMap::new();
         let mut sums: Vec<([f64; 3], f64)> = Vec::new();

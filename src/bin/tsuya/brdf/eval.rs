@@ -55,8 +55,8 @@ fn read_directions(path: &Path) -> Result<Vec<([f64; 3], [f64; 3])>> {
 }
 
 /// An environment map out of a picture, or the standard one.
-pub fn environment(path: Option<&Path>) -> TsuyaResult<tsuya::brdf::sphere::Environment> {
-    use tsuya::brdf::sphere::{Environment, studio};
+pub fn environment(path: Option<&Path>) -> TsuyaResult<tsuya::brdf::preview::Environment> {
+    use tsuya::brdf::preview::{Environment, studio};
     Ok(match path {
         Some(path) => Environment::new(&tsuya::capture::read_radiance(path, &source::access())?),
         None => Environment::new(&studio()),

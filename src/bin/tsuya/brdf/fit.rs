@@ -12,13 +12,14 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 use tsuya::Error;
 use tsuya::brdf::dsbrdf::LobeCount;
-use tsuya::brdf::errors::{ErrorReport, SpherePsnr};
+use tsuya::brdf::errors::ErrorReport;
 use tsuya::brdf::forms::{self, AnyForm, FitSettings, Fitted};
 use tsuya::brdf::materials::NamedMaterial;
 use tsuya::brdf::merl::MerlTable;
 use tsuya::brdf::models::{Form, Objective};
 use tsuya::brdf::plan::Plan as SamplingPlan;
-use tsuya::brdf::sphere::SphereScenes;
+use tsuya::brdf::preview::SpherePsnr;
+use tsuya::brdf::preview::SphereScenes;
 use tsuya::container::metadata::Metadata;
 
 /// Width and height of the spheres that errors are measured on.

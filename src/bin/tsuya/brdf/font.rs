@@ -1,6 +1,6 @@
 //! Letters of 3 x 5 pixels for the names on contact sheets.
 
-use tsuya::measure::Picture;
+use tsuya::metrics::Picture;
 
 /// Each letter five rows of three pixels, an octal digit a row.
 const LETTERS: [(char, u16); 39] = [

@@ -9,8 +9,8 @@ use anyhow::Result;
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
 use tsuya::Error;
-use tsuya::brdf::sphere::{POINT_LIGHT, SphereScenes, exposure};
-use tsuya::measure::to_display;
+use tsuya::brdf::preview::{POINT_LIGHT, SphereScenes, exposure};
+use tsuya::metrics::to_display;
 
 /// Renders a sphere of a material under a point light or in an environment.
 #[derive(Args)]

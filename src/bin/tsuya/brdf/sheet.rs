@@ -3,9 +3,9 @@
 use super::font;
 use crate::pictures::beside;
 use tsuya::brdf::Brdf;
-use tsuya::brdf::sphere::{SpherePair, SphereScenes, exposure};
+use tsuya::brdf::preview::{SpherePair, SphereScenes, exposure};
 use tsuya::image::{Grid, RgbImage};
-use tsuya::measure::{Picture, difference, to_display};
+use tsuya::metrics::{Picture, difference, to_display};
 
 /// How much differences are amplified: `128 + 5 * 127 * (s - s')` of the square roots of radiance over white.
 const AMPLIFICATION: f64 = 5.0;

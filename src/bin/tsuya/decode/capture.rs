@@ -8,14 +8,16 @@ use anyhow::Result;
 use rayon::prelude::*;
 use serde_json::{Value, json};
 use std::sync::OnceLock;
-use tsuya::asset::{Asset, Component, Photograph, View};
+use tsuya::asset::Asset;
 use tsuya::brdf::materials::{FittedMaterial, NamedMaterial};
 use tsuya::container::metadata::Metadata;
 use tsuya::encoder::{encode_materials, sum_of_components};
 use tsuya::image::RgbImage;
-use tsuya::measure::to_display;
-use tsuya::reflectance::palette::{PaletteEntry, sigma_of_level};
+use tsuya::metrics::to_display;
+use tsuya::reflectance::palette::PaletteEntry;
+use tsuya::reflectance::torrance_sparrow::sigma_of_level;
 use tsuya::separate::recombine;
+use tsuya::views::{Component, Photograph, View};
 
 /// The file that is there only when all that it names is there.
 pub const INDEX: &str = "transforms.json";

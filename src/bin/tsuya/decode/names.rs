@@ -2,7 +2,7 @@
 
 use crate::values::stem;
 use std::collections::HashSet;
-use tsuya::asset::View;
+use tsuya::views::View;
 use unicode_normalization::UnicodeNormalization;
 
 /// Names in the folder that are not views'.

@@ -1,9 +1,10 @@
 //! What a file says of itself, as JSON.
 
 use serde_json::{Value, json};
-use tsuya::asset::{metres, upright};
+use tsuya::asset::metres;
 use tsuya::container::{Section, VERSION};
 use tsuya::decoder::arriving::{Opened, PictureFacts};
+use tsuya::views::upright;
 
 /// Facts, views and coding order.
 pub fn opened(opened: &Opened) -> Value {

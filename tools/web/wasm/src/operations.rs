@@ -3,7 +3,6 @@
 use crate::facts;
 use crate::output::{Output, to_halves};
 use serde_json::{Value, json};
-use tsuya::asset::Component;
 use tsuya::brdf::{Brdf, HalfDifference};
 use tsuya::container::Arrival;
 use tsuya::decoder::arriving::{ArrivingFile, ViewPicture, ViewProgress};
@@ -11,6 +10,7 @@ use tsuya::image::Grid;
 use tsuya::reflectance::palette::without_palette;
 use tsuya::surface::atlas::{fill_unused, rasterise_atlas};
 use tsuya::surface::split;
+use tsuya::views::Component;
 use tsuya::{Error, Result};
 
 /// How an operation ended.

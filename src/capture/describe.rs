@@ -1,0 +1,37 @@
+//! Which kind of description a capture has.
+
+use super::description::Description;
+use super::{colmap, transforms};
+use crate::error::{Error, Result};
+use crate::input::FileAccess;
+use std::path::Path;
+
+/// Reads a capture's description: a folder with `transforms.json` or a COLMAP model (in `sparse/0`, `sparse` or itself), or
+/// such a file itself. Files that it names must lie in the capture's folder, unless `access` allows more.
+pub fn describe(path: impl AsRef<Path>, access: &FileAccess) -> Result<Description> {
+    let path = path.as_ref();
+    let metadata = std::fs::metadata(path).map_err(|e| Error::io(path, e))?;
+    let description = if !metadata.is_dir() {
+        match path.extension().and_then(|e| e.to_str()) {
+            Some("json") => transforms::describe(path, access),
+            Some("bin" | "txt") => colmap::describe(path.parent().unwrap_or(Path::new(".")), access),
+            _ => Err(Error::input(path, "a capture is a folder, a transforms.json or a COLMAP model")),
+        }
+    } else if path.join("transforms.json").is_file() {
+        transforms::describe(&path.join("transforms.json"), access)
+    } else {
+        let models = [path.join("sparse/0"), path.join("sparse"), path.join("colmap/sparse/0"), path.to_owned()];
+        match models.iter().find(|folder| colmap::is_model(folder)) {
+            Some(folder) => colmap::describe(folder, access),
+            None => Err(Error::input(
+                path,
+                "no capture here: neither transforms.json nor a COLMAP model (cameras and images, .bin or .txt, in sparse/0 \
+                 or sparse)",
+            )),
+        }
+    }?;
+    if description.frames.is_empty() {
+        return Err(Error::input(&description.path, "the capture has no frame"));
+    }
+    Ok(description)
+}

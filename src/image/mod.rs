@@ -1,0 +1,61 @@
+//! Pictures in memory: linear RGB, integer planes and masks. Row-major, origin at the top left, pixel centres at +0.5.
+
+#[cfg(feature = "encode")]
+pub mod read;
+
+/// A grid of `width * height` values in rows.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Grid<T> {
+    /// Columns.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// `width * height` values, row by row.
+    pub data: Vec<T>,
+}
+
+impl<T: Clone> Grid<T> {
+    /// A grid filled with one value.
+    pub fn filled(width: usize, height: usize, value: T) -> Self {
+        Grid { width, height, data: vec![value; width * height] }
+    }
+    /// The value at column `x`, row `y`.
+    pub fn at(&self, x: usize, y: usize) -> &T {
+        &self.data[y * self.width + x]
+    }
+    /// The value at column `x`, row `y`, to write.
+    pub fn at_mut(&mut self, x: usize, y: usize) -> &mut T {
+        &mut self.data[y * self.width + x]
+    }
+    /// One row.
+    pub fn row(&self, y: usize) -> &[T] {
+        &self.data[y * self.width..(y + 1) * self.width]
+    }
+    /// The same grid with every value mapped.
+    pub fn map<U>(&self, f: impl FnMut(&T) -> U) -> Grid<U> {
+        Grid { width: self.width, height: self.height, data: self.data.iter().map(f).collect() }
+    }
+}
+
+/// Linear radiance, red, green, blue (Rec. 709 unless the capture says otherwise); may be negative, NaN marks a missing pixel.
+pub type RgbImage = Grid<[f32; 3]>;
+
+/// Pixels that show the object.
+pub type Mask = Grid<bool>;
+
+impl Mask {
+    /// Number of pixels set.
+    pub fn count(&self) -> usize {
+        self.data.iter().filter(|&&m| m).count()
+    }
+}
+
+/// Linear 0 to 1 as an sRGB signal, 0 to 1 (IEC 61966-2-1).
+pub fn to_srgb(linear: f64) -> f64 {
+    if linear <= 0.0031308 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
+}
+
+/// An sRGB signal, 0 to 1, as linear 0 to 1.
+pub fn from_srgb(signal: f64) -> f64 {
+    if signal <= 0.04045 { signal / 12.92 } else { ((signal + 0.055) / 1.055).powf(2.4) }
+}

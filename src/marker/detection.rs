@@ -1,0 +1,21 @@
+//! A marker found in an image.
+
+use super::Family;
+
+/// A marker in a picture.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Detection {
+    /// Its family.
+    pub family: Family,
+    /// Its number within the family.
+    pub id: u32,
+    /// Corners in pixels (centres at +0.5): upper left, upper right, lower right, lower left, as the marker is printed.
+    pub corners: [[f64; 2]; 4],
+}
+
+/// Area of a marker in a picture, in pixels.
+pub(super) fn area(detection: &Detection) -> f64 {
+    let c = &detection.corners;
+    let twice: f64 = (0..4).map(|k| c[k][0] * c[(k + 1) % 4][1] - c[k][1] * c[(k + 1) % 4][0]).sum();
+    0.5 * twice.abs()
+}

@@ -1,0 +1,88 @@
+//! Meshes out of PLY, OBJ and glTF files. Positions and triangles only: tsuya derives everything else from the photographs.
+
+mod gltf;
+mod obj;
+mod ply;
+
+pub use obj::texture_coordinates;
+
+use super::Mesh;
+use crate::error::{Error, Result};
+use crate::input::FileAccess;
+use std::path::Path;
+
+/// Extensions that [`read`] knows, lower case.
+pub const EXTENSIONS: [&str; 4] = ["ply", "obj", "glb", "gltf"];
+
+/// Reads a triangle mesh. PLY (ASCII or binary, float or double) and OBJ polygons are cut into fans; all triangle primitives of
+/// a glTF file's default scene are merged, with their nodes' transforms applied. The result has at least one triangle, finite
+/// positions and corner indices inside the vertex list; degenerate triangles are left to [`super::clean`].
+///
+/// The mesh stays charged to the account of `access`. Errors name the file and the element that is wrong.
+pub fn read(path: impl AsRef<Path>, access: &FileAccess) -> Result<Mesh> {
+    let path = path.as_ref();
+    let bytes = access.read(path, "mesh file", u64::MAX)?;
+    parse(path, &bytes, access)
+}
+
+/// As [`read`], from bytes; `path` names the file in errors and finds what a glTF file refers to.
+pub fn parse(path: impl AsRef<Path>, bytes: &[u8], access: &FileAccess) -> Result<Mesh> {
+    let path = path.as_ref();
+    if bytes.is_empty() {
+        return Err(Error::input(path, "the mesh file is empty (0 bytes)"));
+    }
+    let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
+    let mesh = if bytes.starts_with(b"ply") {
+        ply::read(path, bytes, access)
+    } else if bytes.starts_with(b"glTF") || extension == "gltf" {
+        gltf::read(path, bytes, access)
+    } else if extension == "obj" {
+        obj::read(path, bytes, access)
+    } else {
+        Err(Error::input(path, "not a mesh that tsuya reads: it should be PLY, OBJ, GLB or glTF"))
+    }?;
+    check(path, &mesh)?;
+    Ok(mesh)
+}
+
+/// Bytes of a vertex or a triangle: what the mesh keeps, as much again for growing, and the tables and the copy of cleaning it.
+const ELEMENT_BYTES: u64 = 6 * size_of::<[f32; 3]>() as u64;
+
+/// Charges vertices and triangles before a mesh is given them. Their number has a limit of its own.
+fn charge(path: &Path, access: &FileAccess, mesh: &Mesh, vertices: u64, triangles: u64) -> Result<()> {
+    let most = u64::from(access.budget().limits().mesh_elements);
+    let totals = [
+        ("vertices", vertices.saturating_add(mesh.positions.len() as u64)),
+        ("triangles", triangles.saturating_add(mesh.triangles.len() as u64)),
+    ];
+    for (what, total) in totals {
+        if total > most {
+            return Err(Error::input(path, format!("the mesh has {total} {what}, {most} at most are read")));
+        }
+    }
+    access.charge(path, "mesh", ELEMENT_BYTES * (vertices + triangles))
+}
+
+/// What every mesh must hold, whatever its format.
+fn check(path: &Path, mesh: &Mesh) -> Result<()> {
+    if let Some(index) = mesh.positions.iter().position(|p| !p.iter().all(|c| c.is_finite())) {
+        let [x, y, z] = mesh.positions[index];
+        return Err(Error::input(path, format!("vertex {index} is not finite: ({x}, {y}, {z})")));
+    }
+    let count = mesh.positions.len();
+    for (index, triangle) in mesh.triangles.iter().enumerate() {
+        if let Some(corner) = triangle.iter().find(|&&v| v as usize >= count) {
+            return Err(Error::input(path, format!("triangle {index} names vertex {corner}, the mesh has {count}")));
+        }
+    }
+    if mesh.triangles.is_empty() {
+        return Err(Error::input(
+            path,
+            format!("the mesh has {count} vertices but no triangle; a point cloud can't be used"),
+        ));
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,170 @@
+use super::*;
+use crate::mesh::*;
+
+fn read_bytes(name: &str, bytes: &[u8]) -> Result<Mesh> {
+    parse(name, bytes, &FileAccess::default())
+}
+
+fn fault(name: &str, bytes: &[u8]) -> String {
+    let error = read_bytes(name, bytes).unwrap_err().to_string();
+    assert!(error.contains(name), "{error}");
+    error
+}
+
+/// A quad and a triangle.
+fn expected() -> Mesh {
+    Mesh {
+        positions: vec![[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.5, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+        triangles: vec![[0, 1, 2], [0, 2, 3], [0, 1, 4]],
+    }
+}
+
+const ASCII_PLY: &str = "ply\nformat ascii 1.0\ncomment x\nelement vertex 5\nproperty double x\nproperty double y\n\
+    property double z\nproperty uchar red\nelement face 2\nproperty list uchar uint vertex_index\nelement edge 1\n\
+    property int vertex1\nend_header\n0 0 0 1\n1 0 0 1\n1 1.5 0 1\n0 1 0 1\n0 0 1 1\n4 0 1 2 3\n3 0 1 4\n7\n";
+
+fn binary_ply(big: bool) -> Vec<u8> {
+    let order = if big { "big" } else { "little" };
+    let mut bytes = format!(
+        "ply\nformat binary_{order}_endian 1.0\nelement vertex 5\nproperty float x\nproperty float y\nproperty float z\n\
+         element face 2\nproperty list uchar int vertex_indices\nend_header\n"
+    )
+    .into_bytes();
+    let four = |v: [u8; 4]| if big { v.into_iter().rev().collect::<Vec<_>>() } else { v.to_vec() };
+    expected().positions.iter().flatten().for_each(|v| bytes.extend(four(v.to_le_bytes())));
+    for face in [&[0i32, 1, 2, 3][..], &[0, 1, 4]] {
+        bytes.push(face.len() as u8);
+        face.iter().for_each(|v| bytes.extend(four(v.to_le_bytes())));
+    }
+    bytes
+}
+
+#[test]
+fn ply_of_every_encoding() {
+    assert_eq!(read_bytes("a.ply", ASCII_PLY.as_bytes()).unwrap(), expected());
+    assert_eq!(read_bytes("a.ply", &binary_ply(false)).unwrap(), expected());
+    assert_eq!(read_bytes("a.ply", &binary_ply(true)).unwrap(), expected());
+    let whole = binary_ply(false);
+    for length in 0..whole.len() {
+        let error = fault("cut.ply", &whole[..length]);
+        assert!(!error.is_empty());
+    }
+    let cut = fault("cut.ply", &whole[..whole.len() - 1]);
+    assert!(cut.contains("PLY element 'face' of 2"), "{cut}");
+    let text = ASCII_PLY.replace("3 0 1 4", "3 0 1 5");
+    assert!(fault("x.ply", text.as_bytes()).contains("face 1 names vertex 5, the mesh has 5"));
+    let text = ASCII_PLY.replace("1 1.5 0 1", "1 nan 0 1");
+    let error = fault("x.ply", text.as_bytes());
+    assert!(error.contains("line 16") || error.contains("Line 16"), "{error}");
+    assert_eq!(error.lines().count(), 1, "{error}");
+    let mut not_finite = whole.clone();
+    let third = whole.windows(11).position(|w| w == b"end_header\n").unwrap() + 11 + 2 * 12;
+    not_finite[third..third + 4].copy_from_slice(&f32::NAN.to_le_bytes());
+    assert!(fault("x.ply", &not_finite).contains("vertex 2 is not finite: (NaN, 1.5, 0)"));
+    let text = ASCII_PLY.replace("3 0 1 4", "3 0 -1 4");
+    fault("x.ply", text.as_bytes());
+    let text = ASCII_PLY.replace("element vertex 5", "element vertex 4000000000");
+    fault("x.ply", text.as_bytes());
+    let points = "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\n\
+        end_header\n1 2 3\n";
+    assert!(fault("points.ply", points.as_bytes()).contains("no triangle"));
+}
+
+#[test]
+fn obj_with_objects_polygons_and_faults() {
+    let text = "mtllib none.mtl\nv 0 0 0\nv 1 0 0\nv 1 1.5 0\nv 0 1 0\nv 0 0 1\nvt 0 0\nvn 0 0 1\n\
+        f 1/1/1 2/1/1 3/1/1 4/1/1\nl 1 2\nf -5//1 -4//1 -1//1\n";
+    assert_eq!(read_bytes("a.obj", text.as_bytes()).unwrap(), expected());
+    let two = text.replace("l 1 2", "o second");
+    let mesh = crate::mesh::clean::clean(read_bytes("a.obj", two.as_bytes()).unwrap()).0;
+    assert_eq!((mesh.positions.len(), mesh.triangles.len()), (5, 3));
+    assert!(fault("x.obj", text.replace("f -5", "f 9").as_bytes()).contains("line 11, a face names vertex 9 of 5"));
+    assert!(fault("x.obj", text.replace("f -5", "f -7").as_bytes()).contains("line 11, a face names vertex -7 of 5"));
+    assert!(
+        fault("x.obj", text.replace("v 1 1.5", "v 1 nan").as_bytes())
+            .contains("line 4, vertex 3: a vertex is not finite")
+    );
+    assert!(fault("x.obj", text.replace("v 1 1.5", "v 1 up").as_bytes()).contains("line 4: position parse error"));
+    assert!(fault("x.obj", b"v 0 0 0\n").contains("no triangle"));
+    assert!(fault("x.obj", b"").contains("empty"));
+    assert!(fault("x.stl", b"solid").contains("not a mesh"));
+}
+
+/// The quad-and-triangle as a GLB under a node that doubles and shifts, with a mirrored child.
+fn glb(json_edit: impl Fn(String) -> String) -> Vec<u8> {
+    let mut data: Vec<u8> = expected().positions.iter().flatten().flat_map(|v| v.to_le_bytes()).collect();
+    expected().triangles.iter().flatten().for_each(|&v| data.extend((v as u16).to_le_bytes()));
+    data.resize(data.len().next_multiple_of(4), 0);
+    let json = json_edit(format!(
+        r#"{{"asset":{{"version":"2.0"}},"scene":0,"scenes":[{{"nodes":[0]}}],
+        "nodes":[{{"mesh":0,"scale":[2,2,2],"translation":[1,0,0],"children":[1]}},{{"mesh":0,"scale":[-1,1,1]}}],
+        "meshes":[{{"primitives":[{{"attributes":{{"POSITION":0}},"indices":1}}]}}],
+        "accessors":[{{"bufferView":0,"componentType":5126,"count":5,"type":"VEC3","min":[0,0,0],"max":[1,1.5,1]}},
+          {{"bufferView":1,"componentType":5123,"count":9,"type":"SCALAR"}}],
+        "bufferViews":[{{"buffer":0,"byteLength":60}},{{"buffer":0,"byteOffset":60,"byteLength":18}}],
+        "buffers":[{{"byteLength":{}}}]}}"#,
+        data.len()
+    ));
+    let mut json = json.into_bytes();
+    json.resize(json.len().next_multiple_of(4), b' ');
+    let mut glb = b"glTF".to_vec();
+    glb.extend(2u32.to_le_bytes());
+    glb.extend((28 + json.len() as u32 + data.len() as u32).to_le_bytes());
+    glb.extend((json.len() as u32).to_le_bytes().iter().chain(b"JSON").chain(&json));
+    glb.extend((data.len() as u32).to_le_bytes().iter().chain(b"BIN\0").chain(&data));
+    glb
+}
+
+#[test]
+fn glb_with_transforms_and_faults() {
+    let mesh = read_bytes("a.glb", &glb(|json| json)).unwrap();
+    assert_eq!((mesh.positions.len(), mesh.triangles.len()), (10, 6));
+    assert_eq!(mesh.positions[2], [3.0, 3.0, 0.0]);
+    assert_eq!(mesh.positions[7], [-1.0, 3.0, 0.0]);
+    assert_eq!(mesh.triangles[..4], [[0, 1, 2], [0, 2, 3], [0, 1, 4], [5, 7, 6]]);
+    let past = fault("x.glb", &glb(|json| json.replace("\"count\":9", "\"count\":12")));
+    assert!(past.contains("mesh 0, primitive 0, indices: accessor 1 reaches past"), "{past}");
+    let fewer = fault("x.glb", &glb(|json| json.replace("\"count\":5,", "\"count\":4,")));
+    assert!(fewer.contains("index 8 names vertex 4, the primitive has 4"), "{fewer}");
+    fault("x.glb", &glb(|json| json.replace("\"children\":[1]", "\"children\":[0]")));
+    let mut whole = glb(|json| json);
+    let length = std::mem::replace(&mut whole[8], 11);
+    let rest = std::mem::replace(&mut whole[9], 0);
+    assert!(fault("short.glb", &whole).contains("a file of 11 bytes, as its head says"));
+    (whole[8], whole[9]) = (length, rest);
+    for length in (0..whole.len()).step_by(7).chain([whole.len() - 1]) {
+        fault("cut.glb", &whole[..length]);
+    }
+}
+
+#[test]
+fn shared_meshes_read() {
+    let root = std::env::var_os("TSUYA_DATA")
+        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data"), Into::into);
+    let figures = [("Duck.glb", 4212), ("spot.obj", 5856), ("spot_triangulated.obj", 5856), ("bunny_lowres.ply", 948)];
+    for (name, triangles) in figures {
+        let path = root.join("meshes").join(name);
+        if !path.exists() {
+            println!("skipped: {} is not there", path.display());
+            continue;
+        }
+        let mesh = read(&path, &FileAccess::default()).unwrap();
+        assert_eq!(mesh.triangles.len(), triangles, "{name}");
+    }
+}
+
+#[test]
+fn flipped_bytes_never_panic() {
+    let files = [("a.glb", glb(|json| json)), ("a.ply", binary_ply(false)), ("b.ply", ASCII_PLY.as_bytes().to_vec())];
+    for (name, whole) in files {
+        for at in 0..whole.len() {
+            for value in [0, b'9', 0xff, whole[at] ^ 1] {
+                let mut bytes = whole.clone();
+                bytes[at] = value;
+                if let Ok(mesh) = parse(name, &bytes, &FileAccess::default()) {
+                    crate::mesh::clean::clean(mesh);
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,6 @@
+//! Minimisers: Levenberg-Marquardt for sums of squares, L-BFGS within bounds for other functions.
+
+#[cfg(feature = "encode")]
+pub mod lbfgs;
+#[cfg(feature = "encode")]
+pub mod levenberg_marquardt;

@@ -1,0 +1,204 @@
+//! Streams to photographs: all views, or some with what they are predicted from.
+
+use super::header::{CodedStep, Header};
+use super::picture;
+use super::workspace::{Room, Workspaces, photograph_bytes};
+use super::{DecodedView, Scene, order, run_waves};
+use crate::error::{Error, Result};
+use crate::image::{Mask, RgbImage};
+use crate::limits::Budget;
+use crate::mesh::Mesh;
+use crate::surface::raster;
+use crate::views::{Photograph, View};
+use glam::Vec4;
+use std::borrow::Cow;
+
+/// What all pictures of a file are decoded with.
+#[derive(Debug)]
+pub(super) struct Pictures<'a> {
+    pub header: Cow<'a, Header>,
+    pub scene: Scene<'a>,
+    pub white: [f64; 3],
+    pub workspaces: Workspaces,
+}
+
+impl Pictures<'_> {
+    /// Compares the checksum of a step's streams.
+    pub fn check(&self, index: usize, streams: &[u8]) -> Result<()> {
+        let coded = &self.header.steps[index];
+        if crc32fast::hash(streams) == coded.checksum {
+            return Ok(());
+        }
+        let name = &self.scene.views[coded.step.view].name;
+        let message = format!("checksum of view {name} does not match: the file is damaged");
+        Err(Error::format("PLAN", coded.offset, message))
+    }
+
+    /// Decodes a step of the order from its streams, one after the other; `decoded` holds what it needs.
+    pub fn decode(
+        &self,
+        index: usize,
+        streams: &[u8],
+        decoded: &[Option<DecodedView>],
+        is_reference: bool,
+        budget: &Budget,
+    ) -> Result<DecodedView> {
+        let coded = &self.header.steps[index];
+        let mut rest = streams;
+        let mut parts = Vec::with_capacity(coded.lengths.len());
+        for &length in &coded.lengths {
+            let (part, after) = rest.split_at_checked(length as usize).ok_or_else(|| {
+                Error::format("PLAN", coded.offset, "a view's streams are shorter than the head says")
+            })?;
+            parts.push(part);
+            rest = after;
+        }
+        let (step, parts) = ((&coded.step, coded.scale), (&parts[..], coded.offset));
+        let memory = (&self.workspaces, budget);
+        picture::decode(&self.scene, step, &self.header.coding, parts, decoded, is_reference, memory)
+    }
+}
+
+/// Decodes the views that `wanted` names, and those they depend on, and hands the wanted ones to `done` as linear radiance, some at a
+/// time and in any order. `read` gives a step's streams, one after the other; steps for which it gives `None` (a file cut short) are left out with
+/// all that depend on them.
+/// # Errors
+/// [`Error::Format`] where the streams are damaged; [`Error::Limits`] where the memory for one view and those it is predicted from is
+/// not there, or drawing it is too much work; those of `read` and `done`.
+pub fn for_each_view(
+    header: &Header,
+    mesh: &Mesh,
+    capture: (&[View], [f64; 3]),
+    wanted: impl Fn(usize) -> bool + Sync + Send,
+    mut read: impl FnMut(&CodedStep) -> Result<Option<Vec<u8>>>,
+    budget: &Budget,
+    mut done: impl FnMut(Vec<(usize, Photograph)>) -> Result<()>,
+) -> Result<()> {
+    let (views, white) = capture;
+    let scene = Scene::new(Cow::Borrowed(mesh), Cow::Borrowed(views));
+    let pictures = Pictures { header: Cow::Borrowed(header), scene, white, workspaces: Workspaces::default() };
+    let order = header.order();
+    let mut streams: Vec<Option<Vec<u8>>> = vec![None; order.len()];
+    let mut present = vec![false; views.len()];
+    let mut steps = Vec::new();
+    for index in order::closure(&order, &wanted) {
+        let coded = &header.steps[index];
+        let step = &coded.step;
+        if step.needs().any(|view| !present[view]) {
+            continue;
+        }
+        let Some(bytes) = read(coded)? else { continue };
+        pictures.check(index, &bytes)?;
+        raster::check_work(mesh, &views[step.view].camera)?;
+        streams[index] = Some(bytes);
+        present[step.view] = true;
+        steps.push(index);
+    }
+    let room = Room { views, coding: &header.coding, budget, workspaces: &pictures.workspaces };
+    let decode = |index: usize, decoded: &[Option<DecodedView>], is_reference: bool| {
+        let streams = streams[index].as_deref().unwrap_or_default();
+        let mut view = pictures.decode(index, streams, decoded, is_reference, budget)?;
+        let number = order[index].view;
+        let photograph = match wanted(number) {
+            true => {
+                let bytes = photograph_bytes(&views[number].camera, header.coding.components.len());
+                let held = budget.hold("a decoded photograph", bytes)?;
+                Some((DecodedPicture::new(header, white, &view).photograph(), held))
+            }
+            false => None,
+        };
+        pictures.workspaces.take_back(&mut view);
+        Ok((photograph, view))
+    };
+    run_waves(&order, &steps, &room, decode, |given| {
+        let given = given.into_iter().filter_map(|(index, photograph)| Some((order[index].view, photograph?)));
+        let (photographs, _held): (Vec<_>, Vec<_>) =
+            given.map(|(view, (photograph, held))| ((view, photograph), held)).unzip();
+        done(photographs)
+    })
+}
+
+/// [`for_each_view`], gathered by view; `None` for views not wanted.
+pub fn decode(
+    header: &Header,
+    mesh: &Mesh,
+    (views, white): (&[View], [f64; 3]),
+    wanted: impl Fn(usize) -> bool + Sync + Send,
+    read: impl FnMut(&CodedStep) -> Result<Option<Vec<u8>>>,
+    budget: &Budget,
+) -> Result<Vec<Option<Photograph>>> {
+    for (_, view) in views.iter().enumerate().filter(|(view, _)| wanted(*view)) {
+        budget.charge("decoded photographs", photograph_bytes(&view.camera, header.coding.components.len()))?;
+    }
+    let mut photographs: Vec<Option<Photograph>> = vec![None; views.len()];
+    for_each_view(header, mesh, (views, white), wanted, read, budget, |given| {
+        given.into_iter().for_each(|(view, photograph)| photographs[view] = Some(photograph));
+        Ok(())
+    })?;
+    Ok(photographs)
+}
+
+/// A decoded view as linear radiance.
+#[derive(Debug, Clone, Copy)]
+pub struct DecodedPicture<'a> {
+    header: &'a Header,
+    white: [f32; 3],
+    view: &'a DecodedView,
+}
+
+impl<'a> DecodedPicture<'a> {
+    pub(super) fn new(header: &'a Header, white: [f64; 3], view: &'a DecodedView) -> Self {
+        DecodedPicture { header, white: white.map(|w| w as f32), view }
+    }
+
+    /// Pixels that show the object.
+    pub fn mask(&self) -> &'a Mask {
+        &self.view.mask
+    }
+
+    /// Calls `visit` for each row of the part that holds the mask, with the index of its first pixel in the picture: a component's
+    /// radiance with 1 as fourth channel, 0 outside the mask.
+    pub fn for_each_row(&self, component: usize, mut visit: impl FnMut(usize, &[[f32; 4]])) {
+        let (Some(coding), frame) = (self.header.coding.components.get(component), self.view.frame) else { return };
+        let colours = coding.colours();
+        let white = Vec4::new(self.white[0], self.white[1], self.white[2], 0.0);
+        // Colours above it are kept: in signed components all.
+        let least = Vec4::splat(if coding.signed { f32::NEG_INFINITY } else { 0.0 });
+        let columns = self.mask().width;
+        let mut visit = |y: usize, row: &[[f32; 4]]| visit((frame.top + y) * columns + frame.left, row);
+        let mut radiance = vec![[0.0; 4]; frame.width];
+        let mut line = 0;
+        self.view.for_each_run(component, |(run, pixels)| {
+            // Rows before the run's are complete.
+            while line < run.line as usize {
+                visit(line, &radiance);
+                radiance.fill([0.0; 4]);
+                line += 1;
+            }
+            for (radiance, pixel) in radiance[run.start as usize..].iter_mut().zip(pixels) {
+                let s = colours.unrotate(Vec4::from_array(*pixel));
+                let s = Vec4::select(s.cmpgt(least), s, Vec4::ZERO);
+                *radiance = (s * s.abs() * white + Vec4::W).to_array();
+            }
+        });
+        while line < frame.height {
+            visit(line, &radiance);
+            radiance.fill([0.0; 4]);
+            line += 1;
+        }
+    }
+
+    /// All components.
+    pub fn photograph(&self) -> Photograph {
+        let mask = self.mask();
+        let image = |component: usize| {
+            let mut image = RgbImage::filled(mask.width, mask.height, [0.0; 3]);
+            self.for_each_row(component, |first, row| {
+                image.data[first..].iter_mut().zip(row).for_each(|(colour, [r, g, b, _])| *colour = [*r, *g, *b]);
+            });
+            image
+        };
+        let images = (0..self.header.coding.components.len()).map(image).collect();
+        Photograph { mask: mask.clone(), images }
+    }
+}

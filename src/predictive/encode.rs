@@ -1,0 +1,201 @@
+//! Photographs to streams.
+
+use super::colour::ColourSums;
+use super::decode::DecodedPicture;
+use super::header::{CodedStep, Header};
+use super::picture;
+use super::workspace::Signal;
+use super::workspace::{Room, Workspaces};
+use super::{ComponentCoding, DecodedView, MaskCoding, PlaneCoding, Scene, order, run_waves};
+use crate::error::Result;
+use crate::image::Mask;
+use crate::limits::{Budget, Limits};
+use crate::mesh::Mesh;
+use crate::options::Decoding;
+use crate::residual::coefficients::Modelling;
+use crate::transform::frame::Frame;
+use crate::views::{Component, Photograph, View};
+use glam::Vec4;
+use std::borrow::Cow;
+
+/// What does not depend on the quality: made once, used by every trial of the rate control.
+#[derive(Debug)]
+pub struct Encoder<'a> {
+    mesh: &'a Mesh,
+    views: &'a [View],
+    white: [f64; 3],
+    components: &'a [Component],
+    photographs: &'a [Photograph],
+    order: Vec<order::Step>,
+    masks: MaskCoding,
+    rotations: Vec<[[i16; 3]; 3]>,
+    signed: bool,
+}
+
+/// A finished encoding.
+#[derive(Debug)]
+pub struct EncodedPlanes {
+    /// Content of section `PLAN`.
+    pub bytes: Vec<u8>,
+    /// What a decoder makes of it, by view.
+    pub photographs: Vec<Photograph>,
+}
+
+/// Quality of an encoding, and its price.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Quality {
+    /// Quantiser step of the diffuse (or only) component, in the sqrt domain.
+    pub step: f32,
+    /// Step of the specular component relative to it. In the sum of both an error in the darker one weighs less
+    /// (`d sqrt(D + S) = (sqrt D e_D + sqrt S e_S) / sqrt(D + S)` for errors of the sqrt signals).
+    pub specular_ratio: f32,
+    /// Value of a bit in squared steps, for the rate-distortion choice of each coefficient.
+    pub lambda: f32,
+    /// What is spent, bytes or the decoder's time.
+    pub decoding: Decoding,
+}
+
+impl Default for Quality {
+    fn default() -> Self {
+        Quality { step: 0.05, specular_ratio: 1.5, lambda: 0.1, decoding: Decoding::default() }
+    }
+}
+
+/// Reconstruction offsets, see [`ComponentCoding::shrink`].
+const SHRINK: [u8; 2] = [20, 6];
+
+/// The signal that is coded: `sqrt(x / white)`, with the sign kept where `signed`.
+fn to_signal(colour: [f32; 3], white: [f32; 3], signed: bool) -> [f32; 3] {
+    std::array::from_fn(|k| {
+        let x = colour[k] / white[k];
+        if x >= 0.0 {
+            x.sqrt()
+        } else if signed {
+            -(-x).sqrt()
+        } else {
+            0.0
+        }
+    })
+}
+
+impl<'a> Encoder<'a> {
+    /// Looks at the photographs: order, colour rotation, masks. `views` and `mesh` are those that the decoder will have; `covered` is
+    /// what the mesh covers in each view, the masks of `photographs` the pixels that show the object and are not missing.
+    pub fn new(
+        mesh: &'a Mesh,
+        views: &'a [View],
+        white: [f64; 3],
+        components: &'a [Component],
+        photographs: &'a [Photograph],
+        covered: &[Mask],
+        signed: bool,
+    ) -> Self {
+        let bounds = |start: f64, pick: fn(f64, f64) -> f64| -> [f64; 3] {
+            std::array::from_fn(|k| mesh.positions.iter().fold(start, |b, p| pick(b, p[k] as f64)))
+        };
+        let (low, high) = (bounds(f64::INFINITY, f64::min), bounds(f64::NEG_INFINITY, f64::max));
+        let order = order::coarse_to_fine(views, std::array::from_fn(|k| 0.5 * (low[k] + high[k])));
+        let same = photographs.iter().map(|p| &p.mask).eq(covered);
+        let masks = if same { MaskCoding::Coverage } else { MaskCoding::Coded };
+        let white32 = white.map(|w| w as f32);
+        let rotations = (0..components.len())
+            .map(|component| {
+                let mut sums = ColourSums::default();
+                for photograph in photographs {
+                    for (colour, _) in photograph.images[component]
+                        .data
+                        .iter()
+                        .zip(&photograph.mask.data)
+                        .filter(|(_, inside)| **inside)
+                    {
+                        sums.add(to_signal(*colour, white32, signed));
+                    }
+                }
+                sums.rotation()
+            })
+            .collect();
+        Encoder { mesh, views, white, components, photographs, order, masks, rotations, signed }
+    }
+
+    /// Codes all views.
+    pub fn encode(&self, quality: &Quality) -> Result<EncodedPlanes> {
+        let (prediction_level, modelling) = match quality.decoding {
+            Decoding::Small => (0, Modelling::Mixed),
+            Decoding::Fast => (1, Modelling::Direct),
+            Decoding::Fastest => (2, Modelling::Direct),
+        };
+        // What the mesh covers is drawn at the size of the prediction.
+        let masks = if prediction_level == 0 { self.masks } else { MaskCoding::Coded };
+        let components = self.component_codings(quality);
+        let coding = PlaneCoding { components, masks, prediction_level, modelling };
+        let scene = Scene::new(Cow::Borrowed(self.mesh), Cow::Borrowed(self.views));
+        let white = self.white.map(|w| w as f32);
+        let all: Vec<usize> = (0..self.order.len()).collect();
+        let mut header = Header { coding, steps: Vec::new() };
+        let scale = 64;
+        let (budget, workspaces) = (Budget::new(Limits::UNLIMITED), Workspaces::default());
+        let room = Room { views: self.views, coding: &header.coding, budget: &budget, workspaces: &workspaces };
+        let mut results = Vec::with_capacity(all.len());
+        let encode = |index: usize, decoded: &[Option<DecodedView>], is_reference: bool| {
+            let step = &self.order[index];
+            let target = &self.photographs[step.view];
+            let signal = |frame: &Frame, component: usize| -> Signal {
+                let coding = &header.coding.components[component];
+                let rotation = coding.colours();
+                let Photograph { mask, images } = target;
+                let colours = frame.cut(&images[component].data, mask.width);
+                (colours.into_iter().zip(frame.cut(&mask.data, mask.width)))
+                    .map(|(c, m)| match m {
+                        true => {
+                            let [r, g, b] = to_signal(c, white, coding.signed);
+                            rotation.rotate(Vec4::new(r, g, b, 0.0)).to_array()
+                        }
+                        false => [0.0; 4],
+                    })
+                    .collect()
+            };
+            let (step, wanted) = ((step, scale), (&target.mask, quality.lambda));
+            let (streams, view) = picture::encode(&scene, step, &header.coding, wanted, signal, decoded, is_reference)?;
+            let photograph = DecodedPicture::new(&header, self.white, &view).photograph();
+            Ok(((streams, photograph), view))
+        };
+        run_waves(&self.order, &all, &room, encode, |given| {
+            results.extend(given);
+            Ok(())
+        })?;
+        results.sort_by_key(|(index, _)| *index);
+        let mut photographs: Vec<Photograph> = vec![Photograph::default(); self.views.len()];
+        let mut body = Vec::new();
+        for (index, (streams, photograph)) in results {
+            let step = self.order[index].clone();
+            photographs[step.view] = photograph;
+            let offset = body.len();
+            body.extend_from_slice(&streams.mask);
+            let mut lengths = vec![streams.mask.len() as u32];
+            for stream in &streams.components {
+                body.extend_from_slice(stream);
+                lengths.push(stream.len() as u32);
+            }
+            let checksum = crc32fast::hash(&body[offset..]);
+            header.steps.push(CodedStep { step, scale, lengths, checksum, offset: offset as u64 });
+        }
+        let mut bytes = header.to_bytes();
+        bytes.extend(body);
+        Ok(EncodedPlanes { bytes, photographs })
+    }
+
+    fn component_codings(&self, quality: &Quality) -> Vec<ComponentCoding> {
+        (self.components.iter().zip(&self.rotations))
+            .map(|(component, &rotation)| {
+                let ratio = if *component == Component::Specular { quality.specular_ratio } else { 1.0 };
+                ComponentCoding {
+                    step: quality.step * ratio,
+                    shrink: SHRINK,
+                    rotation,
+                    signed: self.signed && *component == Component::Specular,
+                    shaded: *component != Component::Specular,
+                }
+            })
+            .collect()
+    }
+}

@@ -1,0 +1,346 @@
+//! Profile `tuned`: the photographs' planes, predicted through the mesh from decoded views.
+//!
+//! Way of a picture: sqrt domain, colours rotated, predicted by warping up to two decoded views, both transformed by the
+//! shape-adaptive 9/7, the scaled prediction subtracted, quantised, coded with contexts from the prediction.
+
+#[cfg(feature = "encode")]
+pub mod colour;
+pub mod decode;
+pub mod decoder;
+#[cfg(feature = "encode")]
+pub mod encode;
+pub mod header;
+pub mod order;
+mod picture;
+#[cfg(feature = "encode")]
+pub mod repair;
+pub(crate) mod workspace;
+
+use crate::error::Result;
+use crate::image::Mask;
+use crate::limits::Held;
+use crate::mesh::Mesh;
+use crate::parallel;
+use crate::quantise::bands::Quantiser;
+use crate::residual::coefficients::{Modelling, Models};
+use crate::residual::mask::MaskModels;
+use crate::surface::reproject::{Seen, Source, find};
+use crate::surface::view_geometry::{Geometry, Surface};
+use crate::surface::warp::{REFERENCE_RINGS, Reference};
+use crate::transform::frame::Frame;
+use crate::views::{Camera, View};
+
+use crate::transform::masked::MaskedPixels;
+use crate::transform::shape_adaptive::{Pixel, Plan, Run, level_count};
+use glam::Vec4;
+use order::Step;
+use std::borrow::Cow;
+use workspace::Room;
+
+/// How one component's pictures are coded.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ComponentCoding {
+    /// Quantiser step in the sqrt domain.
+    pub step: f32,
+    /// See [`Quantiser::shrink`], in 1/256.
+    pub shrink: [u8; 2],
+    /// Rows: what each coded channel takes of red, green and blue, in 1/16384. Orthonormal but for rounding.
+    pub rotation: [[i16; 3]; 3],
+    /// Whether negative radiance is coded too (as `-sqrt(-x)`).
+    pub signed: bool,
+    /// Whether predictions follow the ratio of the irradiances (diffuse light does, highlights do not).
+    pub shaded: bool,
+}
+
+impl ComponentCoding {
+    /// The quantiser of a step of the order whose scale is `scale / 64`.
+    pub fn quantiser(&self, scale: u8) -> Quantiser {
+        Quantiser {
+            step: self.step * (scale as f32 * (1.0 / 64.0)),
+            shrink: self.shrink.map(|s| s as f32 * (1.0 / 256.0)),
+        }
+    }
+    /// The rotation, and the way back.
+    pub fn colours(&self) -> Colours {
+        let entry = |row: usize, column: usize| self.rotation[row][column] as f32 * (1.0 / 16384.0);
+        let column = |k: usize| Vec4::new(entry(0, k), entry(1, k), entry(2, k), 0.0);
+        let row = |k: usize| Vec4::new(entry(k, 0), entry(k, 1), entry(k, 2), 0.0);
+        Colours { rotation: [column(0), column(1), column(2)], back: [row(0), row(1), row(2)] }
+    }
+}
+
+/// A rotation of colours, ready to be used.
+#[derive(Debug, Clone, Copy)]
+pub struct Colours {
+    rotation: [Vec4; 3],
+    back: [Vec4; 3],
+}
+
+impl Colours {
+    /// Coded channels of a colour in the sqrt domain.
+    #[inline(always)]
+    pub fn rotate(&self, colour: Vec4) -> Vec4 {
+        product(&self.rotation, colour)
+    }
+    /// Colour in the sqrt domain of coded channels.
+    #[inline(always)]
+    pub fn unrotate(&self, channels: Vec4) -> Vec4 {
+        product(&self.back, channels)
+    }
+}
+
+/// A matrix, given by its columns, times a vector: sums from left to right.
+#[inline(always)]
+fn product(columns: &[Vec4; 3], v: Vec4) -> Vec4 {
+    columns[0] * Vec4::splat(v.x) + columns[1] * Vec4::splat(v.y) + columns[2] * Vec4::splat(v.z)
+}
+
+/// How masks are stored.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum MaskCoding {
+    /// A view's mask is what the mesh covers in it; no bits.
+    Coverage = 0,
+    /// Each view's mask is coded, given what the mesh covers.
+    Coded = 1,
+}
+
+/// Largest prediction level. Part of the format.
+const MOST_PREDICTION_LEVEL: u8 = 2;
+
+/// How all pictures of a file are coded.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PlaneCoding {
+    /// Per component.
+    pub components: Vec<ComponentCoding>,
+    /// How masks are stored.
+    pub masks: MaskCoding,
+    /// Levels of the transform above the picture that is predicted: 0 the photograph itself, 1 its low band of half the size, 2 one of a
+    /// quarter. Finer bands are coded without prediction.
+    pub prediction_level: u8,
+    /// How coefficients are predicted.
+    pub modelling: Modelling,
+}
+
+/// The mesh and the views that every picture is predicted with.
+#[derive(Debug)]
+pub struct Scene<'a> {
+    surface: Surface<'a>,
+    views: Cow<'a, [View]>,
+}
+
+/// A view made ready: where its pixels are and what they see.
+#[derive(Debug)]
+struct Stage {
+    /// Pixels that show the object.
+    mask: Mask,
+    /// The part of the picture that is worked on.
+    frame: Frame,
+    /// Transform of the mask in the frame.
+    plan: Plan,
+    /// Levels of the transform above the picture that is predicted.
+    level: usize,
+    /// Of the picture that is predicted.
+    geometry: Geometry,
+}
+
+impl Stage {
+    /// Size of the picture that is predicted.
+    fn low_size(&self) -> [usize; 2] {
+        [self.mask.width, self.mask.height].map(|size| size.div_ceil(1 << self.level))
+    }
+}
+
+/// Adaptive state that one view hands to those coded after it.
+#[derive(Debug, Clone, Default)]
+pub struct ViewModels {
+    mask: MaskModels,
+    /// Per component.
+    components: Vec<Models>,
+}
+
+/// A decoded view.
+#[derive(Debug)]
+pub struct DecodedView {
+    mask: Mask,
+    /// The part of the picture that the signals hold.
+    frame: Frame,
+    /// Levels of the transform above the picture that later views are predicted from.
+    level: usize,
+    /// Per component. Those of references of full size are the references'; those of other views that are kept have been given up.
+    signals: Vec<MaskedPixels>,
+    /// For views that later ones are predicted from.
+    reference: Option<DecodedReference>,
+}
+
+/// What later views take from a decoded one.
+#[derive(Debug)]
+struct DecodedReference {
+    seen: Seen,
+    /// Per component.
+    pictures: Vec<Reference>,
+    models: ViewModels,
+}
+
+impl DecodedView {
+    /// Calls `visit` for the mask's runs, row by row, with a component's signal.
+    fn for_each_run(&self, component: usize, visit: impl FnMut((&Run, &[Pixel]))) {
+        match (self.signals.get(component), &self.reference) {
+            (Some(signal), _) => signal.runs().for_each(visit),
+            (None, Some(reference)) if self.level == 0 => {
+                reference.pictures.get(component).into_iter().flat_map(Reference::runs).for_each(visit);
+            }
+            _ => {}
+        }
+    }
+    /// Bytes of memory that it takes.
+    fn bytes(&self) -> u64 {
+        let signals: u64 = self.signals.iter().map(MaskedPixels::bytes).sum();
+        let reference = self.reference.as_ref().map_or(0, |DecodedReference { seen, pictures, .. }| {
+            seen.bytes() + pictures.iter().map(|picture| picture.bytes() + workspace::STATE).sum::<u64>()
+        });
+        self.mask.data.len() as u64 + signals + reference
+    }
+    /// Whether its pictures are still there.
+    fn has_signals(&self) -> bool {
+        self.level == 0 || !self.signals.is_empty()
+    }
+}
+
+impl<'a> Scene<'a> {
+    /// A mesh seen by views.
+    pub fn new(mesh: Cow<'a, Mesh>, views: Cow<'a, [View]>) -> Self {
+        Scene { surface: Surface::new(mesh), views }
+    }
+
+    /// Draws a view; `mask` gives its mask from what the mesh covers, `admit` may refuse its frame.
+    fn stage<T>(
+        &self,
+        view: usize,
+        level: usize,
+        mask: impl FnOnce(Mask) -> Mask,
+        admit: impl FnOnce(&Frame) -> Result<T>,
+    ) -> Result<(Stage, T)> {
+        let view = &self.views[view];
+        let (width, height) = (view.camera.width as usize, view.camera.height as usize);
+        let levels = level_count(width, height);
+        let level = level.min(levels);
+        let mut geometry =
+            Geometry::new(&self.surface, View { camera: low_camera(&view.camera, level), ..view.clone() });
+        let low = geometry.raster.coverage();
+        let mask = mask(if level == 0 { low } else { enlarged(&low, width, height, level) });
+        let frame = Frame::around(&mask, REFERENCE_RINGS << level);
+        let admitted = admit(&frame)?;
+        let inside = Mask { width: frame.width, height: frame.height, data: frame.cut(&mask.data, width) };
+        let plan = Plan::with_levels(inside, levels);
+        geometry.extend(&frame.low(level), plan.rows(level));
+        Ok((Stage { mask, frame, plan, level, geometry }, admitted))
+    }
+}
+
+/// The camera of the low band after some levels: its pixel `k` stands where pixel `2^levels k` of the picture does.
+fn low_camera(camera: &Camera, levels: usize) -> Camera {
+    if levels == 0 {
+        return *camera;
+    }
+    let scale = 1.0 / (1u32 << levels) as f64;
+    Camera {
+        width: camera.width.div_ceil(1 << levels),
+        height: camera.height.div_ceil(1 << levels),
+        focal: camera.focal.map(|f| f * scale),
+        principal: camera.principal.map(|c| (c - 0.5) * scale + 0.5),
+        ..*camera
+    }
+}
+
+/// A mask of the low band's size at the picture's.
+fn enlarged(low: &Mask, width: usize, height: usize, levels: usize) -> Mask {
+    let mut data = Vec::with_capacity(width * height);
+    for y in 0..height {
+        let row = low.row(y >> levels);
+        data.extend((0..width).map(|x| row[x >> levels]));
+    }
+    Mask { width, height, data }
+}
+
+/// Where the references show a view's pixels.
+struct Sources<'d> {
+    of: Vec<(&'d DecodedReference, Vec<Source>, f32)>,
+}
+
+impl<'d> Sources<'d> {
+    fn new(stage: &Stage, step: &Step, decoded: &'d [Option<DecodedView>]) -> Self {
+        let references: Vec<(&DecodedReference, f32)> = (step.references.iter())
+            .filter_map(|&(view, share)| Some((decoded.get(view)?.as_ref()?.reference.as_ref()?, share as f32)))
+            .collect();
+        let seen: Vec<&Seen> = references.iter().map(|(reference, _)| &reference.seen).collect();
+        let found = find(&stage.geometry, &seen, &stage.frame.low(stage.level), stage.plan.rows(stage.level));
+        let of = references.into_iter().zip(found).map(|((view, share), sources)| (view, sources, share)).collect();
+        Sources { of }
+    }
+}
+
+/// Runs `work` for the given steps of the order, wave by wave and as many side by side as there is room for, hands what they gave to
+/// `done`, with the steps' indices, and keeps what later ones need; views that no later step needs are dropped at once. `work` is told whether the view is
+/// needed.
+fn run_waves<T: Send>(
+    order: &[Step],
+    steps: &[usize],
+    room: &Room,
+    work: impl Fn(usize, &[Option<DecodedView>], bool) -> Result<(T, DecodedView)> + Sync + Send,
+    mut done: impl FnMut(Vec<(usize, T)>) -> Result<()>,
+) -> Result<()> {
+    let views = room.views.len();
+    let mut needs = Needs::new(order, steps, views);
+    let mut decoded: Vec<Option<DecodedView>> = (0..views).map(|_| None).collect();
+    let mut held: Vec<Option<Held>> = (0..views).map(|_| None).collect();
+    for wave in order::waves(order, steps) {
+        let mut rest = &wave[..];
+        while !rest.is_empty() {
+            let group;
+            (group, rest) = rest.split_at(room.make(order, rest));
+            let results =
+                parallel::map(group.len(), |k| work(group[k], &decoded, needs.is_needed(order[group[k]].view)));
+            let mut given = Vec::with_capacity(group.len());
+            for (&index, result) in group.iter().zip(results) {
+                let (result, view) = result?;
+                let step = &order[index];
+                if needs.is_needed(step.view) {
+                    held[step.view] = Some(room.budget.hold("decoded views", view.bytes())?);
+                    decoded[step.view] = Some(view);
+                }
+                needs.is_done(step, |view| (decoded[view], held[view]) = (None, None));
+                given.push((index, result));
+            }
+            done(given)?;
+        }
+    }
+    Ok(())
+}
+
+/// How many later steps need each view.
+struct Needs(Vec<usize>);
+
+impl Needs {
+    fn new(order: &[Step], steps: &[usize], views: usize) -> Self {
+        let mut needs = Needs(vec![0; views]);
+        for &index in steps {
+            order[index].needs().for_each(|view| needs.0[view] += 1);
+        }
+        needs
+    }
+    fn is_needed(&self, view: usize) -> bool {
+        self.0[view] > 0
+    }
+    /// Counts a step as done and calls `drop` for each view that nothing needs any more.
+    fn is_done(&mut self, step: &Step, mut drop: impl FnMut(usize)) {
+        for view in step.needs() {
+            self.0[view] -= 1;
+            if self.0[view] == 0 {
+                drop(view);
+            }
+        }
+    }
+}
+
+#[cfg(all(test, feature = "encode", feature = "parallel"))]
+mod tests;

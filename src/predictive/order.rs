@@ -1,0 +1,191 @@
+//! In which order views are coded, and from which others each is predicted.
+
+/// One view of the coding order.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Step {
+    /// Index of the view.
+    pub view: usize,
+    /// Views it is predicted from, at most two, each with its share out of 255.
+    pub references: Vec<(usize, u8)>,
+    /// The view whose adaptive state this one starts from.
+    pub parent: Option<usize>,
+}
+
+impl Step {
+    /// The views that must be decoded before this one.
+    pub fn needs(&self) -> impl Iterator<Item = usize> + '_ {
+        self.references.iter().map(|r| r.0).chain(self.parent)
+    }
+}
+
+/// Most references of a view. Part of the format.
+pub const MOST_REFERENCES: usize = 2;
+#[cfg(feature = "encode")]
+pub use planning::coarse_to_fine;
+
+#[cfg(feature = "encode")]
+mod planning {
+    use crate::predictive::order::Step;
+    use crate::views::View;
+
+    /// Views farther apart than this (radians, light included) do not predict each other.
+    const FARTHEST: f64 = 1.1;
+    /// Weight of the change of light against the change of view.
+    const LIGHT_WEIGHT: f64 = 0.7;
+
+    /// Unit directions from the object's centre to a view's camera and light.
+    struct Place {
+        eye: [f64; 3],
+        light: Option<[f64; 3]>,
+    }
+
+    fn direction(from: [f64; 3], to: [f64; 3]) -> [f64; 3] {
+        let d: [f64; 3] = std::array::from_fn(|k| to[k] - from[k]);
+        let length = (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt().max(f64::MIN_POSITIVE);
+        d.map(|v| v / length)
+    }
+
+    fn angle(a: [f64; 3], b: [f64; 3]) -> f64 {
+        (a[0] * b[0] + a[1] * b[1] + a[2] * b[2]).clamp(-1.0, 1.0).acos()
+    }
+
+    impl Place {
+        fn distance(&self, other: &Place) -> f64 {
+            let light = match (self.light, other.light) {
+                (Some(a), Some(b)) => angle(a, b),
+                _ => 0.0,
+            };
+            angle(self.eye, other.eye) + LIGHT_WEIGHT * light
+        }
+    }
+
+    /// Orders the views from coarse to fine: each next one is the farthest from all before it, and is predicted from the
+    /// nearest of those and a second one, near and on another side. `centre` is the object's.
+    ///
+    /// A prefix of the order covers the object evenly, and a view depends on few others.
+    pub fn coarse_to_fine(views: &[View], centre: [f64; 3]) -> Vec<Step> {
+        let places: Vec<Place> = views
+            .iter()
+            .map(|view| Place {
+                eye: direction(centre, view.camera.centre()),
+                light: view.light.map(|light| direction(centre, light.position)),
+            })
+            .collect();
+        let mut nearest = vec![f64::INFINITY; views.len()];
+        let mut order: Vec<Step> = Vec::with_capacity(views.len());
+        for _ in 0..views.len() {
+            let coded = |view: usize| nearest[view] == f64::NEG_INFINITY;
+            let farthest = (0..views.len()).filter(|&v| !coded(v)).max_by(|&a, &b| {
+                // Ties go to the first view; differences below a billionth are ties.
+                let key = |v: usize| (nearest[v].min(9.0) * 1e9) as i64;
+                key(a).cmp(&key(b)).then(b.cmp(&a))
+            });
+            let Some(view) = farthest else { break };
+            let here = &places[view];
+            let mut near: Vec<(usize, f64)> =
+                order.iter().map(|s| (s.view, here.distance(&places[s.view]))).filter(|&(_, d)| d < FARTHEST).collect();
+            near.sort_by(|a, b| a.1.total_cmp(&b.1).then(a.0.cmp(&b.0)));
+            let mut references: Vec<(usize, f64)> = near.iter().take(1).copied().collect();
+            if let Some(&(first, _)) = near.first() {
+                let side = |other: usize| direction(here.eye, places[other].eye);
+                let same_side = |other: usize| {
+                    let (a, b) = (side(first), side(other));
+                    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+                };
+                let score = |&(other, distance): &(usize, f64)| distance * (1.5 + same_side(other));
+                references.extend(near[1..].iter().copied().min_by(|a, b| score(a).total_cmp(&score(b))));
+            }
+            let closeness: f64 = references.iter().map(|&(_, d)| 1.0 / d.max(0.01)).sum();
+            order.push(Step {
+                view,
+                parent: references.first().map(|r| r.0).or(order.first().map(|s| s.view)),
+                references: references
+                    .into_iter()
+                    .map(|(other, d)| (other, (255.0 / d.max(0.01) / closeness).round() as u8))
+                    .collect(),
+            });
+            nearest[view] = f64::NEG_INFINITY;
+            for other in 0..views.len() {
+                if nearest[other] != f64::NEG_INFINITY {
+                    nearest[other] = nearest[other].min(here.distance(&places[other]));
+                }
+            }
+        }
+        order
+    }
+}
+
+/// Which of `steps` may run side by side: wave `n + 1` needs only what waves `0..=n` have coded. `steps` are indices into
+/// `order`, ascending, and hold all that they need ([`closure`]).
+pub fn waves(order: &[Step], steps: &[usize]) -> Vec<Vec<usize>> {
+    let mut wave_of_view = std::collections::HashMap::new();
+    let mut waves: Vec<Vec<usize>> = Vec::new();
+    for &index in steps {
+        let step = &order[index];
+        let wave = step.needs().filter_map(|view| wave_of_view.get(&view)).max().map_or(0, |w| w + 1);
+        wave_of_view.insert(step.view, wave);
+        if waves.len() <= wave {
+            waves.resize(wave + 1, Vec::new());
+        }
+        waves[wave].push(index);
+    }
+    waves
+}
+
+/// The steps that decoding `wanted` views takes, in coding order. Indices into `order`.
+pub fn closure(order: &[Step], wanted: impl Fn(usize) -> bool) -> Vec<usize> {
+    closure_without(order, wanted, |_| false)
+}
+
+/// [`closure`] where some views are `known` already.
+pub fn closure_without(order: &[Step], wanted: impl Fn(usize) -> bool, known: impl Fn(usize) -> bool) -> Vec<usize> {
+    let mut needed = std::collections::HashSet::new();
+    let mut steps: Vec<usize> = (0..order.len())
+        .rev()
+        .filter(|&index| {
+            let step = &order[index];
+            let take = (wanted(step.view) || needed.contains(&step.view)) && !known(step.view);
+            if take {
+                needed.extend(step.needs());
+            }
+            take
+        })
+        .collect();
+    steps.reverse();
+    steps
+}
+
+#[cfg(all(test, feature = "encode"))]
+mod tests {
+    use crate::predictive::order::*;
+    use crate::views::{Camera, View};
+
+    #[test]
+    fn a_ring_is_halved_again_and_again() {
+        let views: Vec<View> = (0..36)
+            .map(|i| {
+                let (sin, cos) = (i as f64 * 10f64.to_radians()).sin_cos();
+                // Camera at (4 sin, 0, 4 cos) looking at the origin.
+                let rotation = [[cos, 0.0, -sin], [0.0, -1.0, 0.0], [-sin, 0.0, -cos]];
+                let camera = Camera { rotation, translation: [0.0, 0.0, 4.0], ..Camera::default() };
+                View { name: i.to_string(), camera, light: None }
+            })
+            .collect();
+        let order = coarse_to_fine(&views, [0.0; 3]);
+        let mut seen: Vec<usize> = order.iter().map(|s| s.view).collect();
+        assert_eq!(seen[..4], [0, 18, 9, 27]);
+        seen.sort_unstable();
+        assert_eq!(seen, (0..36).collect::<Vec<_>>());
+        assert_eq!(order.iter().filter(|s| s.references.is_empty()).count(), 4);
+        for step in &order[18..] {
+            // The last half lies between its references.
+            let sides: Vec<i64> =
+                step.references.iter().map(|r| (r.0 as i64 - step.view as i64 + 54) % 36 - 18).collect();
+            assert!(sides[0] * sides[1] < 0 && sides.iter().all(|s| s.abs() <= 2), "{step:?}");
+        }
+        for view in 0..36 {
+            assert!(closure(&order, |v| v == view).len() <= 8);
+        }
+        assert!(waves(&order, &(0..36).collect::<Vec<_>>()).len() <= 8);
+    }
+}

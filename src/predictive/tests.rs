@@ -1,0 +1,244 @@
+//! Round trips and hostile streams on a small synthetic scene.
+
+use super::decode::decode;
+use super::encode::{Encoder, Quality};
+use super::header::{Header, PREFIX_BYTES};
+use crate::image::{Mask, RgbImage};
+use crate::limits::{Budget, Limits};
+use crate::mesh::Mesh;
+use crate::options::Decoding;
+use crate::surface::raster::coverage;
+use crate::views::{Camera, Component, Photograph, PointLight, View};
+
+const COMPONENTS: [Component; 2] = [Component::Diffuse, Component::Specular];
+
+/// A textured octahedron on a turntable, its pictures drawn by projecting a pattern, with ragged masks, which in every other view leave
+/// out most of one side: other views look for it there, far from the mask.
+fn scene(count: usize) -> (Mesh, Vec<View>, Vec<Photograph>) {
+    let mesh = Mesh {
+        positions: vec![[1., 0., 0.], [-1., 0., 0.], [0., 1., 0.], [0., -1., 0.], [0., 0., 1.], [0., 0., -1.]],
+        triangles: vec![[0, 2, 4], [2, 1, 4], [1, 3, 4], [3, 0, 4], [2, 0, 5], [1, 2, 5], [3, 1, 5], [0, 3, 5]],
+    };
+    let (mut views, mut photographs) = (Vec::new(), Vec::new());
+    for i in 0..count {
+        let (sin, cos) = (i as f64 * std::f64::consts::TAU / count as f64).sin_cos();
+        let camera = Camera {
+            width: 72,
+            height: 60,
+            focal: [90.0, 90.0],
+            principal: [36.0, 30.0],
+            rotation: [[cos, 0.0, -sin], [0.0, -1.0, 0.0], [-sin, 0.0, -cos]],
+            translation: [0.0, 0.0, 4.0],
+        };
+        let light = Some(PointLight { position: [4.0 * sin, 1.0, 4.0 * cos], intensity: [50.0; 3] });
+        let view = View { name: format!("{i:03}"), camera, light };
+        let raster = crate::surface::raster::rasterise(&mesh, &camera);
+        let mut mask = Mask::filled(72, 60, false);
+        let mut images = vec![RgbImage::filled(72, 60, [0.0; 3]); 2];
+        for at in 0..72 * 60 {
+            let shifted = at % 72 > 0 && raster.is_covered(at - 1);
+            mask.data[at] = raster.is_covered(at) || (shifted && at % 3 == 0);
+            mask.data[at] &= i % 2 == 0 || at % 72 > 30;
+            if !mask.data[at] {
+                continue;
+            }
+            let ray = camera.ray([(at % 72) as f64 + 0.5, (at / 72) as f64 + 0.5]);
+            let point = [0, 1, 2].map(|k| camera.centre()[k] + raster.depth[at] * ray[k]);
+            let pattern = ((point[0] * 9.0).sin() * (point[1] * 7.0).cos() + 1.2) as f32 * 0.3;
+            images[0].data[at] = [pattern, pattern * 0.8, 0.2 + 0.1 * pattern];
+            let highlight = (-((at % 72) as f32 - 36.0).powi(2) / 40.0).exp() * 2.0 - 0.001;
+            images[1].data[at] = [highlight, highlight, highlight];
+        }
+        views.push(view);
+        photographs.push(Photograph { mask, images });
+    }
+    (mesh, views, photographs)
+}
+
+const WHITE: [f64; 3] = [1.0, 0.9, 0.8];
+
+#[test]
+fn what_the_encoder_saw_is_what_the_decoder_gives_for_all_or_one() {
+    check_round_trip(Decoding::Small);
+}
+
+#[test]
+fn the_same_for_files_that_decode_fast() {
+    [Decoding::Fast, Decoding::Fastest].into_iter().for_each(check_round_trip);
+}
+
+fn check_round_trip(decoding: Decoding) {
+    let (mesh, views, photographs) = scene(9);
+    let encoder = Encoder::new(&mesh, &views, WHITE, &COMPONENTS, &photographs, &coverage(&mesh, &views), true);
+    let coarse = encoder.encode(&Quality { step: 0.08, decoding, ..Quality::default() }).unwrap();
+    let fine = encoder.encode(&Quality { step: 0.01, decoding, ..Quality::default() }).unwrap();
+    assert!(fine.bytes.len() > 2 * coarse.bytes.len());
+    let budget = Budget::new(Limits::default());
+    let header = Header::parse(&fine.bytes, 9, 2, &budget).unwrap();
+    let body = &fine.bytes[PREFIX_BYTES + Header::length(&fine.bytes).unwrap() as usize..];
+    assert_eq!(body.len() as u64, header.stream_bytes());
+    let read_from = |steps: &mut usize, offset: u64, lengths: &[u32]| {
+        *steps += 1;
+        let length: u32 = lengths.iter().sum();
+        Ok(Some(body[offset as usize..offset as usize + length as usize].to_vec()))
+    };
+    let mut all = 0;
+    let decoded =
+        decode(&header, &mesh, (&views, WHITE), |_| true, |s| read_from(&mut all, s.offset, &s.lengths), &budget)
+            .unwrap();
+    for ((decoded, encoded), photograph) in decoded.iter().zip(&fine.photographs).zip(&photographs) {
+        let decoded = decoded.as_ref().unwrap();
+        assert!(decoded == encoded && decoded.mask == photograph.mask);
+        for (image, wanted) in decoded.images.iter().zip(&photograph.images) {
+            for (a, b) in image.data.iter().zip(&wanted.data) {
+                assert!((0..3).all(|k| (a[k].max(0.0).sqrt() - b[k].max(0.0).sqrt()).abs() < 0.06), "{a:?} {b:?}");
+            }
+        }
+    }
+    let mut some = 0;
+    let one =
+        decode(&header, &mesh, (&views, WHITE), |v| v == 4, |s| read_from(&mut some, s.offset, &s.lengths), &budget)
+            .unwrap();
+    assert_eq!(one[4], decoded[4]);
+    assert!(one.iter().flatten().count() == 1 && some < all, "{some} of {all} steps");
+}
+
+#[test]
+fn the_same_bytes_with_one_thread_and_with_two() {
+    let (mesh, views, photographs) = scene(6);
+    let bytes = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let encoder = Encoder::new(&mesh, &views, WHITE, &COMPONENTS, &photographs, &coverage(&mesh, &views), false);
+        pool.install(|| encoder.encode(&Quality::default()).unwrap().bytes)
+    };
+    assert_eq!(bytes(1), bytes(2));
+}
+
+#[test]
+fn streams_of_noise_are_refused_and_missing_ones_leave_their_views_out() {
+    [Decoding::Small, Decoding::Fast].into_iter().for_each(check_noise);
+}
+
+fn check_noise(decoding: Decoding) {
+    let (mesh, views, photographs) = scene(5);
+    let encoder = Encoder::new(&mesh, &views, WHITE, &COMPONENTS, &photographs, &coverage(&mesh, &views), false);
+    let good = encoder.encode(&Quality { decoding, ..Quality::default() }).unwrap();
+    let budget = Budget::new(Limits::default());
+    let mut header = Header::parse(&good.bytes, 5, 2, &budget).unwrap();
+    let mut state = 12345u32;
+    for round in 0..20 {
+        let noise: Vec<Vec<u8>> = header
+            .steps
+            .iter_mut()
+            .map(|step| {
+                step.lengths = vec![40, 300, 300];
+                let bytes: Vec<u8> = (0..640)
+                    .map(|_| {
+                        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+                        if round == 0 { 0xff } else { (state >> 24) as u8 }
+                    })
+                    .collect();
+                step.checksum = crc32fast::hash(&bytes);
+                bytes
+            })
+            .collect();
+        let mut index = 0;
+        let next = |_: &_| {
+            index += 1;
+            Ok(Some(noise[index - 1].clone()))
+        };
+        let error = decode(&header, &mesh, (&views, WHITE), |_| true, next, &budget).unwrap_err();
+        assert!(error.to_string().contains("does not end with what it tells"), "{error}");
+    }
+    let header = Header::parse(&good.bytes, 5, 2, &budget).unwrap();
+    let first = header.steps[0].step.view;
+    let start = PREFIX_BYTES + Header::length(&good.bytes).unwrap() as usize;
+    let cut = |s: &crate::predictive::header::CodedStep| {
+        let length: u32 = s.lengths.iter().sum();
+        let at = start + s.offset as usize;
+        Ok((s.offset == 0).then(|| good.bytes[at..at + length as usize].to_vec()))
+    };
+    let decoded = decode(&header, &mesh, (&views, WHITE), |_| true, cut, &budget).unwrap();
+    assert!(decoded.iter().enumerate().all(|(view, p)| p.is_some() == (view == first)));
+}
+
+/// As many views are worked on side by side as there is memory for; below what one takes it is an error.
+#[test]
+fn memory_is_charged_before_it_is_used() {
+    let (mesh, views, photographs) = scene(9);
+    let encoded = Encoder::new(&mesh, &views, WHITE, &COMPONENTS, &photographs, &coverage(&mesh, &views), false)
+        .encode(&Quality::default())
+        .unwrap();
+    let header = Header::parse(&encoded.bytes, 9, 2, &Budget::new(Limits::default())).unwrap();
+    let start = PREFIX_BYTES + Header::length(&encoded.bytes).unwrap() as usize;
+    let run = |memory_bytes: u64| {
+        let read = |s: &crate::predictive::header::CodedStep| {
+            let at = start + s.offset as usize;
+            Ok(Some(encoded.bytes[at..at + s.lengths.iter().sum::<u32>() as usize].to_vec()))
+        };
+        let budget = Budget::new(Limits { memory_bytes, ..Limits::default() });
+        decode(&header, &mesh, (&views, WHITE), |_| true, read, &budget)
+    };
+    let mut refused = 0;
+    for memory_bytes in (500_000..10_000_000).step_by(500_000) {
+        match run(memory_bytes) {
+            Ok(decoded) => assert!(decoded.iter().flatten().eq(&encoded.photographs)),
+            Err(error) => {
+                assert!(matches!(error, crate::Error::Limits { .. }), "{error}");
+                refused += 1;
+            }
+        }
+    }
+    let one = crate::predictive::workspace::most_bytes(&views[0].camera, &header.coding);
+    let side_by_side = 8 * one;
+    assert!(refused > 0 && refused * 500_000 < side_by_side as usize / 2, "{refused} refused, one view {one} bytes");
+}
+
+#[test]
+fn views_one_at_a_time_are_those_decoded_together_even_with_little_memory() {
+    [Decoding::Small, Decoding::Fast].into_iter().for_each(check_order);
+}
+
+fn check_order(decoding: Decoding) {
+    use crate::predictive::decoder::ViewDecoder;
+    use std::borrow::Cow;
+    use std::sync::Arc;
+    let (mesh, views, photographs) = scene(24);
+    let encoder = Encoder::new(&mesh, &views, WHITE, &COMPONENTS, &photographs, &coverage(&mesh, &views), true);
+    let coded = encoder.encode(&Quality { decoding, ..Quality::default() }).unwrap();
+    let header = Header::parse(&coded.bytes, 24, 2, &Budget::new(Limits::default())).unwrap();
+    let body = &coded.bytes[PREFIX_BYTES + Header::length(&coded.bytes).unwrap() as usize..];
+    let run = |memory_bytes: u64| -> crate::Result<usize> {
+        let budget = Arc::new(Budget::new(Limits { memory_bytes, ..Limits::default() }));
+        let (mesh, views) = (Cow::Borrowed(&mesh), Cow::Borrowed(&views[..]));
+        let mut decoder = ViewDecoder::new(Cow::Borrowed(&header), mesh, views, WHITE, budget.clone());
+        let mut decoded = 0;
+        for view in (0..48).map(|k| k * 7 % 24) {
+            let steps = decoder.missing(view)?;
+            let mut photograph = decoder.kept(view).map(|picture| picture.photograph());
+            assert_eq!(photograph.is_some(), steps.is_empty());
+            for step in steps {
+                let (offset, length) = match decoder.coded(step) {
+                    Some(coded) => (coded.offset as usize, coded.lengths.iter().sum::<u32>() as usize),
+                    None => unreachable!(),
+                };
+                photograph =
+                    Some(decoder.decode(step, &body[offset..offset + length], |picture| picture.photograph())?);
+                decoded += 1;
+            }
+            assert!(photograph.as_ref() == Some(&coded.photographs[view]), "view {view}");
+        }
+        assert!(decoder.missing(24).is_err());
+        assert!(budget.left() < memory_bytes);
+        Ok(decoded)
+    };
+    // Each view once, but for those that nothing is predicted from and that are asked for twice. Where predictions are of a fraction of
+    // the size no pictures are kept: each time a view is asked for, and some before that for others.
+    let roomy = run(1 << 30).unwrap();
+    let expected = if decoding == Decoding::Small { 24..48 } else { 48..72 };
+    assert!(expected.contains(&roomy), "{roomy} views decoded");
+    // Room for the longest chain only: what was given up is decoded again.
+    let (least, tight) = (10..200).map(|k| k * 100_000).find_map(|memory| Some((memory, run(memory).ok()?))).unwrap();
+    assert!(tight > roomy, "{tight} views decoded with {least} bytes");
+    assert!(matches!(run(least / 2), Err(crate::Error::Limits { .. })));
+}

@@ -1,0 +1,181 @@
+//! Section `RFLC`: reflectance maps as coded images.
+//!
+//! The maps' integer planes go three at a time (diffuse colour, specular colour, `sigma` alone) through the shape-adaptive
+//! 9/7 and the coefficient coder of the photographs' planes, without prediction, on the mask of the atlas.
+//! Normative text: `spec/reflectance.md`.
+
+use super::maps::ReflectanceMaps;
+use super::maps::{ReflectancePlanes, from_planes};
+use crate::entropy::RangeDecoder;
+use crate::error::{Error, Result};
+use crate::image::{Grid, Mask};
+use crate::limits::Budget;
+use crate::mesh::Mesh;
+#[cfg(feature = "encode")]
+use crate::quantise::bands::Choice;
+use crate::quantise::bands::Quantiser;
+use crate::residual::coefficients;
+use crate::surface::atlas::rasterise_atlas;
+use crate::surface::charts::Charts;
+use crate::transform::shape_adaptive::{Pixel, Plan};
+
+const SECTION: &str = "RFLC";
+const VERSION: u8 = 0;
+/// Flag: the lights are known.
+const RELIGHTABLE: u8 = 1;
+/// Flag: a palette follows the head.
+const PALETTE: u8 = 2;
+/// Version, flags, number of planes, two scales, three steps.
+const HEADER_BYTES: usize = 3 + 2 * 4 + 3 * 4;
+/// Values stand this far below the middle of their interval, in steps.
+const SHRINK: [f32; 2] = [0.08, 0.02];
+/// Memory that decoding takes for a texel.
+const BYTES_A_TEXEL: usize = 400;
+
+/// Quantiser steps of the planes, in levels ([`crate::reflectance::maps::COLOUR_LEVELS`], [`crate::reflectance::torrance_sparrow::SIGMA_LEVELS`]).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MapSteps {
+    /// Diffuse colour.
+    pub diffuse: f32,
+    /// Specular colour.
+    pub specular: f32,
+    /// Width of the highlight.
+    pub sigma: f32,
+}
+
+/// Whether a number of the head, two scales and three steps, is one that the format allows.
+fn is_in_range(index: usize, number: f32) -> bool {
+    let least = if index > 1 { 1e-3 } else { 0.0 };
+    (least..=1e6).contains(&number)
+}
+
+/// Bytes of the section, and the maps as the decoder has them.
+/// # Errors
+/// [`Error::Parameter`] where values or steps are beyond what the format holds.
+#[cfg(feature = "encode")]
+pub fn encode(
+    maps: &ReflectanceMaps,
+    mesh: &Mesh,
+    charts: &Charts,
+    steps: &MapSteps,
+    lambda: f32,
+) -> Result<(Vec<u8>, ReflectanceMaps)> {
+    let mask = rasterise_atlas(mesh, charts)?.mask();
+    let planes = crate::reflectance::maps::to_planes(maps, &mask);
+    let with_palette = !planes.palette.is_empty() && planes.planes.len() == 7;
+    let flags = planes.relightable as u8 + if with_palette { PALETTE } else { 0 };
+    let mut bytes = vec![VERSION, flags, planes.planes.len() as u8];
+    for (k, value) in planes.scales.into_iter().chain([steps.diffuse, steps.specular, steps.sigma]).enumerate() {
+        if !is_in_range(k, value) {
+            return Err(Error::parameter(match k {
+                0 | 1 => format!("reflectance or radiance {value:e}, 1000000 at most: divide the capture's radiance"),
+                _ => format!("a step of {value} levels in the reflectance maps, 0.001 to 1000000 expected"),
+            }));
+        }
+        bytes.extend(value.to_le_bytes());
+    }
+    if with_palette {
+        crate::reflectance::palette::write(&planes.palette, &mut bytes)?;
+    }
+    let plan = Plan::new(&mask);
+    let mut coder = crate::entropy::RangeEncoder::new();
+    let mut decoded = Vec::new();
+    for (planes, step) in planes.planes.chunks(3).zip([steps.diffuse, steps.specular, steps.sigma]) {
+        let pixels: Vec<Pixel> = (0..mask.data.len())
+            .map(|i| std::array::from_fn(|k| planes.get(k).map_or(0.0, |plane: &Grid<i32>| plane.data[i] as f32)))
+            .collect();
+        let target = plan.forward(pixels);
+        let target = Some((&target[..], Choice { lambda }));
+        let quantiser = Quantiser { step, shrink: SHRINK };
+        let coefficients = coefficients::code_alone(&mut coder, &plan, &quantiser, target);
+        decoded.extend(to_grids(&plan.inverse(&coefficients), &mask, planes.len()));
+    }
+    bytes.extend(coder.finish());
+    let decoded = from_planes(&ReflectancePlanes { planes: decoded, ..planes })?;
+    Ok((bytes, decoded))
+}
+
+/// The maps of a section, for the mesh and the charts they were made for.
+pub fn decode(bytes: &[u8], mesh: &Mesh, charts: &Charts, budget: &Budget) -> Result<ReflectanceMaps> {
+    let Some((header, mut stream)) = bytes.split_first_chunk::<HEADER_BYTES>() else {
+        return Err(Error::format(SECTION, bytes.len(), format!("ends within its head of {HEADER_BYTES} bytes")));
+    };
+    let [version, flags, count] = [header[0], header[1], header[2]];
+    if version != VERSION || flags > RELIGHTABLE + PALETTE {
+        return Err(Error::Unsupported(format!("section RFLC of version {version}, flags {flags}")));
+    }
+    if count != 3 && count != 7 {
+        return Err(Error::format(SECTION, 2, format!("{count} planes; 3 or 7 expected")));
+    }
+    let mut numbers = [0f32; 5];
+    for (k, number) in numbers.iter_mut().enumerate() {
+        *number = f32::from_le_bytes(std::array::from_fn(|i| header[3 + 4 * k + i]));
+        if !is_in_range(k, *number) {
+            return Err(Error::format(SECTION, 3 + 4 * k, format!("{number} is no scale or step")));
+        }
+    }
+    let [diffuse_scale, specular_scale, steps @ ..] = numbers;
+    let mut palette = Vec::new();
+    if flags & PALETTE != 0 {
+        if count != 7 {
+            return Err(Error::format(SECTION, 2, "a palette without specular planes"));
+        }
+        let end;
+        (palette, end) = crate::reflectance::palette::read(bytes, HEADER_BYTES, SECTION, budget)?;
+        stream = bytes.get(end..).unwrap_or_default();
+    }
+    budget.charge_items("reflectance maps", charts.width as u64 * charts.height as u64, BYTES_A_TEXEL)?;
+    let mask = rasterise_atlas(mesh, charts)?.mask();
+    let plan = Plan::new(&mask);
+    let mut coder = RangeDecoder::new(stream);
+    let mut planes = Vec::new();
+    let mut left = count as usize;
+    for step in steps {
+        if left == 0 {
+            break;
+        }
+        let here = left.min(3);
+        let quantiser = Quantiser { step, shrink: SHRINK };
+        let coefficients = coefficients::code_alone(&mut coder, &plan, &quantiser, None);
+        planes.extend(to_grids(&plan.inverse(&coefficients), &mask, here));
+        left -= here;
+    }
+    if !coder.ends_as_written(0) {
+        return Err(Error::format(SECTION, bytes.len(), "its length does not fit its content"));
+    }
+    let scales = [diffuse_scale, specular_scale];
+    from_planes(&ReflectancePlanes { relightable: flags & RELIGHTABLE != 0, scales, planes, palette })
+}
+
+/// The first `count` channels, rounded; 0 outside the mask.
+fn to_grids(pixels: &[Pixel], mask: &Mask, count: usize) -> Vec<Grid<i32>> {
+    (0..count)
+        .map(|k| {
+            let data = pixels.iter().zip(&mask.data).map(|(p, &m)| if m { (p[k] + 0.5).floor() as i32 } else { 0 });
+            Grid { width: mask.width, height: mask.height, data: data.collect() }
+        })
+        .collect()
+}
+
+#[cfg(all(test, feature = "encode"))]
+mod tests {
+    use crate::limits::Limits;
+    use crate::reflectance::codec::*;
+    use crate::surface::atlas;
+
+    #[test]
+    fn what_the_reader_refuses_is_not_written() {
+        let mesh = Mesh { positions: vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], triangles: vec![[0, 1, 2]] };
+        let charts = atlas::layout(&mesh, 8.0).unwrap();
+        let (width, height) = (charts.width as usize, charts.height as usize);
+        let code = |radiance: f32, step: f32| {
+            let maps = ReflectanceMaps { diffuse: Grid::filled(width, height, [radiance; 3]), ..Default::default() };
+            let steps = MapSteps { diffuse: step, specular: 1.0, sigma: 1.0 };
+            encode(&maps, &mesh, &charts, &steps, 0.1)
+        };
+        let (bytes, decoded) = code(1e6, 1.0).unwrap();
+        assert_eq!(decode(&bytes, &mesh, &charts, &Budget::new(Limits::default())).unwrap(), decoded);
+        assert!(code(2e6, 1.0).unwrap_err().to_string().starts_with("reflectance or radiance 2e6, 1000000 at most"));
+        assert!(code(1.0, 1e-4).unwrap_err().to_string().starts_with("a step of 0.0001 levels"));
+    }
+}

@@ -1,0 +1,448 @@
+//! Renders one asset, keeping what pictures share.
+
+use super::residual::{Captured, Shown, Sight};
+use super::shadow::ShadowMap;
+use super::{Lighting, RenderOptions, Rendered};
+use crate::asset::Asset;
+use crate::error::{Error, Result};
+use crate::image::{Grid, RgbImage};
+use crate::reflectance::{Geometry, maps};
+use crate::surface::atlas::{atlas_position, smooth_normal};
+use crate::surface::raster::{Raster, rasterise, vertex_normals};
+use crate::views::{Camera, Component, PointLight, View};
+use glam::DVec3;
+use std::sync::OnceLock;
+
+/// Captured views looked at for every surface point beyond those interpolated, where some are hidden.
+const SPARE_VIEWS: usize = 5;
+/// Smallest cosine to a light under which the residual is shown in full.
+const GRAZING: f32 = 0.2;
+/// Pixels of the largest picture.
+const LARGEST: u64 = 1 << 28;
+
+/// Renders pictures of one asset. Captured views are prepared when first needed.
+pub struct Renderer<'a> {
+    asset: &'a Asset,
+    normals: Vec<[f64; 3]>,
+    middle: [f64; 3],
+    /// For each view which of the capture's lights it shows, the most used one first.
+    light_number: Vec<usize>,
+    captured: Vec<OnceLock<Option<Captured<'a>>>>,
+}
+
+/// A surface point that a pixel sees.
+struct SurfacePoint {
+    point: [f64; 3],
+    normal: [f64; 3],
+    /// Atlas position, where there is an atlas.
+    at: Option<[f64; 2]>,
+}
+
+/// What one pixel shows.
+#[derive(Clone, Copy)]
+struct Pixel {
+    components: [[f32; 3]; 2],
+    hit: bool,
+    coverage: bool,
+}
+
+impl<'a> Renderer<'a> {
+    /// Checks that the parts of the asset belong together.
+    pub fn new(asset: &'a Asset) -> Result<Self> {
+        let vertices = asset.mesh.positions.len();
+        if asset.mesh.triangles.iter().flatten().any(|&v| v as usize >= vertices) {
+            return Err(Error::parameter("the mesh names vertices that it does not have"));
+        }
+        if let (Some(charts), Some(maps)) = (&asset.charts, &asset.reflectance) {
+            let texels = charts.width as usize * charts.height as usize;
+            let sizes = [maps.diffuse.data.len(), maps.specular.data.len(), maps.sigma.data.len()];
+            let fits = sizes[0] == texels && sizes[1..].iter().all(|&s| s == texels || s == 0);
+            let named = charts.chart_of_triangle.iter().all(|&c| (c as usize) < charts.charts.len());
+            if texels == 0 || !fits || charts.chart_of_triangle.len() != asset.mesh.triangles.len() || !named {
+                return Err(Error::parameter("mesh, charts and reflectance maps do not belong together"));
+            }
+        }
+        if asset.components.is_empty() || asset.components.len() > 2 {
+            return Err(Error::parameter("an asset has one or two components"));
+        }
+        for (view, photograph) in asset.views.iter().zip(&asset.photographs) {
+            let Some(photograph) = photograph else { continue };
+            let pixels = view.camera.width as usize * view.camera.height as usize;
+            let images = &photograph.images;
+            if photograph.mask.data.len() != pixels
+                || images.len() != asset.components.len()
+                || images.iter().any(|i| i.data.len() != pixels)
+            {
+                return Err(Error::parameter(format!("photograph {} has not its camera's size", view.name)));
+            }
+        }
+        Ok(Renderer {
+            asset,
+            normals: vertex_normals(&asset.mesh),
+            middle: asset.mesh.bounding_sphere().0,
+            light_number: number_lights(&asset.views, asset.mesh.bounding_sphere().0),
+            captured: asset.views.iter().map(|_| OnceLock::new()).collect(),
+        })
+    }
+
+    /// The number, for [`Lighting::Capture`], of the light that a view shows; `None` if the asset's views have no such light.
+    pub fn light_number(&self, view: &View) -> Option<usize> {
+        (0..self.asset.views.len())
+            .find(|&k| same_light(&self.asset.views[k], view, self.middle))
+            .map(|k| self.light_number[k])
+    }
+
+    /// Renders one picture.
+    pub fn render(&self, camera: &Camera, options: &RenderOptions) -> Result<Rendered> {
+        if camera.width == 0 || camera.height == 0 || camera.width as u64 * camera.height as u64 > LARGEST {
+            return Err(Error::parameter("the picture has no pixels or too many"));
+        }
+        let numbers = camera.focal.iter().chain(&camera.principal).chain(camera.rotation.iter().flatten());
+        if !numbers.chain(&camera.translation).all(|x| x.is_finite()) || camera.focal.contains(&0.0) {
+            return Err(Error::parameter("the camera has a number that is not finite, or no focal length"));
+        }
+        let maps = self.asset.reflectance.as_ref();
+        let relightable = maps.is_some_and(|m| m.relightable);
+        let (lights, light_number) = match &options.lighting {
+            Lighting::Capture(number) => (None, *number),
+            Lighting::Points(_) if !relightable => {
+                let message = "relighting: the lights of this asset's capture are unknown, so it has no reflectance";
+                return Err(Error::Unsupported(message.into()));
+            }
+            Lighting::Points(lights) => (Some(lights), 0),
+        };
+        let near = self.nearest(camera, light_number, options.views.max(1));
+        if near.is_empty() && !self.asset.views.is_empty() && lights.is_none() && light_number > 0 {
+            return Err(Error::parameter(format!("no view was captured under light {light_number}")));
+        }
+        let scene = Scene {
+            renderer: self,
+            options,
+            camera,
+            raster: rasterise(&self.asset.mesh, camera),
+            captured: near.iter().filter_map(|&(view, _)| self.captured(view)).collect(),
+            capture_light: relightable.then(|| self.capture_light(camera, &near, options.views.max(1))).flatten(),
+            lights: lights.map(|lights| {
+                let shadow = |l: &PointLight| options.shadows.then(|| ShadowMap::new(&self.asset.mesh, l.position));
+                lights.iter().map(|l| (*l, shadow(l).flatten())).collect()
+            }),
+        };
+        let (width, height) = (camera.width as usize, camera.height as usize);
+        let mut pixels = vec![Pixel { components: [[0.0; 3]; 2], hit: false, coverage: false }; width * height];
+        let row = |(y, row): (usize, &mut [Pixel])| {
+            row.iter_mut().enumerate().for_each(|(x, pixel)| *pixel = scene.pixel(y * width + x));
+        };
+        #[cfg(feature = "parallel")]
+        {
+            use rayon::prelude::*;
+            pixels.par_chunks_mut(width).enumerate().for_each(row);
+        }
+        #[cfg(not(feature = "parallel"))]
+        pixels.chunks_mut(width).enumerate().for_each(row);
+        let plane = |value: &dyn Fn(&Pixel) -> [f32; 3]| -> RgbImage {
+            Grid { width, height, data: pixels.iter().map(value).collect() }
+        };
+        let mask = |value: fn(&Pixel) -> bool| Grid { width, height, data: pixels.iter().map(value).collect() };
+        Ok(Rendered {
+            image: plane(&|p| std::array::from_fn(|c| p.components[0][c].max(0.0) + p.components[1][c].max(0.0))),
+            components: (0..self.asset.components.len()).map(|k| plane(&|p| p.components[k])).collect(),
+            hit: mask(|p| p.hit),
+            coverage: mask(|p| p.coverage),
+        })
+    }
+
+    /// The captured views that look most alike, with the angle at the object's middle; photographs or not.
+    fn nearest(&self, camera: &Camera, light_number: usize, views: usize) -> Vec<(usize, f64)> {
+        let direction =
+            |c: &Camera| (DVec3::from_array(c.centre()) - DVec3::from_array(self.middle)).normalize_or_zero();
+        let wanted = direction(camera);
+        let mut found: Vec<(usize, f64)> = (0..self.asset.views.len())
+            .filter(|&k| self.light_number[k] == light_number && matches!(self.asset.photographs.get(k), Some(Some(_))))
+            .map(|k| (k, angle(direction(&self.asset.views[k].camera), wanted)))
+            .collect();
+        found.sort_by(|a, b| a.1.total_cmp(&b.1).then(a.0.cmp(&b.0)));
+        found.truncate(if views == 1 { 1 } else { views + SPARE_VIEWS });
+        found
+    }
+
+    /// The capture's light for a camera that was not captured: moves with the camera unless it stood still.
+    fn capture_light(&self, camera: &Camera, near: &[(usize, f64)], views: usize) -> Option<PointLight> {
+        let all: Vec<(usize, f64)>;
+        let near = if near.is_empty() {
+            // Without any photograph the nearest view's light still serves.
+            let turned = |k: usize| {
+                let row = |c: &Camera| DVec3::from_array(c.rotation[2]);
+                angle(row(&self.asset.views[k].camera), row(camera))
+            };
+            let least = (0..self.asset.views.len()).min_by(|&a, &b| turned(a).total_cmp(&turned(b)))?;
+            all = vec![(least, 0.0)];
+            &all
+        } else {
+            near
+        };
+        let weights = weights(near.iter().map(|n| n.1), views);
+        let (mut world, mut relative, mut intensity) = (DVec3::ZERO, DVec3::ZERO, DVec3::ZERO);
+        let mut spread = 0f64;
+        let mut sum = 0.0;
+        let mut first = None;
+        for (&(view, _), weight) in near.iter().zip(weights) {
+            let view = &self.asset.views[view];
+            let Some(light) = view.light.filter(|_| weight > 0.0) else { continue };
+            let position = DVec3::from_array(light.position);
+            spread = spread.max((position - *first.get_or_insert(position)).length());
+            world += weight * position;
+            relative += weight * DVec3::from_array(view.camera.to_camera(light.position));
+            intensity += weight * DVec3::from_array(light.intensity);
+            sum += weight;
+        }
+        if sum <= 0.0 {
+            return None;
+        }
+        let still = spread < 1e-6 * (1.0 + (world / sum).length());
+        let r = camera.rotation.map(DVec3::from_array);
+        let turned = relative / sum - DVec3::from_array(camera.translation);
+        let moved = r[0] * turned.x + r[1] * turned.y + r[2] * turned.z;
+        let position = if still { world / sum } else { moved };
+        Some(PointLight { position: position.to_array(), intensity: (intensity / sum).to_array() })
+    }
+
+    fn captured(&self, view: usize) -> Option<&Captured<'a>> {
+        self.captured[view].get_or_init(|| self.prepare(view)).as_ref()
+    }
+
+    /// Photograph and model of a captured view.
+    fn prepare(&self, view: usize) -> Option<Captured<'a>> {
+        let photograph = self.asset.photographs.get(view)?.as_ref()?;
+        let (camera, light) = (self.asset.views[view].camera, self.asset.views[view].light);
+        let raster = rasterise(&self.asset.mesh, &camera);
+        let centre = camera.centre();
+        let mut models = vec![Grid::filled(raster.width, raster.height, [0f32; 3]); photograph.images.len()];
+        for index in (0..raster.triangle.len()).filter(|&k| raster.is_covered(k) && photograph.mask.data[k]) {
+            let surface = self.surface_point(&camera, &raster, index);
+            let geometry = light.map(|light| Geometry::new(surface.point, surface.normal, centre, &light));
+            for (k, &component) in self.asset.components.iter().enumerate() {
+                models[k].data[index] = self.model(component, &surface, geometry.as_ref());
+            }
+        }
+        Some(Captured::new(camera, raster, photograph, models))
+    }
+
+    fn surface_point(&self, camera: &Camera, raster: &Raster, index: usize) -> SurfacePoint {
+        let pixel = [(index % raster.width) as f64 + 0.5, (index / raster.width) as f64 + 0.5];
+        let (centre, ray, depth) = (camera.centre(), camera.ray(pixel), raster.depth[index]);
+        let point: [f64; 3] = std::array::from_fn(|k| centre[k] + ray[k] * depth);
+        let triangle = raster.triangle[index] as usize;
+        let [b, c] = raster.barycentric[index].map(f64::from);
+        let normal = smooth_normal(self.asset.mesh.triangles[triangle], [1.0 - b - c, b, c], &self.normals);
+        let charts = self.asset.charts.as_ref().filter(|_| self.asset.reflectance.is_some());
+        let at = charts.map(|charts| atlas_position(charts, triangle, DVec3::from_array(point)));
+        SurfacePoint { point, normal: normal.to_array(), at }
+    }
+
+    fn model(&self, component: Component, surface: &SurfacePoint, geometry: Option<&Geometry>) -> [f32; 3] {
+        match (&self.asset.reflectance, surface.at) {
+            // Radiance maps are of the diffuse or of the combined component.
+            (Some(maps), Some(at)) => maps::evaluate(maps, component, at, geometry),
+            _ => [0.0; 3],
+        }
+    }
+}
+
+/// One picture in the making.
+struct Scene<'r, 'a> {
+    renderer: &'r Renderer<'a>,
+    options: &'r RenderOptions,
+    camera: &'r Camera,
+    raster: Raster,
+    captured: Vec<&'r Captured<'a>>,
+    capture_light: Option<PointLight>,
+    lights: Option<Vec<(PointLight, Option<ShadowMap>)>>,
+}
+
+impl Scene<'_, '_> {
+    fn pixel(&self, index: usize) -> Pixel {
+        let mut pixel = Pixel { components: [[0.0; 3]; 2], hit: false, coverage: false };
+        if !self.raster.is_covered(index) {
+            return pixel;
+        }
+        let surface = self.renderer.surface_point(self.camera, &self.raster, index);
+        let centre = self.camera.centre();
+        let (seen, coverage) = self.sight(&surface, centre);
+        pixel.hit = true;
+        pixel.coverage = coverage;
+        let geometry = |light: &PointLight| Geometry::new(surface.point, surface.normal, centre, light);
+        let capture = self.capture_light.as_ref().map(geometry);
+        let layers = self.options.layers;
+        for (k, &component) in self.renderer.asset.components.iter().enumerate() {
+            let (part, whole) = match component {
+                Component::Combined if layers.diffuse != layers.specular => {
+                    (if layers.diffuse { Component::Diffuse } else { Component::Specular }, false)
+                }
+                Component::Diffuse => (component, layers.diffuse),
+                Component::Specular => (component, layers.specular),
+                Component::Combined => (component, layers.diffuse),
+            };
+            if part == component && !whole {
+                continue;
+            }
+            let model = |geometry: Option<&Geometry>| self.renderer.model(part, &surface, geometry);
+            let bound = match (&self.lights, component) {
+                (Some(_), _) => Bound::All,
+                (None, Component::Specular) => Bound::Negative,
+                (None, _) => Bound::Free,
+            };
+            let shown = |model: [f32; 3], irradiance: [f32; 3], fade: f32| -> [f32; 3] {
+                let residual =
+                    if layers.residual && whole { residual(&seen, k, model, irradiance, bound) } else { [0.0; 3] };
+                std::array::from_fn(|c| fade * (residual[c] + if layers.model { model[c] } else { 0.0 }))
+            };
+            match &self.lights {
+                None => pixel.components[k] = shown(model(capture.as_ref()), [1.0; 3], 1.0),
+                Some(lights) => {
+                    for (light, shadow) in lights {
+                        let lit = geometry(light);
+                        if lit.cos_light <= 0.0 {
+                            continue;
+                        }
+                        let reach = |map: &ShadowMap| map.reach(surface.point, lit.cos_light as f64) as f32;
+                        let reach = shadow.as_ref().map_or(1.0, reach);
+                        // L_j / L of equation 15, both as irradiance; fades where the light grazes.
+                        let fade = (lit.cos_light / GRAZING).min(1.0);
+                        let ratio = |c: usize| match &capture {
+                            Some(g) if g.irradiance[c] > 0.0 => fade * lit.irradiance[c] / g.irradiance[c],
+                            _ => 0.0,
+                        };
+                        let sum = shown(model(Some(&lit)), std::array::from_fn(ratio), reach);
+                        (0..3).for_each(|c| pixel.components[k][c] += sum[c]);
+                    }
+                }
+            }
+        }
+        pixel
+    }
+
+    /// What the captured views that see a surface point show there, with weights that sum to 1 (none if none sees it), and whether
+    /// their masks let the point stand.
+    fn sight(&self, surface: &SurfacePoint, centre: [f64; 3]) -> (Vec<([Shown; 2], f32)>, bool) {
+        let point = DVec3::from_array(surface.point);
+        let towards = |centre: [f64; 3]| (DVec3::from_array(centre) - point).normalize_or_zero();
+        let wanted = towards(centre);
+        let mut order: Vec<(f64, &Captured)> =
+            self.captured.iter().map(|c| (angle(towards(c.camera.centre()), wanted), *c)).collect();
+        order.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let (mut seen, mut angles, mut cut) = (Vec::new(), Vec::new(), false);
+        for (angle, captured) in order {
+            if seen.len() > self.options.views {
+                break;
+            }
+            match captured.look(surface.point) {
+                Sight::Seen(shown, confidence) => {
+                    seen.push((shown, confidence));
+                    angles.push(angle);
+                }
+                Sight::Cut => cut |= seen.is_empty(),
+                Sight::Unseen => {}
+            }
+        }
+        let weights = weights(angles.into_iter(), self.options.views);
+        seen.iter_mut().zip(weights).for_each(|(s, weight)| s.1 *= weight as f32);
+        let total: f32 = seen.iter().map(|s| s.1).sum();
+        seen.iter_mut().for_each(|s| s.1 /= total);
+        (seen, !cut)
+    }
+}
+
+/// Which residuals may not exceed their share of the captured model.
+#[derive(Clone, Copy, PartialEq)]
+enum Bound {
+    /// None.
+    Free,
+    /// Those that take away: a highlight which the capture didn't have leaves no black hole where the model has none.
+    Negative,
+    /// All: under other lights what the capture had beyond the model lies elsewhere, or is not lit.
+    All,
+}
+
+/// The residual of a component where its model is `model`, interpolated: of every view the radiance that its residual leads to, the mean of
+/// these in the (signed) square-root signal, minus the model. A residual is scaled by `irradiance`; a bounded one by the lesser of that
+/// and the model's ratio to the model in the view.
+fn residual(
+    seen: &[([Shown; 2], f32)],
+    component: usize,
+    model: [f32; 3],
+    irradiance: [f32; 3],
+    bound: Bound,
+) -> [f32; 3] {
+    let mut sum = [0f32; 3];
+    for (shown, weight) in seen {
+        let Shown { photograph, model: captured } = &shown[component];
+        for c in 0..3 {
+            let residual = photograph[c] - captured[c];
+            let bounded = bound == Bound::All || (bound == Bound::Negative && residual < 0.0);
+            let scale =
+                if bounded && captured[c] > 0.0 { irradiance[c].min(model[c] / captured[c]) } else { irradiance[c] };
+            // The first is exact where model and captured model agree.
+            let radiance =
+                if scale == 1.0 { photograph[c] + (model[c] - captured[c]) } else { model[c] + scale * residual };
+            sum[c] += weight * radiance.abs().sqrt().copysign(radiance);
+        }
+    }
+    if seen.is_empty() {
+        return [0.0; 3];
+    }
+    std::array::from_fn(|c| sum[c] * sum[c].abs() - model[c])
+}
+/// Weights of views from their angles, in ascending order: the first `views` count, each by how much nearer it is than the next one after
+/// them (Buehler et al. 2001, "Unstructured Lumigraph Rendering", equation 5). They sum to 1.
+fn weights(angles: impl Iterator<Item = f64>, views: usize) -> Vec<f64> {
+    let angles: Vec<f64> = angles.collect();
+    // At a captured camera that view alone.
+    let exact = |k: usize| if k == 0 { 1.0 } else { 0.0 };
+    if angles.first().is_some_and(|&a| a < 1e-9) {
+        return (0..angles.len()).map(exact).collect();
+    }
+    let last = match angles.get(views) {
+        Some(&next) => next,
+        None => angles.last().copied().unwrap_or(0.0) * 1.5,
+    }
+    .max(1e-9);
+    let mut weights: Vec<f64> = angles.iter().take(views).map(|&a| (1.0 - a / last).max(1e-9) / a).collect();
+    let sum: f64 = weights.iter().sum();
+    weights.iter_mut().for_each(|w| *w /= sum);
+    weights.resize(angles.len(), 0.0);
+    weights
+}
+
+/// Numbers the lights under which views were captured: 0 is the one of most views.
+fn number_lights(views: &[View], middle: [f64; 3]) -> Vec<usize> {
+    let mut groups: Vec<Vec<usize>> = Vec::new();
+    for k in 0..views.len() {
+        match groups.iter_mut().find(|group| same_light(&views[group[0]], &views[k], middle)) {
+            Some(group) => group.push(k),
+            None => groups.push(vec![k]),
+        }
+    }
+    groups.sort_by_key(|group| (std::cmp::Reverse(group.len()), group[0]));
+    let mut numbers = vec![0; views.len()];
+    for (number, group) in groups.iter().enumerate() {
+        group.iter().for_each(|&k| numbers[k] = number);
+    }
+    numbers
+}
+
+/// Whether two views have the same light: one that stands still, or moves with the camera; both unknown counts.
+fn same_light(a: &View, b: &View, middle: [f64; 3]) -> bool {
+    let (one, two) = match (a.light, b.light) {
+        (None, None) => return true,
+        (Some(one), Some(two)) => (one, two),
+        _ => return false,
+    };
+    let gap = |p: [f64; 3], q: [f64; 3]| (DVec3::from_array(p) - DVec3::from_array(q)).length();
+    let distance = gap(a.camera.centre(), middle);
+    gap(one.position, two.position) < 1e-3 * distance
+        || gap(a.camera.to_camera(one.position), b.camera.to_camera(two.position)) < 0.05 * distance
+}
+
+fn angle(a: DVec3, b: DVec3) -> f64 {
+    a.cross(b).length().atan2(a.dot(b))
+}

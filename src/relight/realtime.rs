@@ -1,0 +1,393 @@
+//! Pictures in motion: the sums of [`crate::relight::filtered`] and [`crate::relight::spherical_gaussian`] in single precision, with everything prepared that stays when
+//! the camera moves.
+//!
+//! What differs from still pictures: reflection functions are read from tables ([`crate::relight::brdf_table`]); specular light of the levels is summed at
+//! one of four pixels and interpolated between like normals; the published evaluator's diffuse light is summed at the places that visibility
+//! is known at; samples of a pixel are shaded together where they show one piece of surface.
+
+use super::appearance::{Appearance, Look, Prepared};
+use super::environment_light::{Surround, level_of, log2};
+use super::multisample::Samples;
+use super::octahedral_map::to_square;
+use super::scene::{Evaluator, Point, Scene, finer};
+use super::{filtered, spherical_gaussian};
+use crate::error::Result;
+use crate::image::{Grid, RgbImage};
+use crate::parallel::{parts, rows};
+use crate::sphere::gaussian::{COSINE_PUBLISHED, half_space_share_published};
+use crate::surface::raster::check_work;
+use crate::views::Camera;
+use glam::Vec3;
+use std::borrow::Cow;
+use std::f32::consts::{LN_2, PI};
+
+/// Radiance below which a distant light's reflection is left out; 1 is white.
+const FAINT: f32 = 1e-4;
+/// Rows that are worked on at a time.
+const ROWS: usize = 8;
+/// Pieces of surface in a pixel that are told apart; samples of others count for the last.
+const PIECES: usize = 4;
+/// Cosine between the normals of triangles that touch, from which on they are one piece.
+const LIKE: f32 = 0.8;
+
+/// A scene prepared for many pictures.
+pub struct Motion<'a> {
+    stage: Stage<'a>,
+    samples: Samples,
+    coarse: Vec<Option<(Vec3, Vec3)>>,
+    frame: Frame,
+}
+
+/// A picture in motion.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Frame {
+    /// Linear radiance, Rec. 709; 0 where nothing is hit. Of pixels that the object covers in part it is that part's share.
+    pub image: RgbImage,
+    /// Share of each pixel that shows the object.
+    pub coverage: Grid<f32>,
+}
+
+struct Stage<'a> {
+    scene: &'a Scene<'a>,
+    vertices: Vec<Vertex>,
+    /// Of the places, without the distant lights.
+    irradiance: Vec<Vec3>,
+    faces: Vec<Face>,
+    /// The published evaluator's levels: those of the scene's surroundings where they are made of the light's.
+    levels: Option<Cow<'a, Surround>>,
+}
+
+struct Vertex {
+    position: Vec3,
+    normal: Vec3,
+}
+
+/// A triangle: its normal, and the distant lights that reach all of its front or only a part.
+struct Face {
+    normal: Vec3,
+    lit: u64,
+    partial: u64,
+}
+
+/// Samples of a pixel that show one triangle and such as touch it.
+#[derive(Clone, Copy, Default)]
+struct Piece {
+    triangle: usize,
+    /// Sums of the second and third corner's weights over the samples within the triangle, and the number of those.
+    weights: [f32; 2],
+    inside: u32,
+    /// All samples.
+    count: u32,
+}
+
+impl Piece {
+    #[inline]
+    fn of(samples: &Samples, index: usize) -> Self {
+        Piece { triangle: samples.triangle[index] as usize, weights: samples.weights[index], inside: 1, count: 1 }
+    }
+}
+
+/// A surface point in a picture.
+struct Spot {
+    point: Point,
+    /// Whether the triangle's back is seen.
+    turned: bool,
+}
+
+impl<'a> Motion<'a> {
+    /// Prepares the scene.
+    pub fn new(scene: &'a Scene<'a>) -> Self {
+        let published = scene.options.evaluator == Evaluator::Published;
+        let irradiance = if published { spherical_gaussian::irradiance(scene) } else { scene.irradiance.clone() };
+        let mesh = scene.object.mesh;
+        let vertices = mesh.positions.iter().zip(&scene.object.normals);
+        let vertex = |(&position, &normal)| Vertex { position: Vec3::from_array(position), normal };
+        let vertices = vertices.map(vertex).collect();
+        let faces = crate::parallel::map(mesh.triangles.len(), |triangle| face(scene, triangle));
+        let levels = scene.light.filter(|_| published).map(|light| match scene.surround.is_stored {
+            true => Cow::Borrowed(scene.surround),
+            false => Cow::Owned(Surround::of_levels(&light.levels)),
+        });
+        let stage = Stage { scene, vertices, irradiance, faces, levels };
+        Motion { stage, samples: Samples::default(), coarse: Vec::new(), frame: Frame::default() }
+    }
+
+    /// Draws one picture.
+    pub fn draw(&mut self, camera: &Camera, look: &dyn Look) -> Result<&Frame> {
+        let mesh = self.stage.scene.object.mesh;
+        let fine = finer(camera, self.stage.scene.options.samples);
+        check_work(mesh, &fine)?;
+        let Motion { stage, samples, coarse, frame } = self;
+        samples.draw(mesh, &fine);
+        let centre = Vec3::from_array(camera.centre().map(|x| x as f32));
+        let (width, height) = (camera.width as usize, camera.height as usize);
+        let (half_width, half_height) = (width.div_ceil(2), height.div_ceil(2));
+        coarse.resize(half_width * half_height, None);
+        parts(coarse, half_width * ROWS / 2, |part, values| {
+            for (k, value) in values.iter_mut().enumerate() {
+                let (x, y) = (k % half_width * 2, (part * ROWS / 2 + k / half_width) * 2);
+                // Of the four pixels the first that shows the object.
+                let places = [(x, y), (x + 1, y), (x, y + 1), (x + 1, y + 1)];
+                let shown = places.iter().filter(|&&(x, y)| x < width && y < height);
+                let spot = shown.filter_map(|&at| stage.spot(&stage.first(samples, at)?, centre)).next();
+                *value = spot.and_then(|spot| Some((spot.point.normal, stage.reflected(&spot.point, look)?)));
+            }
+        });
+        let coarse = Coarse { width: half_width, height: half_height, values: coarse };
+        if (frame.image.width, frame.image.height) != (width, height) {
+            frame.image = RgbImage::filled(width, height, [0.0; 3]);
+            frame.coverage = Grid::filled(width, height, 0.0);
+        }
+        let share = 1.0 / (stage.scene.options.samples as f32).powi(2);
+        rows(&mut frame.image.data, &mut frame.coverage.data, width * ROWS, |part, image, coverage| {
+            let mut list = [Piece::default(); PIECES];
+            for (k, (pixel, covered)) in image.iter_mut().zip(coverage).enumerate() {
+                let (x, y) = (k % width, part * ROWS + k / width);
+                let mut sum = Vec3::ZERO;
+                *covered = 0.0;
+                for piece in stage.pieces(samples, (x, y), &mut list) {
+                    *covered += share * piece.count as f32;
+                    if let Some(spot) = stage.spot(piece, centre) {
+                        sum += share * piece.count as f32 * stage.radiance(&spot, look, &coarse, [x, y]);
+                    }
+                }
+                *pixel = sum.to_array();
+            }
+        });
+        Ok(frame)
+    }
+}
+
+fn face(scene: &Scene, triangle: usize) -> Face {
+    let corners = scene.object.mesh.triangles[triangle].map(|v| scene.object.mesh.positions[v as usize]);
+    let [p, q, r] = corners.map(Vec3::from_array);
+    let normal = (q - p).cross(r - p).normalize_or(Vec3::Y);
+    let (mut lit, mut partial) = (0, 0);
+    for (k, light) in scene.surround.distant.iter().enumerate() {
+        let cosine = normal.dot(Vec3::from_array(light.direction));
+        if scene.options.shadows && cosine <= 0.0 {
+            continue;
+        }
+        match scene.shadows.get(k) {
+            Some(Some(map)) => match map.over(corners.map(|c| c.map(f64::from)), cosine as f64) {
+                Some(true) => lit |= 1 << k,
+                Some(false) => {}
+                None => partial |= 1 << k,
+            },
+            _ => lit |= 1 << k,
+        }
+    }
+    Face { normal, lit, partial }
+}
+
+impl Stage<'_> {
+    /// The first sample of a pixel that shows the object.
+    #[inline]
+    fn first(&self, samples: &Samples, at: (usize, usize)) -> Option<Piece> {
+        let index = self.samples_of(samples, at).find(|&index| samples.is_covered(index))?;
+        Some(Piece::of(samples, index))
+    }
+
+    /// Numbers of a pixel's samples.
+    #[inline]
+    fn samples_of(&self, samples: &Samples, (x, y): (usize, usize)) -> impl Iterator<Item = usize> + use<> {
+        let (n, width) = (self.scene.options.samples as usize, samples.width);
+        let first = y * n * width + x * n;
+        (0..n).flat_map(move |row| first + row * width..first + row * width + n)
+    }
+
+    /// Puts the pieces of surface that a pixel shows into a list.
+    #[inline]
+    fn pieces<'p>(&self, samples: &Samples, at: (usize, usize), list: &'p mut [Piece; PIECES]) -> &'p [Piece] {
+        let triangles = &self.scene.object.mesh.triangles;
+        let mut count = 0;
+        for index in self.samples_of(samples, at) {
+            if !samples.is_covered(index) {
+                continue;
+            }
+            let new = Piece::of(samples, index);
+            let touches = |other: usize| {
+                let shared = triangles[new.triangle].iter().any(|corner| triangles[other].contains(corner));
+                shared && self.faces[new.triangle].normal.dot(self.faces[other].normal) > LIKE
+            };
+            let known = &mut list[..count];
+            if let Some(piece) = known.iter_mut().find(|piece| piece.triangle == new.triangle) {
+                piece.weights = [piece.weights[0] + new.weights[0], piece.weights[1] + new.weights[1]];
+                piece.inside += 1;
+                piece.count += 1;
+            } else if let Some(k) = (0..count).find(|&k| k == PIECES - 1 || touches(known[k].triangle)) {
+                known[k].count += 1;
+            } else {
+                list[count] = new;
+                count += 1;
+            }
+        }
+        &list[..count]
+    }
+
+    /// The point that stands for a piece, if it faces the camera.
+    #[inline]
+    fn spot(&self, piece: &Piece, centre: Vec3) -> Option<Spot> {
+        let triangle = piece.triangle;
+        let corners = self.scene.object.mesh.triangles[triangle];
+        let [b, c] = piece.weights.map(|sum| sum / piece.inside as f32);
+        let weights = Vec3::new(1.0 - b - c, b, c);
+        let [p, q, r] = corners.map(|v| &self.vertices[v as usize]);
+        let position = p.position * weights.x + q.position * b + r.position * c;
+        let normal = (p.normal * weights.x + q.normal * b + r.normal * c).normalize_or(Vec3::Z);
+        let outgoing = (centre - position).normalize_or(Vec3::Z);
+        let geometric = self.faces[triangle].normal;
+        let turned = geometric.dot(outgoing) < 0.0;
+        let geometric = if turned { -geometric } else { geometric };
+        let (places, shares) = self.scene.object.around(triangle, corners, weights);
+        let point = Point { position, normal, geometric, outgoing, triangle, weights, places, shares };
+        (normal.dot(outgoing) > 0.0).then_some(Spot { point, turned })
+    }
+
+    /// Specular light of the levels; `None` where there is no specular part.
+    fn reflected(&self, point: &Point, look: &dyn Look) -> Option<Vec3> {
+        let appearance = look.at(point.triangle, point.weights, point.position);
+        let prepared = appearance.specular.filter(|_| appearance.specular_scale.max_element() > 0.0)?;
+        if let Some(levels) = &self.levels {
+            return Some(self.reflected_published(point, prepared, levels));
+        }
+        Some(filtered::reflected(self.scene, point, prepared, |half, cosine, incoming, outgoing| {
+            match &prepared.gloss {
+                Some(gloss) => {
+                    let sine = (1.0 - half.z * half.z).max(0.0).sqrt();
+                    let value = gloss.distribution(sine) * gloss.rest(sine, cosine, incoming.z - outgoing.z);
+                    value / (incoming.z * outgoing.z)
+                }
+                None => filtered::evaluate(prepared, incoming, outgoing),
+            }
+        }))
+    }
+
+    /// As [`spherical_gaussian::reflected`].
+    fn reflected_published(&self, point: &Point, prepared: &Prepared, levels: &Surround) -> Vec3 {
+        let Some(gloss) = &prepared.gloss else { return spherical_gaussian::reflected(self.scene, point, prepared) };
+        let occlusion = self.scene.object.occlusion.filter(|_| self.scene.options.shadows);
+        let cosine = point.normal.dot(point.outgoing).max(1e-4);
+        let axis = 2.0 * cosine * point.normal - point.outgoing;
+        // The mirror's direction, whose half vector is the normal: what is smooth beside the distribution.
+        let smooth = gloss.distribution(0.0) * gloss.rest(0.0, cosine, 0.0) / (cosine * cosine) / prepared.peak;
+        let (cosine_sharpness, cosine_amplitude) = (COSINE_PUBLISHED.0 as f32, COSINE_PUBLISHED.1 as f32);
+        let mut sum = 0.0 * smooth;
+        for &(sharpness, amplitude) in &prepared.lobes {
+            let sharpness = sharpness / (4.0 * cosine);
+            // Times the clamped cosine as a lobe.
+            let together = (sharpness * axis + cosine_sharpness * point.normal) / (sharpness + cosine_sharpness);
+            let length = together.length();
+            let exponent = (sharpness + cosine_sharpness) * (length - 1.0);
+            let (axis, sharpness) = (together / length, (sharpness + cosine_sharpness) * length);
+            let whole = 2.0 * PI / sharpness * spherical_gaussian::whole(2.0 * sharpness);
+            let square = to_square(axis);
+            let log = log2(sharpness) * LN_2;
+            let seen = occlusion.map_or(1.0, |o| {
+                let distance = o.distance(point.places, point.shares, square);
+                half_space_share_published(log, distance) / half_space_share_published(log, 0.5 * PI)
+            });
+            let scale = amplitude * cosine_amplitude * exponent.exp() * whole * seen;
+            sum += levels.filtered(square, level_of(sharpness)) * scale;
+        }
+        sum * smooth
+    }
+
+    #[inline]
+    fn radiance(&self, spot: &Spot, look: &dyn Look, coarse: &Coarse, [x, y]: [usize; 2]) -> Vec3 {
+        let point = &spot.point;
+        let Appearance { albedo, specular_scale, specular } = look.at(point.triangle, point.weights, point.position);
+        let specular = specular.filter(|_| specular_scale.max_element() > 0.0);
+        let [a, b, c] = point.places.map(|place| self.irradiance[place as usize]);
+        let mut irradiance = a * point.shares.x + b * point.shares.y + c * point.shares.z;
+        let mut shine = specular.and_then(|_| coarse.between(x, y, point.normal)).unwrap_or(Vec3::ZERO);
+        if self.levels.is_none() {
+            self.distant(spot, specular, specular_scale.max_element(), &mut irradiance, &mut shine);
+        }
+        albedo * irradiance / PI + specular_scale * shine
+    }
+
+    /// Adds the distant lights.
+    #[inline]
+    fn distant(&self, spot: &Spot, specular: Option<&Prepared>, most: f32, irradiance: &mut Vec3, shine: &mut Vec3) {
+        let lights = &self.scene.surround.distant;
+        let point = &spot.point;
+        let face = &self.faces[point.triangle];
+        // From behind every light is tried.
+        let (lit, mut left) = if spot.turned {
+            (0, u64::MAX.checked_shr(64 - lights.len() as u32).unwrap_or(0))
+        } else {
+            (face.lit, face.lit | face.partial)
+        };
+        let cos_outgoing = point.normal.dot(point.outgoing);
+        while left != 0 {
+            let k = left.trailing_zeros() as usize;
+            left &= left - 1;
+            let light = &lights[k];
+            let direction = Vec3::from_array(light.direction);
+            let cosine = point.normal.dot(direction);
+            if cosine <= 0.0 {
+                continue;
+            }
+            let mut reach = 1.0;
+            if lit >> k & 1 == 0 && self.scene.options.shadows {
+                let geometric = point.geometric.dot(direction);
+                if geometric <= 0.0 {
+                    continue;
+                }
+                if let Some(Some(map)) = self.scene.shadows.get(k) {
+                    reach = map.reach(point.position.as_dvec3().to_array(), geometric as f64) as f32;
+                }
+                if reach <= 0.0 {
+                    continue;
+                }
+            }
+            let arriving = Vec3::from_array(light.irradiance) * (cosine * reach);
+            *irradiance += arriving;
+            let Some(prepared) = specular else { continue };
+            let Some(gloss) = &prepared.gloss else {
+                let frame = point.frame().transpose();
+                *shine += arriving * filtered::evaluate(prepared, frame * direction, frame * point.outgoing);
+                continue;
+            };
+            let sum = direction + point.outgoing;
+            let length = sum.length().max(1e-6);
+            let cos_half = (cosine + cos_outgoing) / length;
+            let sine = (1.0 - cos_half * cos_half).max(0.0).sqrt();
+            let value = gloss.distribution(sine) / (cosine * cos_outgoing).max(1e-6);
+            if value * arriving.max_element() * most * gloss.most() > FAINT {
+                *shine += arriving * value * gloss.rest(sine, 0.5 * length, cosine - cos_outgoing);
+            }
+        }
+    }
+}
+
+/// Normal and specular reflection of every fourth pixel, where it shows a shiny object.
+struct Coarse<'a> {
+    width: usize,
+    height: usize,
+    values: &'a [Option<(Vec3, Vec3)>],
+}
+
+impl Coarse<'_> {
+    /// Between the four nearest, those with a like normal counting most; `None` where none shows the object.
+    #[inline]
+    fn between(&self, x: usize, y: usize, normal: Vec3) -> Option<Vec3> {
+        let (column, row) = (x / 2, y / 2);
+        let beside =
+            |at: usize, odd: bool, size: usize| if odd { (at + 1).min(size - 1) } else { at.saturating_sub(1) };
+        let columns = [(column, 0.75), (beside(column, x % 2 == 1, self.width), 0.25)];
+        let rows = [(row, 0.75), (beside(row, y % 2 == 1, self.height), 0.25)];
+        let (mut sum, mut total) = (Vec3::ZERO, 0.0);
+        for (row, share) in rows {
+            for (column, part) in columns {
+                if let Some((other, value)) = self.values[row * self.width + column] {
+                    let weight = share * part * (1e-3 + (normal.dot(other).max(0.0)).powi(32));
+                    sum += weight * value;
+                    total += weight;
+                }
+            }
+        }
+        (total > 0.0).then(|| sum / total)
+    }
+}

@@ -1,0 +1,112 @@
+//! The surface as a view sees it: nearest triangle, depth and normal of every pixel (normative, `spec/planes.md`).
+
+use super::raster::{self, Raster};
+use crate::mesh::Mesh;
+use crate::transform::frame::Frame;
+use crate::transform::shape_adaptive::Run;
+use crate::vector::dot;
+use crate::views::View;
+use std::borrow::Cow;
+
+/// A mesh with what every view needs of it.
+#[derive(Debug)]
+pub struct Surface<'a> {
+    mesh: Cow<'a, Mesh>,
+    normals: Vec<[f64; 3]>,
+}
+
+impl<'a> Surface<'a> {
+    /// Prepares a mesh.
+    pub fn new(mesh: Cow<'a, Mesh>) -> Self {
+        Surface { normals: raster::vertex_normals(&mesh), mesh }
+    }
+    /// The mesh.
+    pub fn mesh(&self) -> &Mesh {
+        &self.mesh
+    }
+}
+
+/// What a view sees of the surface.
+#[derive(Debug, Clone)]
+pub struct Geometry {
+    /// The view.
+    pub view: View,
+    /// Nearest triangle, depth and barycentrics of each pixel.
+    pub raster: Raster,
+    /// Unit normal of each pixel, interpolated between the vertices; zero where the mesh is missed.
+    pub(super) normals: Vec<[f32; 3]>,
+}
+
+/// Pixels of the mask beside the mesh take the depth of their neighbours, this many rings far.
+const DEPTH_RINGS: usize = 8;
+
+impl Geometry {
+    /// Draws the surface into a view.
+    pub fn new(surface: &Surface, view: View) -> Self {
+        let raster = raster::rasterise(&surface.mesh, &view.camera);
+        let normals = (raster.triangle.iter().zip(&raster.barycentric))
+            .map(|(&triangle, b)| {
+                if triangle == raster::NO_TRIANGLE {
+                    return [0.0; 3];
+                }
+                let corners = surface.mesh.triangles[triangle as usize].map(|v| surface.normals[v as usize]);
+                let (b1, b2) = (b[0] as f64, b[1] as f64);
+                let b0 = 1.0 - b1 - b2;
+                let n: [f64; 3] = std::array::from_fn(|k| b0 * corners[0][k] + b1 * corners[1][k] + b2 * corners[2][k]);
+                let length = dot(n, n).sqrt();
+                if length > 0.0 { n.map(|v| (v / length) as f32) } else { [0.0; 3] }
+            })
+            .collect();
+        Geometry { view, raster, normals }
+    }
+
+    /// Gives the mask's pixels (`rows` of a frame) that miss the mesh the mean depth and normal of their neighbours, ring by
+    /// ring.
+    pub fn extend(&mut self, frame: &Frame, rows: &[Run]) {
+        let (width, height) = (self.raster.width, self.raster.height);
+        let mut missing = Vec::new();
+        for run in rows {
+            let at = (frame.top + run.line as usize) * width + frame.left + run.start as usize;
+            missing.extend((at..at + run.length as usize).filter(|&at| self.raster.depth[at] == 0.0));
+        }
+        for _ in 0..DEPTH_RINGS {
+            let mut ring = Vec::new();
+            missing.retain(|&at| {
+                let (mut depth, mut normal, mut count) = (0.0, [0.0f32; 3], 0.0f32);
+                for_neighbours(at, width, height, |other| {
+                    if self.raster.depth[other] > 0.0 {
+                        depth += self.raster.depth[other];
+                        for k in 0..3 {
+                            normal[k] += self.normals[other][k];
+                        }
+                        count += 1.0;
+                    }
+                });
+                if count > 0.0 {
+                    ring.push((at, depth / count as f64, normal.map(|v| v / count)));
+                }
+                count == 0.0
+            });
+            if ring.is_empty() {
+                break;
+            }
+            for (at, depth, normal) in ring {
+                self.raster.depth[at] = depth;
+                self.normals[at] = normal;
+            }
+        }
+    }
+}
+
+/// Calls `visit` for the up to eight neighbours of a pixel, row by row.
+#[inline(always)]
+pub(super) fn for_neighbours(at: usize, width: usize, height: usize, mut visit: impl FnMut(usize)) {
+    let (x, y) = (at % width, at / width);
+    for ny in y.saturating_sub(1)..(y + 2).min(height) {
+        for nx in x.saturating_sub(1)..(x + 2).min(width) {
+            if (nx, ny) != (x, y) {
+                visit(ny * width + nx);
+            }
+        }
+    }
+}

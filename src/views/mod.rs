@@ -1,0 +1,102 @@
+//! Cameras, lights and photographs, and the VIEW section that holds them.
+
+pub mod codec;
+
+use crate::image::{Mask, RgbImage};
+use glam::{DQuat, DVec3};
+use serde::{Deserialize, Serialize};
+
+/// A pinhole camera. Pixel (0, 0) covers `0..1` in both directions, centre 0.5.
+///
+/// OpenCV axes: x right, y down, z forward. A world point `p` has camera coordinates `q = rotation * p + translation`
+/// and the image position `(fx q.x / q.z + cx, fy q.y / q.z + cy)`.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct Camera {
+    /// Width of the picture in pixels.
+    pub width: u32,
+    /// Height of the picture in pixels.
+    pub height: u32,
+    /// Focal lengths in pixels.
+    pub focal: [f64; 2],
+    /// Principal point in pixels.
+    pub principal: [f64; 2],
+    /// World to camera, rows.
+    pub rotation: [[f64; 3]; 3],
+    /// World to camera.
+    pub translation: [f64; 3],
+}
+
+impl Camera {
+    /// World to camera coordinates.
+    pub fn to_camera(&self, p: [f64; 3]) -> [f64; 3] {
+        let r = &self.rotation;
+        std::array::from_fn(|i| r[i][0] * p[0] + r[i][1] * p[1] + r[i][2] * p[2] + self.translation[i])
+    }
+    /// Image position in pixels and depth of a world point; `None` behind the camera.
+    pub fn project(&self, p: [f64; 3]) -> Option<([f64; 2], f64)> {
+        let q = self.to_camera(p);
+        (q[2] > 0.0).then(|| {
+            ([self.focal[0] * q[0] / q[2] + self.principal[0], self.focal[1] * q[1] / q[2] + self.principal[1]], q[2])
+        })
+    }
+    /// The camera's place in the world.
+    pub fn centre(&self) -> [f64; 3] {
+        let (r, t) = (&self.rotation, &self.translation);
+        std::array::from_fn(|i| -(r[0][i] * t[0] + r[1][i] * t[1] + r[2][i] * t[2]))
+    }
+    /// World direction (depth 1, not unit) of the ray through an image position.
+    pub fn ray(&self, pixel: [f64; 2]) -> [f64; 3] {
+        let q = [(pixel[0] - self.principal[0]) / self.focal[0], (pixel[1] - self.principal[1]) / self.focal[1], 1.0];
+        let r = &self.rotation;
+        std::array::from_fn(|i| r[0][i] * q[0] + r[1][i] * q[1] + r[2][i] * q[2])
+    }
+}
+
+/// A point light: irradiance at distance `r` is `intensity / r^2`.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct PointLight {
+    /// World position.
+    pub position: [f64; 3],
+    /// Radiant intensity, red, green, blue.
+    pub intensity: [f64; 3],
+}
+
+/// One captured photograph's circumstances: a camera and, where it is known, its light.
+#[derive(Debug, Clone, PartialEq)]
+pub struct View {
+    /// Name of the photograph, as the capture calls it.
+    pub name: String,
+    /// Its camera.
+    pub camera: Camera,
+    /// Its light, where known.
+    pub light: Option<PointLight>,
+}
+
+/// The turn, a unit quaternion x, y, z, w, that brings what is up in the photographs to +y; `None` where it is there but for
+/// cameras that look a little down or up.
+pub fn upright(views: &[View]) -> Option<[f32; 4]> {
+    let up: DVec3 = views.iter().map(|view| -DVec3::from_array(view.camera.rotation[1])).sum();
+    let up = up.try_normalize().filter(|up| up.y < 0.7)?;
+    Some(DQuat::from_rotation_arc(up, DVec3::Y).normalize().as_quat().normalize().to_array())
+}
+
+/// What a set of photographs shows of the object.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Component {
+    /// Diffuse reflection: the cross-polarised photograph over the board's `beta`.
+    Diffuse,
+    /// Specular reflection: unpolarised minus diffuse. Signed.
+    Specular,
+    /// Both together, of a capture without polarisers.
+    Combined,
+}
+
+/// One view's decoded pictures.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Photograph {
+    /// Pixels that show the object.
+    pub mask: Mask,
+    /// Linear radiance per component, parallel to [`Asset::components`]; zero outside the mask.
+    pub images: Vec<RgbImage>,
+}

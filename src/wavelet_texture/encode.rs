@@ -1,0 +1,295 @@
+//! Writing the section from samples.
+
+use super::Header;
+use super::decode::{Decoded, code_sides, predicted};
+use super::model::{CodedModel, Model};
+use super::samples::Samples;
+use super::stream::{Models, code_volume};
+use crate::entropy::RangeEncoder;
+use crate::error::{Error, Result};
+use crate::parallel;
+use crate::quantise::dead_zone::DeadZone;
+use crate::residual::volume::{Effort, Workspace, truncate};
+use crate::transform::colour::{self, IDENTITY, Rotation};
+use crate::transform::daubechies::VolumeShape;
+use crate::views::Component;
+
+/// How to encode.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Options {
+    /// Coefficients kept, per cent of all (of both components, seen or not), `0..=100`.
+    pub keep_percent: f64,
+    /// Levels of the transform along the views; 0 transforms each view for itself.
+    pub view_levels: u8,
+    /// Width of the levels relative to the smallest kept magnitude.
+    pub relative_step: f32,
+    /// How long to fill what no photograph shows.
+    pub effort: Effort,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Options { keep_percent: 5.0, view_levels: 2, relative_step: 0.5, effort: Effort::default() }
+    }
+}
+
+/// Step of `sqrt(K_d / max K_d)` that [`fit_model`] quantises with.
+pub const DIFFUSE_STEP: f32 = 1.0 / 128.0;
+
+/// A written section.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Encoded {
+    /// The section.
+    pub bytes: Vec<u8>,
+    /// Bytes of it that hold the patches' sides and the model.
+    pub model_bytes: usize,
+    /// Coefficients kept.
+    pub kept: usize,
+    /// All coefficients.
+    pub coefficients: usize,
+}
+
+impl Encoded {
+    /// Coefficients kept, per cent of all.
+    pub fn kept_percent(&self) -> f64 {
+        100.0 * self.kept as f64 / self.coefficients.max(1) as f64
+    }
+}
+
+/// Fits the reflection model to the samples and quantises it.
+pub fn fit_model(samples: &Samples, components: &[Component]) -> CodedModel {
+    CodedModel::quantise(&crate::wavelet_texture::fit::fit(samples, components), &samples.layout, DIFFUSE_STEP)
+}
+
+/// Writes the section. Without a `model` the residual is the radiance itself.
+pub fn encode(
+    samples: &Samples,
+    components: &[Component],
+    model: Option<&CodedModel>,
+    options: &Options,
+) -> Result<Encoded> {
+    if components.len() != samples.components || !(1..=2).contains(&components.len()) {
+        return Err(Error::parameter("one or two components expected, as many as the samples have"));
+    }
+    if !(0.0..=100.0).contains(&options.keep_percent) {
+        return Err(Error::parameter("the share of coefficients to keep lies between 0 and 100 per cent"));
+    }
+    if options.view_levels > crate::wavelet_texture::MOST_VIEW_LEVELS
+        || options.relative_step.is_nan()
+        || options.relative_step <= 0.0
+    {
+        return Err(Error::parameter("at most 7 levels along the views, and a step above zero"));
+    }
+    let views = samples.views.len();
+    let relightable = samples.views.iter().all(|v| v.light.is_some());
+    let decoded_model = model.map(|m| m.dequantise(&samples.layout, relightable));
+    let shapes: Vec<VolumeShape> =
+        samples.layout.side_log2.iter().map(|&log2| VolumeShape::padded(log2, views, options.view_levels)).collect();
+    let coefficients = samples.coefficients();
+    let wanted = (coefficients as f64 * options.keep_percent / 100.0) as usize;
+    let residuals = parallel::map(shapes.len(), |patch| residual(samples, components, decoded_model.as_ref(), patch));
+    let mut rotations = [model.map_or(IDENTITY, |m| m.rotation), IDENTITY, IDENTITY];
+    for component in 0..components.len() {
+        rotations[component + 1] = principal_colours(residuals.iter().map(|patch| &patch[component]));
+    }
+    let kept = if components.len() == 2 {
+        Volumes::<6>::new(samples, &residuals, &rotations, &shapes, options.effort).largest(wanted)
+    } else {
+        Volumes::<3>::new(samples, &residuals, &rotations, &shapes, options.effort).largest(wanted)
+    };
+    let quantiser = DeadZone { threshold: kept.threshold, step: kept.threshold * options.relative_step };
+
+    let header = Header {
+        modelled: model.is_some(),
+        relightable,
+        lobes: model.is_some_and(|m| !m.lobes.is_empty()),
+        components: components.len() as u8,
+        view_levels: options.view_levels,
+        views: views as u32,
+        patches: samples.layout.patches.len() as u32,
+        quantiser,
+        diffuse_scale: model.map_or(0.0, |m| m.diffuse_scale),
+        diffuse_step: model.map_or(0.0, |m| m.diffuse_step),
+        specular_scale: model.map_or(0.0, |m| m.specular_scale),
+        rotations,
+    };
+    let mut bytes = header.write();
+    let mut coder = RangeEncoder::new();
+    code_sides(&mut coder, &mut samples.layout.side_log2.clone());
+    if let Some(model) = model {
+        model.clone().code(&mut coder, &samples.layout, |_| true);
+    }
+    let model_bytes = coder.len();
+    let mut models = Models::new(components.len());
+    let mut count = 0;
+    for (coefficients, &shape) in kept.coefficients.iter().zip(&shapes) {
+        let mut levels = vec![vec![0; shape.len()]; components.len() * 3];
+        for &(index, coefficient) in coefficients {
+            let level = quantiser.quantise(coefficient);
+            count += (level != 0) as usize;
+            levels[index as usize % (components.len() * 3)][index as usize / (components.len() * 3)] = level;
+        }
+        code_volume(&mut coder, &mut models, &mut levels, components.len(), shape);
+    }
+    bytes.extend(coder.finish());
+    Ok(Encoded { bytes, model_bytes, kept: count, coefficients })
+}
+
+/// The residual of one patch, one vector a component; zero where not visible.
+fn residual(samples: &Samples, components: &[Component], model: Option<&Model>, patch: usize) -> Vec<Vec<[f32; 3]>> {
+    let data = &samples.patches[patch];
+    let mut residual = data.radiance.clone();
+    let Some(model) = model else { return residual };
+    let layout = &samples.layout;
+    let (side, area) = (1usize << layout.side_log2[patch], 1usize << (2 * layout.side_log2[patch]));
+    for i in 0..area {
+        let Some(point) = layout.sample(patch, i % side, i / side) else { continue };
+        for (view, captured) in samples.views.iter().enumerate() {
+            let at = view * area + i;
+            if !data.visible[at] {
+                continue;
+            }
+            for (component, residual) in residual.iter_mut().enumerate() {
+                let modelled = predicted(Some(model), layout, components, component, patch, i, &point, captured);
+                (0..3).for_each(|c| residual[at][c] -= modelled[c]);
+            }
+        }
+    }
+    residual
+}
+
+/// Colour axes of one component's residual.
+fn principal_colours<'a>(residuals: impl Iterator<Item = &'a Vec<[f32; 3]>>) -> Rotation {
+    let mut moments = [[0.0f64; 3]; 3];
+    for x in residuals.flatten() {
+        (0..9).for_each(|k| moments[k / 3][k % 3] += x[k / 3] as f64 * x[k % 3] as f64);
+    }
+    colour::principal(moments)
+}
+
+/// The residual volumes of all patches, `L` planes (components and colour axes) interleaved.
+struct Volumes<'a, const L: usize> {
+    samples: &'a Samples,
+    residuals: &'a [Vec<Vec<[f32; 3]>>],
+    rotations: &'a [Rotation; 3],
+    shapes: &'a [VolumeShape],
+    effort: Effort,
+}
+
+/// What [`Volumes::largest`] keeps.
+struct Kept {
+    /// Per patch the coefficients: their place, interleaved by planes, and value.
+    coefficients: Vec<Vec<(u32, f32)>>,
+    /// The smallest magnitude among them.
+    threshold: f32,
+}
+
+impl<'a, const L: usize> Volumes<'a, L> {
+    fn new(
+        samples: &'a Samples,
+        residuals: &'a [Vec<Vec<[f32; 3]>>],
+        rotations: &'a [Rotation; 3],
+        shapes: &'a [VolumeShape],
+        effort: Effort,
+    ) -> Self {
+        Volumes { samples, residuals, rotations, shapes, effort }
+    }
+    /// Coefficients of one patch above a threshold.
+    fn coefficients(&self, patch: usize, threshold: f32) -> Vec<[f32; L]> {
+        let components = &self.residuals[patch];
+        let mut planes = vec![[0.0f32; L]; components.first().map_or(0, |c| c.len())];
+        for (component, residual) in components.iter().enumerate() {
+            let rotation = &self.rotations[component + 1];
+            for (planes, x) in planes.iter_mut().zip(residual) {
+                planes[component * 3..component * 3 + 3].copy_from_slice(&colour::forward(rotation, *x));
+            }
+        }
+        let visible = &self.samples.patches[patch].visible;
+        truncate(&planes, visible, self.shapes[patch], threshold, self.effort, &mut Workspace::default())
+    }
+    /// The `wanted` largest coefficients of all patches.
+    fn largest(&self, wanted: usize) -> Kept {
+        let count = self.shapes.len();
+        if wanted == 0 || count == 0 {
+            return Kept { coefficients: vec![Vec::new(); count], threshold: 1.0 };
+        }
+        // Which samples are free depends on the threshold, and the threshold on the filling: it is sought on some of the
+        // patches, a little too low, and the last coefficients are taken out of all.
+        let some: Vec<usize> = (0..count).step_by((count / 100).clamp(1, 23)).collect();
+        let area =
+            |patches: &mut dyn Iterator<Item = usize>| patches.map(|p| self.shapes[p].area()).sum::<usize>() as f64;
+        let share = area(&mut some.iter().copied()) / area(&mut (0..count));
+        let kept = |threshold: f32| -> usize {
+            let count =
+                |i: usize| self.coefficients(some[i], threshold).iter().flatten().filter(|c| **c != 0.0).count();
+            parallel::map(some.len(), count).iter().sum()
+        };
+        let target = 1.02 * share * wanted as f64;
+        let sampled = some.iter().flat_map(|&p| self.residuals[p].iter().flatten().flatten());
+        let largest = sampled.fold(0.0f32, |m, x| m.max(x.abs()));
+        let (mut low, mut high) = ((largest * 1e-6).max(1e-20).ln(), (largest.max(1e-12) * 100.0).ln());
+        while high - low > 0.02 {
+            let middle = 0.5 * (low + high);
+            if kept(middle.exp()) as f64 > target { low = middle } else { high = middle }
+        }
+        let threshold = low.exp();
+        let coefficients = parallel::map(count, |patch| {
+            let coefficients = self.coefficients(patch, threshold);
+            let places = coefficients.iter().flatten().enumerate().filter(|(_, c)| **c != 0.0);
+            places.map(|(i, &c)| (i as u32, c)).collect::<Vec<_>>()
+        });
+        let mut magnitudes: Vec<f32> = coefficients.iter().flatten().map(|(_, c)| c.abs()).collect();
+        if magnitudes.len() <= wanted {
+            return Kept { coefficients, threshold };
+        }
+        let (_, least, _) = magnitudes.select_nth_unstable_by(wanted - 1, |a, b| b.total_cmp(a));
+        Kept { coefficients, threshold: *least }
+    }
+}
+
+/// Error of decoded samples against the photographs', over all visible ones, in dB.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SampleError {
+    /// PSNR of `x / white`.
+    pub linear_db: f64,
+    /// PSNR of `x / white` limited to 0..=1, as photographs of 8 bits are: few samples of a highlight (or of a renderer's
+    /// noise) far above white decide over `linear_db`.
+    pub clipped_db: f64,
+    /// PSNR of `sqrt(max(x, 0) / white)`.
+    pub sqrt_db: f64,
+}
+
+/// Compares decoded samples with what the photographs show there; one result a component.
+pub fn sample_errors(samples: &Samples, decoded: &Decoded, white: [f64; 3]) -> Vec<SampleError> {
+    let count = samples.components;
+    let sums = parallel::map(samples.patches.len(), |patch| {
+        let data = &samples.patches[patch];
+        let area = 1usize << (2 * samples.layout.side_log2[patch]);
+        let mut sums = vec![[0.0f64; 4]; count];
+        for (at, _) in data.visible.iter().enumerate().filter(|(_, visible)| **visible) {
+            let (view, sample) = (at / area, at % area);
+            for (component, sum) in sums.iter_mut().enumerate() {
+                let Some(found) = decoded.sample(component, view, &samples.views[view], patch, sample) else {
+                    continue;
+                };
+                for c in 0..3 {
+                    let measured = data.radiance[component][at][c] as f64 / white[c];
+                    let found = found[c] as f64 / white[c];
+                    sum[0] += (measured - found).powi(2);
+                    sum[1] += (measured.max(0.0).sqrt() - found.max(0.0).sqrt()).powi(2);
+                    sum[2] += (measured.clamp(0.0, 1.0) - found.clamp(0.0, 1.0)).powi(2);
+                    sum[3] += 1.0;
+                }
+            }
+        }
+        sums
+    });
+    let psnr = |squares: f64, count: f64| -10.0 * (squares / count.max(1.0)).max(1e-30).log10();
+    (0..count)
+        .map(|component| {
+            let total = sums.iter().fold([0.0; 4], |sum, s| std::array::from_fn(|k| sum[k] + s[component][k]));
+            let [linear_db, sqrt_db, clipped_db] = [0, 1, 2].map(|k| psnr(total[k], total[3]));
+            SampleError { linear_db, clipped_db, sqrt_db }
+        })
+        .collect()
+}
