@@ -8,7 +8,7 @@ use crate::image::{Grid, Mask};
 use crate::surface::atlas::{read_colour, read_number};
 use crate::views::Component;
 
-/// Fitted reflectance on the atlas of [`Charts`].
+/// Fitted reflectance on the atlas of [`crate::surface::charts::Charts`].
 ///
 /// With a point light of intensity `L` at distance `r`: diffuse `K_d (L / r^2) cos(theta_i)`, specular
 /// `K_s (L / r^2) / cos(theta_r) exp(-alpha^2 / (2 sigma^2))` (Miyazaki 2007, equations 7 and 8, after division by the

@@ -238,7 +238,7 @@ mod tests {
 }
 
 /// Largest value of the plane of `sigma`: `round(ln(sigma / least) / ln(most / least) * SIGMA_LEVELS)`, with
-/// [`torrance_sparrow::SIGMA_RANGE`]. Part of the format.
+/// [`SIGMA_RANGE`]. Part of the format.
 pub const SIGMA_LEVELS: i32 = 255;
 
 /// `ln 40`, of the largest `sigma` over the smallest: 0x406C169A. Part of the format.

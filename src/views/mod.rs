@@ -97,6 +97,6 @@ pub enum Component {
 pub struct Photograph {
     /// Pixels that show the object.
     pub mask: Mask,
-    /// Linear radiance per component, parallel to [`Asset::components`]; zero outside the mask.
+    /// Linear radiance per component, parallel to [`crate::asset::Asset::components`]; zero outside the mask.
     pub images: Vec<RgbImage>,
 }
