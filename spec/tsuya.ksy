@@ -1,6 +1,6 @@
 meta:
   id: tsuya
-  title: tsuya, objects whose look was measured
+  title: tsuya, objects captured with their measured appearance
   file-extension: tsuya
   license: MIT OR Apache-2.0
   endian: le

@@ -30,7 +30,7 @@ use anyhow::Result;
 use clap::{ArgAction, Parser, Subcommand};
 use std::process::ExitCode;
 
-/// Files for objects whose look was measured: photographs and a mesh in, one small file out, and back.
+/// Files for objects captured with their measured appearance: photographs and a mesh in, one small file out, and back.
 ///
 /// Exit codes: 0 done; 1 the command line asks for something wrong; 2 a file can't be read or written; 3 a file's content is
 /// wrong; 4 a check or an operation failed, or a part of a file is lost; 5 valid, but not supported.
