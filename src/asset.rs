@@ -1,7 +1,7 @@
 //! What a `.tsuya` file holds, in memory.
 
 use crate::brdf::materials::NamedMaterial;
-use crate::lighting::Light;
+use crate::lighting::EnvironmentLobes;
 use crate::mesh::Mesh;
 use crate::reflectance::maps::ReflectanceMaps;
 use crate::surface::charts::Charts;
@@ -9,7 +9,7 @@ use crate::views::{Component, Photograph, View};
 use crate::visibility::Visibility;
 
 /// Metres for one unit of world length, after the metadata's key `units`; 1 for units that are not metric or not known.
-pub fn metres(metadata: &serde_json::Map<String, serde_json::Value>) -> f64 {
+pub fn metres_per_unit(metadata: &serde_json::Map<String, serde_json::Value>) -> f64 {
     match metadata.get("units").and_then(serde_json::Value::as_str) {
         Some("mm") => 0.001,
         Some("cm") => 0.01,
@@ -41,5 +41,5 @@ pub struct Asset {
     /// What the mesh's vertices see.
     pub visibility: Option<Visibility>,
     /// Light to show the object in.
-    pub light: Option<Light>,
+    pub light: Option<EnvironmentLobes>,
 }

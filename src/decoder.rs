@@ -4,9 +4,9 @@ use crate::asset::Asset;
 use crate::brdf::materials;
 use crate::container::{Container, Tag, metadata};
 use crate::error::{Error, Result};
-use crate::limits::{Held, Limits};
+use crate::limits::{Limits, Reservation};
 use crate::mesh::Mesh;
-use crate::predictive::header::{Header, PREFIX_BYTES};
+use crate::predictive::header::{PREFIX_BYTES, PlaneHeader};
 use crate::predictive::workspace::photograph_bytes;
 use crate::reflectance::codec as reflectance_code;
 use crate::surface::{charts, raster};
@@ -19,7 +19,7 @@ pub mod arriving;
 
 /// Which photographs to decode.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
-pub enum Selection {
+pub enum ViewSelection {
     /// All of them.
     #[default]
     All,
@@ -29,12 +29,12 @@ pub enum Selection {
     Views(Vec<usize>),
 }
 
-impl Selection {
-    fn takes(&self, view: usize) -> bool {
+impl ViewSelection {
+    fn includes(&self, view: usize) -> bool {
         match self {
-            Selection::All => true,
-            Selection::None => false,
-            Selection::Views(views) => views.contains(&view),
+            ViewSelection::All => true,
+            ViewSelection::None => false,
+            ViewSelection::Views(views) => views.contains(&view),
         }
     }
 }
@@ -45,7 +45,7 @@ pub struct DecodeOptions {
     /// Bounds on what the file may ask for.
     pub limits: Limits,
     /// Photographs wanted.
-    pub selection: Selection,
+    pub selection: ViewSelection,
 }
 
 /// Decodes a file in memory.
@@ -57,7 +57,7 @@ pub fn decode(bytes: &[u8], options: &DecodeOptions) -> Result<Asset> {
 pub fn decode_from<R: Read + Seek>(file: &mut Container<R>, options: &DecodeOptions) -> Result<Asset> {
     let mut asset = decode_model(file, options)?;
     let mut photographs = std::mem::take(&mut asset.photographs);
-    for (view, _) in asset.views.iter().enumerate().filter(|(view, _)| options.selection.takes(*view)) {
+    for (view, _) in asset.views.iter().enumerate().filter(|(view, _)| options.selection.includes(*view)) {
         let bytes = photograph_bytes(&asset.views[view].camera, asset.components.len());
         file.budget().charge("decoded photographs", bytes)?;
     }
@@ -94,7 +94,7 @@ fn decode_model<R: Read + Seek>(file: &mut Container<R>, options: &DecodeOptions
     // What stands for itself needs no views, and some of it no mesh.
     let has = |tags: &[Tag]| tags.iter().any(|&tag| file.find(tag).is_some());
     let alone = has(&[Tag::VISIBILITY, Tag::LIGHT, Tag::MATERIALS]);
-    let needs_views = !alone || has(&[Tag::VIEWS, Tag::PLANES, Tag::PAPER]);
+    let needs_views = !alone || has(&[Tag::VIEWS, Tag::PLANES, Tag::WAVELET_TEXTURE]);
     let needs_mesh = !alone || needs_views || has(&[Tag::MESH, Tag::VISIBILITY, Tag::CHARTS]);
     let section = match needs_views {
         true => codec::decode(&file.read_section(Tag::VIEWS)?, &budget)?,
@@ -105,7 +105,7 @@ fn decode_model<R: Read + Seek>(file: &mut Container<R>, options: &DecodeOptions
         true => mesh::codec::decode(&file.read_section(Tag::MESH)?, &budget)?,
         false => Default::default(),
     };
-    if let Selection::Views(wanted) = &options.selection
+    if let ViewSelection::Views(wanted) = &options.selection
         && let Some(view) = wanted.iter().find(|&&view| view >= section.views.len())
     {
         return Err(Error::parameter(format!(
@@ -125,7 +125,7 @@ fn decode_model<R: Read + Seek>(file: &mut Container<R>, options: &DecodeOptions
     let light = file.read_optional(Tag::LIGHT)?.map(|bytes| lighting::codec::decode(&bytes, &budget)).transpose()?;
     // Materials.
     let materials = match file.read_optional(Tag::MATERIALS)? {
-        Some(bytes) => materials::decode(&bytes, &budget)?,
+        Some(bytes) => materials::decode_materials(&bytes, &budget)?,
         None => Vec::new(),
     };
     let codec::ViewsSection { white, components, views } = section;
@@ -154,18 +154,18 @@ fn decode_photographs<R: Read + Seek>(
 ) -> Result<()> {
     let budget = file.budget();
     let lost = metadata::lost_views(&asset.metadata);
-    let wanted = |view: usize| options.selection.takes(view) && !lost.contains(&view);
-    if options.selection == Selection::None {
+    let wanted = |view: usize| options.selection.includes(view) && !lost.contains(&view);
+    if options.selection == ViewSelection::None {
         return Ok(());
     }
     if file.find(Tag::PLANES).is_some() {
-        return tuned_photographs(file, asset, wanted, &budget, |given| done(asset, given));
+        return predictive_photographs(file, asset, wanted, &budget, |given| done(asset, given));
     }
-    if file.find(Tag::PAPER).is_some() {
-        let bytes = file.read_section(Tag::PAPER)?;
+    if file.find(Tag::WAVELET_TEXTURE).is_some() {
+        let bytes = file.read_section(Tag::WAVELET_TEXTURE)?;
         let decoded = wavelet_texture::decode(&bytes, &asset.mesh, &asset.components, asset.views.len(), &budget)?;
         for (index, view) in asset.views.iter().enumerate().filter(|(index, _)| wanted(*index)) {
-            let _held = hold_paper_photograph(&asset.mesh, view, asset.components.len(), &budget)?;
+            let _held = hold_wavelet_photograph(&asset.mesh, view, asset.components.len(), &budget)?;
             done(asset, vec![(index, wavelet_texture::decode::photograph(&decoded, &asset.mesh, view, index))])?;
         }
     }
@@ -173,7 +173,7 @@ fn decode_photographs<R: Read + Seek>(
 }
 
 /// Photographs of profile `tuned`: the head of the section, then the streams of the views that are needed.
-fn tuned_photographs<R: Read + Seek>(
+fn predictive_photographs<R: Read + Seek>(
     file: &mut Container<R>,
     asset: &Asset,
     wanted: impl Fn(usize) -> bool + Sync + Send,
@@ -181,14 +181,14 @@ fn tuned_photographs<R: Read + Seek>(
     done: impl FnMut(Vec<(usize, Photograph)>) -> Result<()>,
 ) -> Result<()> {
     let prefix = file.read_range(Tag::PLANES, 0, PREFIX_BYTES as u64)?;
-    let length = PREFIX_BYTES as u64 + Header::length(&prefix)?;
+    let length = PREFIX_BYTES as u64 + PlaneHeader::head_bytes(&prefix)?;
     let head = file.read_range(Tag::PLANES, 0, length)?;
-    let header = Header::parse(&head, asset.views.len(), asset.components.len(), budget)?;
+    let header = PlaneHeader::parse(&head, asset.views.len(), asset.components.len(), budget)?;
     let stored = file.find(Tag::PLANES).map_or(0, |s| s.stored);
     if stored != length + header.stream_bytes() {
         return Err(Error::format("PLAN", length, "the streams are not as long as the head says"));
     }
-    let read = |step: &predictive::header::CodedStep| {
+    let read = |step: &predictive::header::CodedEntry| {
         let bytes = step.lengths.iter().map(|&l| l as u64).sum();
         file.read_range(Tag::PLANES, length + step.offset, bytes).map(Some)
     };
@@ -197,8 +197,13 @@ fn tuned_photographs<R: Read + Seek>(
 }
 
 /// Charges what a photograph of profile `paper` takes and checks that drawing it is bounded work.
-fn hold_paper_photograph<'b>(mesh: &Mesh, view: &View, components: usize, budget: &'b Budget) -> Result<Held<'b>> {
+fn hold_wavelet_photograph<'b>(
+    mesh: &Mesh,
+    view: &View,
+    components: usize,
+    budget: &'b Budget,
+) -> Result<Reservation<'b>> {
     raster::check_work(mesh, &view.camera)?;
     let pixels = view.camera.width as u64 * view.camera.height as u64;
-    budget.hold("a view being decoded", pixels.saturating_mul(32 + 12 * components as u64))
+    budget.reserve("a view being decoded", pixels.saturating_mul(32 + 12 * components as u64))
 }

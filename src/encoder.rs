@@ -2,15 +2,15 @@
 
 use crate::brdf::materials::{self, NamedMaterial};
 use crate::capture::Capture;
-use crate::container::{SectionCodec, Tag, Writer, metadata, thumbnail};
+use crate::container::{ContainerWriter, SectionCodec, Tag, metadata, thumbnail};
 use crate::error::{Error, Result};
 use crate::image::{Mask, RgbImage};
 use crate::limits::{Budget, Limits};
 use crate::metrics;
-use crate::metrics::{FrameError, ImagePsnr};
-use crate::options::{EncodeOptions, Profile, Target};
+use crate::metrics::{ImagePsnr, PhotographError};
+use crate::options::{EncodeOptions, EncodeTarget, Profile};
 use crate::reflectance::{codec as reflectance_code, gather, maps};
-use crate::separate::{Observations, ObservedFrame, separate};
+use crate::separate::{Observations, ObservedView, separate};
 use crate::surface::{atlas, charts, raster};
 use crate::views::codec;
 use crate::views::codec::ViewsSection;
@@ -21,7 +21,7 @@ mod check;
 
 /// A finished file and what is known of it.
 #[derive(Debug)]
-pub struct Encoded {
+pub struct EncodedFile {
     /// The file.
     pub bytes: Vec<u8>,
     /// Each section's four letters and bytes in the file, in file order.
@@ -29,7 +29,7 @@ pub struct Encoded {
     /// Image PSNR of the coded views, as a decoder will reach it.
     pub image_psnr: ImagePsnr,
     /// PSNR on surface samples, per component: linear and sqrt. Profile `paper` only.
-    pub sample_psnr: Option<Vec<(Component, wavelet_texture::SampleError)>>,
+    pub sample_psnr: Option<Vec<(Component, wavelet_texture::WaveletSampleError)>>,
     /// Coefficients kept, per cent. Profile `paper` only.
     pub kept_percent: Option<f64>,
     /// Share of the masks' pixels that the mesh covers.
@@ -41,7 +41,7 @@ pub struct Encoded {
 }
 
 /// Encodes a capture.
-pub fn encode(mut capture: Capture, options: &EncodeOptions) -> Result<Encoded> {
+pub fn encode(mut capture: Capture, options: &EncodeOptions) -> Result<EncodedFile> {
     let mut warnings = std::mem::take(&mut capture.warnings);
     // 1. Separate: photographs to components of reflection.
     let mut observations = separate(&mut capture)?;
@@ -54,18 +54,18 @@ pub fn encode(mut capture: Capture, options: &EncodeOptions) -> Result<Encoded> 
     let (views, components) = (&section.views, &section.components);
     // 3. Surface: which pixels show the object.
     let covered = raster::coverage(&mesh, views);
-    let photographs = photographs(std::mem::take(&mut observations.frames), &covered, &mut warnings)?;
-    let judge = Judge { originals: &photographs, covered: &covered, section: &section };
+    let photographs = photographs(std::mem::take(&mut observations.views), &covered, &mut warnings)?;
+    let judge = DistortionMeter { originals: &photographs, covered: &covered, section: &section };
     // 4. Reflectance: fit on an atlas, code as images.
     let mut file = SectionList::default();
     file.push(Tag::MESH, SectionCodec::Own, coded_mesh.bytes);
     file.push(Tag::VIEWS, SectionCodec::Own, views_bytes);
     // 5. Residual: what the profile makes of the photographs, at the quality that the target asks for.
     let (decoded, total, sample_psnr, kept_percent) = match options.profile {
-        Profile::Tuned => {
+        Profile::Predictive => {
             let maps = ReflectanceStage::new(&mesh, views, components, &photographs, options)?;
             let signed = options.signed_specular;
-            let encoder = predictive::encode::Encoder::new(
+            let encoder = predictive::encode::PlaneEncoder::new(
                 &mesh,
                 views,
                 section.white,
@@ -74,14 +74,15 @@ pub fn encode(mut capture: Capture, options: &EncodeOptions) -> Result<Encoded> 
                 &covered,
                 signed,
             );
-            let outcome = rate::tuned(options.target.unwrap_or(Target::Quality(75.0)), |step| {
-                let quality = predictive::encode::Quality { step, decoding: options.decoding, ..Default::default() };
+            let outcome = rate::search_step(options.target.unwrap_or(EncodeTarget::Quality(75.0)), |step| {
+                let quality =
+                    predictive::encode::PlaneQuality { step, decode_speed: options.decode_speed, ..Default::default() };
                 let planes = encoder.encode(&quality)?;
                 let reflectance = maps.code(step)?;
                 let bytes =
                     file.bytes() + maps.chart_bytes.len() as u64 + (reflectance.len() + planes.bytes.len()) as u64;
                 let (measured, total) = judge.measure(&planes.photographs);
-                Ok(rate::Trial { measured, bytes, content: (planes, reflectance, total) })
+                Ok(rate::Candidate { distortion: measured, bytes, content: (planes, reflectance, total) })
             })?;
             let (planes, reflectance, total) = outcome;
             file.push(Tag::CHARTS, SectionCodec::Own, maps.chart_bytes);
@@ -89,32 +90,37 @@ pub fn encode(mut capture: Capture, options: &EncodeOptions) -> Result<Encoded> 
             file.push(Tag::PLANES, SectionCodec::Own, planes.bytes);
             (planes.photographs, total, None, None)
         }
-        Profile::Paper => {
-            let frames: Vec<wavelet_texture::Frame> = (views.iter().zip(&photographs))
-                .map(|(view, taken)| wavelet_texture::Frame { view, mask: Some(&taken.mask), images: &taken.images })
+        Profile::WaveletTexture => {
+            let frames: Vec<wavelet_texture::PosedPhotograph> = (views.iter().zip(&photographs))
+                .map(|(view, taken)| wavelet_texture::PosedPhotograph {
+                    view,
+                    mask: Some(&taken.mask),
+                    images: &taken.images,
+                })
                 .collect();
-            let samples = wavelet_texture::Samples::gather(&mesh, &frames, PATCH_DENSITY);
+            let samples = wavelet_texture::WaveletSamples::gather(&mesh, &frames, PATCH_DENSITY);
             let model = wavelet_texture::encode::fit_model(&samples, components);
-            let outcome = rate::paper(options.target.unwrap_or(Target::KeepPercent(5.0)), |keep_percent| {
-                let settings = wavelet_texture::Options { keep_percent, ..Default::default() };
-                let encoded = wavelet_texture::encode(&samples, components, Some(&model), &settings)?;
-                let decoded = wavelet_texture::decode(
-                    &encoded.bytes,
-                    &mesh,
-                    components,
-                    views.len(),
-                    &Budget::new(Limits::UNLIMITED),
-                )?;
-                let photographs = crate::wavelet_texture::decode::photographs(&decoded, &mesh, views, |_| true);
-                let photographs: Vec<Photograph> = photographs.into_iter().flatten().collect();
-                let (measured, total) = judge.measure(&photographs);
-                let bytes = file.bytes() + encoded.bytes.len() as u64;
-                let errors = wavelet_texture::encode::sample_errors(&samples, &decoded, section.white);
-                Ok(rate::Trial { measured, bytes, content: (encoded, errors, photographs, total) })
-            })?;
+            let outcome =
+                rate::search_keep_percent(options.target.unwrap_or(EncodeTarget::KeepPercent(5.0)), |keep_percent| {
+                    let settings = wavelet_texture::WaveletOptions { keep_percent, ..Default::default() };
+                    let encoded = wavelet_texture::encode(&samples, components, Some(&model), &settings)?;
+                    let decoded = wavelet_texture::decode(
+                        &encoded.bytes,
+                        &mesh,
+                        components,
+                        views.len(),
+                        &Budget::new(Limits::UNLIMITED),
+                    )?;
+                    let photographs = crate::wavelet_texture::decode::photographs(&decoded, &mesh, views, |_| true);
+                    let photographs: Vec<Photograph> = photographs.into_iter().flatten().collect();
+                    let (measured, total) = judge.measure(&photographs);
+                    let bytes = file.bytes() + encoded.bytes.len() as u64;
+                    let errors = wavelet_texture::encode::sample_errors(&samples, &decoded, section.white);
+                    Ok(rate::Candidate { distortion: measured, bytes, content: (encoded, errors, photographs, total) })
+                })?;
             let (encoded, errors, decoded, total) = outcome;
             let kept = encoded.kept_percent();
-            file.push(Tag::PAPER, SectionCodec::Own, encoded.bytes);
+            file.push(Tag::WAVELET_TEXTURE, SectionCodec::Own, encoded.bytes);
             (decoded, total, Some(components.iter().copied().zip(errors).collect()), Some(kept))
         }
     };
@@ -128,7 +134,7 @@ pub fn encode(mut capture: Capture, options: &EncodeOptions) -> Result<Encoded> 
         false => None,
     };
     let (image_psnr, coverage) = (total.psnr(), total.coverage());
-    Ok(Encoded { bytes, sections, image_psnr, sample_psnr, kept_percent, coverage, reader_memory, warnings })
+    Ok(EncodedFile { bytes, sections, image_psnr, sample_psnr, kept_percent, coverage, reader_memory, warnings })
 }
 
 /// A file of nothing but materials and metadata.
@@ -137,9 +143,9 @@ pub fn encode(mut capture: Capture, options: &EncodeOptions) -> Result<Encoded> 
 pub fn encode_materials(materials: &[NamedMaterial], metadata: &metadata::Metadata) -> Result<Vec<u8>> {
     let mut described = metadata.clone();
     described.0.insert("generator".into(), concat!("tsuya ", env!("CARGO_PKG_VERSION")).into());
-    let mut writer = Writer::new(Vec::new())?;
-    writer.section(Tag::METADATA, SectionCodec::Zstd, &metadata::encode(&described)?)?;
-    writer.section(Tag::MATERIALS, SectionCodec::Own, &materials::encode(materials)?)?;
+    let mut writer = ContainerWriter::new(Vec::new())?;
+    writer.write_section(Tag::METADATA, SectionCodec::Zstd, &metadata::encode(&described)?)?;
+    writer.write_section(Tag::MATERIALS, SectionCodec::Own, &materials::encode_materials(materials)?)?;
     writer.finish()
 }
 
@@ -154,7 +160,7 @@ fn hold_out(observations: &mut Observations, options: &EncodeOptions) -> Result<
         return Err(Error::parameter("--hold-out takes 2 or more: every k-th view is left out"));
     }
     let mut index = 0;
-    observations.frames.retain(|_| {
+    observations.views.retain(|_| {
         index += 1;
         index % every != 0
     });
@@ -165,7 +171,7 @@ fn hold_out(observations: &mut Observations, options: &EncodeOptions) -> Result<
 fn position_bits(capture: &Capture, observations: &Observations) -> u8 {
     let per_pixel = atlas::texels_per_unit(
         &capture.mesh,
-        &observations.frames.iter().map(|f| f.view.camera).collect::<Vec<_>>(),
+        &observations.views.iter().map(|f| f.view.camera).collect::<Vec<_>>(),
         1.0,
     );
     let (_, radius) = capture.mesh.bounding_sphere();
@@ -177,7 +183,7 @@ fn code_views(observations: &Observations, mesh: &crate::mesh::Mesh) -> Result<(
     let section = ViewsSection {
         white: observations.white,
         components: observations.components.clone(),
-        views: observations.frames.iter().map(|f| f.view.clone()).collect(),
+        views: observations.views.iter().map(|f| f.view.clone()).collect(),
     };
     let bytes = codec::encode(&section, &mesh.positions)?;
     let decoded = codec::decode(&bytes, &Budget::new(Limits::UNLIMITED))?;
@@ -185,7 +191,7 @@ fn code_views(observations: &Observations, mesh: &crate::mesh::Mesh) -> Result<(
 }
 
 /// The pixels to code: the mask (all that the mesh covers where there is none) without missing ones, whose values become 0.
-fn photographs(frames: Vec<ObservedFrame>, covered: &[Mask], warnings: &mut Vec<String>) -> Result<Vec<Photograph>> {
+fn photographs(frames: Vec<ObservedView>, covered: &[Mask], warnings: &mut Vec<String>) -> Result<Vec<Photograph>> {
     let mut empty = 0;
     let photographs: Vec<Photograph> = frames
         .into_iter()
@@ -214,20 +220,26 @@ fn photographs(frames: Vec<ObservedFrame>, covered: &[Mask], warnings: &mut Vec<
 }
 
 /// Compares decoded photographs with the captured ones.
-struct Judge<'a> {
+struct DistortionMeter<'a> {
     originals: &'a [Photograph],
     covered: &'a [Mask],
     section: &'a ViewsSection,
 }
 
-impl Judge<'_> {
-    fn measure(&self, decoded: &[Photograph]) -> (rate::Measured, FrameError) {
-        let mut total = FrameError::default();
+impl DistortionMeter<'_> {
+    fn measure(&self, decoded: &[Photograph]) -> (rate::Distortion, PhotographError) {
+        let mut total = PhotographError::default();
         for ((original, decoded), covered) in self.originals.iter().zip(decoded).zip(self.covered) {
-            total.join(&FrameError::of(original, decoded, &self.section.components, covered, self.section.white));
+            total.merge(&PhotographError::compare(
+                original,
+                decoded,
+                &self.section.components,
+                covered,
+                self.section.white,
+            ));
         }
         let psnr_db = total.psnr().sum.unwrap_or(f64::INFINITY);
-        (rate::Measured { psnr_db, largest_error: self.largest_error(decoded) }, total)
+        (rate::Distortion { psnr_db, largest_error: self.largest_error(decoded) }, total)
     }
     /// Largest difference of a component's signal.
     fn largest_error(&self, decoded: &[Photograph]) -> f64 {
@@ -272,7 +284,7 @@ impl<'a> ReflectanceStage<'a> {
         let chart_bytes = charts::encode(mesh, &charts)?;
         let raster = atlas::rasterise_atlas(mesh, &charts)?;
         let photographs = photographs.iter().map(Some).collect();
-        let sources = gather::Sources { mesh, views, components, photographs, specular: options.specular };
+        let sources = gather::ReflectanceSources { mesh, views, components, photographs, specular: options.specular };
         let maps = gather::fit_maps(&sources, &charts, &raster);
         Ok(ReflectanceStage { mesh, charts, chart_bytes, maps })
     }
@@ -302,18 +314,18 @@ impl SectionList {
         self.0.iter().map(|s| s.2.len() as u64 + 48).sum::<u64>() + 4096
     }
     fn write(self, metadata: &metadata::Metadata, thumbnail: &[u8]) -> Result<(Vec<u8>, Vec<(String, u64)>)> {
-        let mut writer = Writer::new(Vec::new())?;
-        writer.section(Tag::METADATA, SectionCodec::Zstd, &metadata::encode(metadata)?)?;
-        writer.section(Tag::THUMBNAIL, SectionCodec::None, &thumbnail::encode(thumbnail)?)?;
+        let mut writer = ContainerWriter::new(Vec::new())?;
+        writer.write_section(Tag::METADATA, SectionCodec::Zstd, &metadata::encode(metadata)?)?;
+        writer.write_section(Tag::THUMBNAIL, SectionCodec::None, &thumbnail::encode(thumbnail)?)?;
         for (tag, codec, bytes) in &self.0 {
-            writer.section(*tag, *codec, bytes)?;
+            writer.write_section(*tag, *codec, bytes)?;
         }
         let sections = writer.sections().iter().map(|s| (s.tag.to_string(), s.stored)).collect();
         Ok((writer.finish()?, sections))
     }
 }
 
-fn describe(capture: &Capture, options: &EncodeOptions, total: &FrameError) -> metadata::Metadata {
+fn describe(capture: &Capture, options: &EncodeOptions, total: &PhotographError) -> metadata::Metadata {
     let mut described = metadata::Metadata(options.metadata.clone());
     if !capture.name.is_empty() {
         described.0.entry("title").or_insert_with(|| capture.name.clone().into());
@@ -346,11 +358,11 @@ fn thumbnail_png(photographs: &[Photograph], white: [f64; 3]) -> Result<Vec<u8>>
             let mut count = 0.0;
             for sy in (y * scale)..((y + 1) * scale).min(sum.height) {
                 for sx in (x * scale)..((x + 1) * scale).min(sum.width) {
-                    (0..3).for_each(|c| mean[c] += sum.at(sx, sy)[c]);
+                    (0..3).for_each(|c| mean[c] += sum.value_at(sx, sy)[c]);
                     count += 1.0;
                 }
             }
-            *small.at_mut(x, y) = mean.map(|v| v / f32::max(count, 1.0));
+            *small.value_at_mut(x, y) = mean.map(|v| v / f32::max(count, 1.0));
         }
     }
     let display = metrics::to_display(&small, white);

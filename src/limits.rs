@@ -9,9 +9,9 @@ pub struct Limits {
     /// Bytes of memory for everything that the file sizes, together.
     pub memory_bytes: u64,
     /// Frames (captured photographs).
-    pub frames: u32,
+    pub views: u32,
     /// Width or height of a picture, in pixels.
-    pub picture_side: u32,
+    pub image_side: u32,
     /// Vertices or triangles of the mesh.
     pub mesh_elements: u32,
 }
@@ -19,12 +19,12 @@ pub struct Limits {
 impl Limits {
     /// No bounds, for what is trusted.
     pub const UNLIMITED: Limits =
-        Limits { memory_bytes: u64::MAX, frames: u32::MAX, picture_side: u32::MAX, mesh_elements: u32::MAX };
+        Limits { memory_bytes: u64::MAX, views: u32::MAX, image_side: u32::MAX, mesh_elements: u32::MAX };
 }
 
 impl Default for Limits {
     fn default() -> Self {
-        Limits { memory_bytes: 4 << 30, frames: 65_536, picture_side: 32_768, mesh_elements: 1 << 26 }
+        Limits { memory_bytes: 4 << 30, views: 65_536, image_side: 32_768, mesh_elements: 1 << 26 }
     }
 }
 
@@ -57,9 +57,9 @@ impl Budget {
         self.charge(what, bytes)
     }
     /// Charges `bytes` for `what` until the result is dropped.
-    pub fn hold(&self, what: &'static str, bytes: u64) -> Result<Held<'_>> {
+    pub fn reserve(&self, what: &'static str, bytes: u64) -> Result<Reservation<'_>> {
         self.charge(what, bytes)?;
-        Ok(Held { budget: self, bytes })
+        Ok(Reservation { budget: self, bytes })
     }
     /// Bytes that are left.
     pub fn left(&self) -> u64 {
@@ -74,12 +74,12 @@ impl Budget {
 /// What is charged for something that lives as long as this does.
 #[derive(Debug)]
 #[must_use = "what is charged is given back when this is dropped"]
-pub struct Held<'a> {
+pub struct Reservation<'a> {
     budget: &'a Budget,
     bytes: u64,
 }
 
-impl Held<'_> {
+impl Reservation<'_> {
     /// Charges more for the same.
     pub fn grow(&mut self, what: &'static str, bytes: u64) -> Result<()> {
         self.budget.charge(what, bytes)?;
@@ -92,7 +92,7 @@ impl Held<'_> {
     }
 }
 
-impl Drop for Held<'_> {
+impl Drop for Reservation<'_> {
     fn drop(&mut self) {
         self.budget.release(self.bytes);
     }

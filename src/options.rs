@@ -7,15 +7,15 @@ use serde::{Deserialize, Serialize};
 #[serde(rename_all = "lowercase")]
 pub enum Profile {
     /// The Wavelet-Texture method as published in 2007: residual volumes on surface patches.
-    Paper,
+    WaveletTexture,
     /// Photograph planes predicted through the mesh.
     #[default]
-    Tuned,
+    Predictive,
 }
 
 /// What decides how fine the encoding is.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Target {
+pub enum EncodeTarget {
     /// 0 to 100; every 25 halve the quantiser step. 75 is about 38 to 40 dB.
     Quality(f64),
     /// Image PSNR of the sum, in dB, at least.
@@ -31,10 +31,10 @@ pub enum Target {
 /// What profile `tuned` spends: bytes or the decoder's time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Decoding {
+pub enum DecodeSpeed {
     /// The smallest file.
     #[default]
-    Small,
+    Normal,
     /// About a fifth larger, a view in about a third of the time: predictions at half the size, and one or two symbols for a position's
     /// colours in place of up to a dozen mixed decisions.
     Fast,
@@ -48,9 +48,9 @@ pub struct EncodeOptions {
     /// How the look is stored.
     pub profile: Profile,
     /// How fine; by default quality 75, in profile `paper` 5 % of the coefficients.
-    pub target: Option<Target>,
+    pub target: Option<EncodeTarget>,
     /// Profile `tuned`: what is spent, bytes or the decoder's time.
-    pub decoding: Decoding,
+    pub decode_speed: DecodeSpeed,
     /// Leaves every k-th view out (the k-th, the 2k-th ...), to judge views between the captured ones.
     pub hold_out: Option<usize>,
     /// Bits of a mesh coordinate on the longest side, 8 to 20. By default as many as move no vertex by more than an eighth
@@ -73,9 +73,9 @@ pub struct EncodeOptions {
 impl Default for EncodeOptions {
     fn default() -> Self {
         EncodeOptions {
-            profile: Profile::Tuned,
+            profile: Profile::Predictive,
             target: None,
-            decoding: Decoding::default(),
+            decode_speed: DecodeSpeed::default(),
             hold_out: None,
             position_bits: None,
             atlas_density: 0.4,

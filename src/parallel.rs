@@ -35,7 +35,7 @@ pub(crate) fn join<A, B: Send>(here: impl FnOnce() -> A, elsewhere: impl FnOnce(
 }
 
 /// `f(k, part)` for the k-th part of `size` items.
-pub(crate) fn parts<T: Send>(items: &mut [T], size: usize, f: impl Fn(usize, &mut [T]) + Sync + Send) {
+pub(crate) fn for_each_chunk<T: Send>(items: &mut [T], size: usize, f: impl Fn(usize, &mut [T]) + Sync + Send) {
     #[cfg(feature = "parallel")]
     {
         use rayon::prelude::*;
@@ -48,7 +48,7 @@ pub(crate) fn parts<T: Send>(items: &mut [T], size: usize, f: impl Fn(usize, &mu
 }
 
 /// `f(k, a, b)` for the k-th part of `size` items of both lists, which are equally long.
-pub(crate) fn rows<A: Send, B: Send>(
+pub(crate) fn for_each_chunk_pair<A: Send, B: Send>(
     a: &mut [A],
     b: &mut [B],
     size: usize,
@@ -70,7 +70,7 @@ pub(crate) fn rows<A: Send, B: Send>(
 /// `f` on a thread of its own, for faer: its kernels (private-gemm-x86 0.1) leave the upper halves of the vector registers in use, and from then
 /// on everything else on the same thread runs at half its speed or less (Intel's optimization manual, "Mixing AVX code with SSE code").
 #[cfg(feature = "encode")]
-pub(crate) fn apart<T: Send>(f: impl FnOnce() -> T + Send) -> T {
+pub(crate) fn on_own_thread<T: Send>(f: impl FnOnce() -> T + Send) -> T {
     std::thread::scope(|scope| match scope.spawn(f).join() {
         Ok(result) => result,
         Err(panic) => std::panic::resume_unwind(panic),

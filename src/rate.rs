@@ -1,11 +1,11 @@
 //! Rate control: the coarsest encoding that reaches a target.
 
 use crate::error::{Error, Result};
-use crate::options::Target;
+use crate::options::EncodeTarget;
 
 /// What an encoding reaches.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Measured {
+pub struct Distortion {
     /// Image PSNR of the sum, dB.
     pub psnr_db: f64,
     /// Largest difference of the signal on a covered pixel.
@@ -14,9 +14,9 @@ pub struct Measured {
 
 /// One encoding.
 #[derive(Debug)]
-pub struct Trial<T> {
+pub struct Candidate<T> {
     /// What it reaches.
-    pub measured: Measured,
+    pub distortion: Distortion,
     /// Bytes of the file.
     pub bytes: u64,
     /// The encoding.
@@ -24,11 +24,11 @@ pub struct Trial<T> {
 }
 
 /// Most trials of a search.
-const MOST_TRIALS: usize = 10;
+const MAX_TRIALS: usize = 10;
 /// Coarsest and finest quantiser step in the sqrt domain.
-const STEPS: [f64; 2] = [1.0, 0.0008];
+const STEP_RANGE: [f64; 2] = [1.0, 0.0008];
 /// Smallest and largest share of kept coefficients, per cent.
-const PERCENTS: [f64; 2] = [0.01, 100.0];
+const KEEP_PERCENT_RANGE: [f64; 2] = [0.01, 100.0];
 
 /// Quantiser step of a quality 0 to 100.
 fn step_of_quality(quality: f64) -> f64 {
@@ -36,66 +36,73 @@ fn step_of_quality(quality: f64) -> f64 {
 }
 
 /// Searches the quantiser step of profile `tuned`.
-pub fn tuned<T>(target: Target, mut encode: impl FnMut(f32) -> Result<Trial<T>>) -> Result<T> {
+pub fn search_step<T>(target: EncodeTarget, mut encode: impl FnMut(f32) -> Result<Candidate<T>>) -> Result<T> {
     match target {
-        Target::Quality(quality) if (0.0..=100.0).contains(&quality) => {
+        EncodeTarget::Quality(quality) if (0.0..=100.0).contains(&quality) => {
             Ok(encode(step_of_quality(quality) as f32)?.content)
         }
-        Target::Quality(_) => Err(Error::parameter("quality goes from 0 to 100")),
-        Target::KeepPercent(_) => Err(Error::parameter("a share of kept coefficients is for --profile paper")),
-        _ => search(target, STEPS, 0.05, |step| encode(step as f32)),
+        EncodeTarget::Quality(_) => Err(Error::parameter("quality goes from 0 to 100")),
+        EncodeTarget::KeepPercent(_) => Err(Error::parameter("a share of kept coefficients is for --profile paper")),
+        _ => search(target, STEP_RANGE, 0.05, |step| encode(step as f32)),
     }
 }
 
 /// Searches the share of kept coefficients of profile `paper`, in per cent.
-pub fn paper<T>(target: Target, mut encode: impl FnMut(f64) -> Result<Trial<T>>) -> Result<T> {
+pub fn search_keep_percent<T>(target: EncodeTarget, mut encode: impl FnMut(f64) -> Result<Candidate<T>>) -> Result<T> {
     match target {
-        Target::KeepPercent(percent) if (0.0..=100.0).contains(&percent) => Ok(encode(percent)?.content),
-        Target::KeepPercent(_) => Err(Error::parameter("the share of kept coefficients goes from 0 to 100 per cent")),
-        Target::Quality(quality) if (0.0..=100.0).contains(&quality) => {
+        EncodeTarget::KeepPercent(percent) if (0.0..=100.0).contains(&percent) => Ok(encode(percent)?.content),
+        EncodeTarget::KeepPercent(_) => {
+            Err(Error::parameter("the share of kept coefficients goes from 0 to 100 per cent"))
+        }
+        EncodeTarget::Quality(quality) if (0.0..=100.0).contains(&quality) => {
             Ok(encode((quality / 10.0 - 7.5).exp2() * 5.0)?.content)
         }
-        Target::Quality(_) => Err(Error::parameter("quality goes from 0 to 100")),
-        _ => search(target, PERCENTS, 2.0, encode),
+        EncodeTarget::Quality(_) => Err(Error::parameter("quality goes from 0 to 100")),
+        _ => search(target, KEEP_PERCENT_RANGE, 2.0, encode),
     }
 }
 
 /// How far a trial is from the target in a unit where halving the step adds about 1, negative where it misses; and whether
 /// it is near enough to stop.
-fn surplus<T>(target: Target, trial: &Trial<T>) -> (f64, bool) {
+fn surplus<T>(target: EncodeTarget, trial: &Candidate<T>) -> (f64, bool) {
     match target {
-        Target::PsnrDb(db) => {
-            let over = trial.measured.psnr_db - db;
+        EncodeTarget::PsnrDb(db) => {
+            let over = trial.distortion.psnr_db - db;
             (over / 5.0, (0.0..0.04).contains(&over))
         }
-        Target::MaxError(error) => {
-            let over = (error / trial.measured.largest_error.max(1e-9)).log2();
+        EncodeTarget::MaxError(error) => {
+            let over = (error / trial.distortion.largest_error.max(1e-9)).log2();
             (over, (0.0..0.08).contains(&over))
         }
-        Target::MaxBytes(bytes) => {
+        EncodeTarget::MaxBytes(bytes) => {
             let under = (bytes as f64 / trial.bytes as f64).ln();
             // Finer files are larger: the search goes the other way.
             (-under, (0.0..0.01).contains(&under))
         }
-        Target::Quality(_) | Target::KeepPercent(_) => (0.0, true),
+        EncodeTarget::Quality(_) | EncodeTarget::KeepPercent(_) => (0.0, true),
     }
 }
 
 /// Finds by secants on a logarithmic scale between `ends` (coarse, fine) the coarsest trial that holds a lower bound of
 /// quality, or the finest that holds an upper bound of bytes.
-fn search<T>(target: Target, ends: [f64; 2], start: f64, mut encode: impl FnMut(f64) -> Result<Trial<T>>) -> Result<T> {
-    check(target)?;
-    let for_bytes = matches!(target, Target::MaxBytes(_));
+fn search<T>(
+    target: EncodeTarget,
+    ends: [f64; 2],
+    start: f64,
+    mut encode: impl FnMut(f64) -> Result<Candidate<T>>,
+) -> Result<T> {
+    check_target(target)?;
+    let for_bytes = matches!(target, EncodeTarget::MaxBytes(_));
     let [coarse, fine] = ends.map(f64::ln);
     let direction = (fine - coarse).signum();
     // Position on the scale: 0 is coarse, larger is finer, by factors of e.
     let (mut low, mut high) = ((0.0, f64::NAN), ((fine - coarse).abs(), f64::NAN));
     let mut at = (start.ln() - coarse).abs();
     let mut best: Option<(f64, T)> = None;
-    for trial_number in 0..MOST_TRIALS {
+    for trial_number in 0..MAX_TRIALS {
         let trial = encode((coarse + direction * at).exp())?;
         let (value, near) = surplus(target, &trial);
-        tracing::debug!(trial_number, at, value, bytes = trial.bytes, psnr = trial.measured.psnr_db, "trial");
+        tracing::debug!(trial_number, at, value, bytes = trial.bytes, psnr = trial.distortion.psnr_db, "trial");
         let holds = if for_bytes { value <= 0.0 } else { value >= 0.0 };
         let better = best.as_ref().is_none_or(|(best, _)| if for_bytes { at > *best } else { at < *best });
         if holds && better {
@@ -134,21 +141,21 @@ fn search<T>(target: Target, ends: [f64; 2], start: f64, mut encode: impl FnMut(
     best.map(|(_, content)| content).ok_or_else(|| unreachable_target(target))
 }
 
-fn check(target: Target) -> Result<()> {
+fn check_target(target: EncodeTarget) -> Result<()> {
     let valid = match target {
-        Target::PsnrDb(db) => db.is_finite() && db > 0.0,
-        Target::MaxError(error) => error.is_finite() && error > 0.0,
-        Target::MaxBytes(bytes) => bytes > 0,
+        EncodeTarget::PsnrDb(db) => db.is_finite() && db > 0.0,
+        EncodeTarget::MaxError(error) => error.is_finite() && error > 0.0,
+        EncodeTarget::MaxBytes(bytes) => bytes > 0,
         _ => true,
     };
     if valid { Ok(()) } else { Err(Error::parameter("the target must be a positive number")) }
 }
 
-fn unreachable_target(target: Target) -> Error {
+fn unreachable_target(target: EncodeTarget) -> Error {
     Error::parameter(match target {
-        Target::PsnrDb(db) => format!("{db} dB can't be reached with this profile"),
-        Target::MaxError(error) => format!("a largest error of {error} can't be reached with this profile"),
-        Target::MaxBytes(bytes) => format!("{bytes} bytes are too few for mesh, views and the coarsest pictures"),
+        EncodeTarget::PsnrDb(db) => format!("{db} dB can't be reached with this profile"),
+        EncodeTarget::MaxError(error) => format!("a largest error of {error} can't be reached with this profile"),
+        EncodeTarget::MaxBytes(bytes) => format!("{bytes} bytes are too few for mesh, views and the coarsest pictures"),
         _ => "the target can't be reached".into(),
     })
 }
@@ -158,35 +165,36 @@ mod tests {
     use super::*;
 
     /// An encoder whose PSNR and bytes follow the step as real ones do.
-    fn trial(step: f32) -> Result<Trial<f32>> {
+    fn trial(step: f32) -> Result<Candidate<f32>> {
         let step = step as f64;
         let psnr_db = -20.0 * (step * 0.3).log10() + 0.3 * (40.0 * step).sin();
         let bytes = (9000.0 + 4000.0 / step.powf(1.3)) as u64;
-        Ok(Trial { measured: Measured { psnr_db, largest_error: step * 3.0 }, bytes, content: step as f32 })
+        Ok(Candidate { distortion: Distortion { psnr_db, largest_error: step * 3.0 }, bytes, content: step as f32 })
     }
 
     #[test]
     fn targets_are_met_and_not_overdone() {
         for db in [20.0, 33.0, 38.0, 45.0, 60.0] {
-            let got = trial(tuned(Target::PsnrDb(db), trial).unwrap()).unwrap().measured.psnr_db;
+            let got = trial(search_step(EncodeTarget::PsnrDb(db), trial).unwrap()).unwrap().distortion.psnr_db;
             assert!((db..db + 0.3).contains(&got), "{db}: {got}");
         }
         for bytes in [20_000, 100_000, 3_000_000] {
-            let got = trial(tuned(Target::MaxBytes(bytes), trial).unwrap()).unwrap().bytes;
+            let got = trial(search_step(EncodeTarget::MaxBytes(bytes), trial).unwrap()).unwrap().bytes;
             assert!(got <= bytes && got > bytes * 97 / 100, "{bytes}: {got}");
         }
         for error in [0.5, 0.05] {
-            let got = trial(tuned(Target::MaxError(error), trial).unwrap()).unwrap().measured.largest_error;
+            let got =
+                trial(search_step(EncodeTarget::MaxError(error), trial).unwrap()).unwrap().distortion.largest_error;
             assert!(got <= error && got > error * 0.9, "{error}: {got}");
         }
     }
 
     #[test]
     fn impossible_targets_are_errors() {
-        assert!(tuned(Target::MaxBytes(9000), trial).is_err());
-        assert!(tuned(Target::PsnrDb(500.0), trial).is_err());
-        assert!(tuned(Target::PsnrDb(f64::NAN), trial).is_err());
-        assert!(tuned(Target::KeepPercent(5.0), trial).is_err());
-        assert!(tuned(Target::Quality(101.0), trial).is_err());
+        assert!(search_step(EncodeTarget::MaxBytes(9000), trial).is_err());
+        assert!(search_step(EncodeTarget::PsnrDb(500.0), trial).is_err());
+        assert!(search_step(EncodeTarget::PsnrDb(f64::NAN), trial).is_err());
+        assert!(search_step(EncodeTarget::KeepPercent(5.0), trial).is_err());
+        assert!(search_step(EncodeTarget::Quality(101.0), trial).is_err());
     }
 }

@@ -5,7 +5,7 @@
 
 use crate::container::metadata::{self, Metadata};
 use crate::container::survey::{Survey, survey, without_carriage_returns};
-use crate::container::{Section, SectionCodec, Tag, Writer, verify};
+use crate::container::{ContainerWriter, Section, SectionCodec, Tag, verify};
 use crate::error::{Error, Result};
 use crate::limits::{Budget, Limits};
 use crate::mesh::Mesh;
@@ -18,7 +18,7 @@ use std::borrow::Cow;
 
 /// A repaired file.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Repaired {
+pub struct RepairedFile {
     /// The whole file; the given one where nothing was wrong with it.
     pub bytes: Vec<u8>,
     /// What was wrong besides sections and views, one sentence each.
@@ -37,7 +37,7 @@ pub struct Repaired {
     pub was_whole: bool,
 }
 
-impl Repaired {
+impl RepairedFile {
     /// Whether anything is lost.
     pub fn has_losses(&self) -> bool {
         !self.is_all_known || !self.lost_sections.is_empty() || !self.lost_views.is_empty()
@@ -49,24 +49,24 @@ const NEEDS: [(Tag, &[Tag]); 5] = [
     (Tag::CHARTS, &[Tag::MESH]),
     (Tag::REFLECTANCE, &[Tag::CHARTS, Tag::MESH]),
     (Tag::PLANES, &[Tag::MESH, Tag::VIEWS]),
-    (Tag::PAPER, &[Tag::MESH, Tag::VIEWS]),
+    (Tag::WAVELET_TEXTURE, &[Tag::MESH, Tag::VIEWS]),
     (Tag::VISIBILITY, &[Tag::MESH]),
 ];
 /// A file of nothing but others is no use.
 const CONTENT: [Tag; 4] = [Tag::MESH, Tag::VIEWS, Tag::MATERIALS, Tag::LIGHT];
-const DAMAGED: &str = "its checksum does not match, or it is cut";
+const DAMAGED_SECTION: &str = "its checksum does not match, or it is cut";
 
 /// Makes a whole file of what is left of a damaged one.
 /// # Errors
 /// [`Error::Format`] where nothing is left that can be used, [`Error::Unsupported`] for files of other versions,
 /// [`Error::Limits`] where what is left asks for more than it may.
-pub fn repair(bytes: &[u8], limits: Limits) -> Result<Repaired> {
+pub fn repair(bytes: &[u8], limits: Limits) -> Result<RepairedFile> {
     if let Ok(sections) = verify(bytes, limits) {
         let kept = sections.iter().map(|section| section.tag).collect();
         let (faults, lost_sections, lost_views) = Default::default();
         let views = views_of(bytes, &sections, &Budget::new(limits)).map_or(0, |section| section.views.len());
         let bytes = bytes.to_vec();
-        return Ok(Repaired {
+        return Ok(RepairedFile {
             bytes,
             faults,
             kept,
@@ -86,9 +86,14 @@ pub fn repair(bytes: &[u8], limits: Limits) -> Result<Repaired> {
     let survey = survey(&bytes)?;
     faults.extend(survey.faults.iter().cloned());
     let budget = Budget::new(limits);
-    let mut work =
-        Repair { bytes: &bytes, survey: &survey, budget: &budget, lost_sections: Vec::new(), lost_views: Vec::new() };
-    let mut repaired = work.run()?;
+    let mut work = FileRepair {
+        bytes: &bytes,
+        survey: &survey,
+        budget: &budget,
+        lost_sections: Vec::new(),
+        lost_views: Vec::new(),
+    };
+    let mut repaired = work.repaired_file()?;
     repaired.faults = faults;
     Ok(repaired)
 }
@@ -99,7 +104,7 @@ fn views_of(bytes: &[u8], sections: &[Section], budget: &Budget) -> Option<Views
     codec::decode(bytes.get(start..start + section.stored as usize)?, budget).ok()
 }
 
-struct Repair<'a> {
+struct FileRepair<'a> {
     bytes: &'a [u8],
     survey: &'a Survey,
     budget: &'a Budget,
@@ -107,8 +112,8 @@ struct Repair<'a> {
     lost_views: Vec<(usize, String, String)>,
 }
 
-impl Repair<'_> {
-    fn run(&mut self) -> Result<Repaired> {
+impl FileRepair<'_> {
+    fn repaired_file(&mut self) -> Result<RepairedFile> {
         let mut sections: Vec<(Tag, SectionCodec, Vec<u8>)> = Vec::new();
         for whole in &self.survey.whole {
             let (section, stored) = (whole.section, whole.bytes(self.bytes));
@@ -116,7 +121,7 @@ impl Repair<'_> {
             sections.push((section.tag, section.codec, section.decode(stored.to_vec(), self.budget)?));
         }
         for (section, _) in &self.survey.damaged {
-            self.lost_sections.push((section.tag, DAMAGED.into()));
+            self.lost_sections.push((section.tag, DAMAGED_SECTION.into()));
         }
         if !sections.iter().any(|(tag, ..)| CONTENT.contains(tag)) {
             let reason = self.survey.faults.first().map_or("no section that can be used is whole", String::as_str);
@@ -135,7 +140,7 @@ impl Repair<'_> {
             self.planes(&mut sections, mesh, section)?;
         }
         self.drop_what_needs_others(&mut sections);
-        let photographs = sections.iter().any(|(tag, ..)| [Tag::PLANES, Tag::PAPER].contains(tag));
+        let photographs = sections.iter().any(|(tag, ..)| [Tag::PLANES, Tag::WAVELET_TEXTURE].contains(tag));
         if let Some(section) = section.as_ref().filter(|_| !photographs && self.had_photographs()) {
             let lost = |(index, view): (usize, &crate::views::View)| {
                 (index, view.name.clone(), "its section is lost".to_owned())
@@ -145,11 +150,11 @@ impl Repair<'_> {
         let kept = sections.iter().map(|(tag, ..)| *tag).collect();
         self.stand_ins(&mut sections)?;
         self.describe(&mut sections)?;
-        let mut writer = Writer::new(Vec::with_capacity(self.bytes.len()))?;
+        let mut writer = ContainerWriter::new(Vec::with_capacity(self.bytes.len()))?;
         for (tag, codec, content) in &sections {
-            writer.section(*tag, *codec, content)?;
+            writer.write_section(*tag, *codec, content)?;
         }
-        Ok(Repaired {
+        Ok(RepairedFile {
             bytes: writer.finish()?,
             faults: Vec::new(),
             kept,
@@ -174,7 +179,7 @@ impl Repair<'_> {
         views: &ViewsSection,
     ) -> Result<()> {
         let has = |wanted: Tag| sections.iter().any(|(tag, ..)| *tag == wanted);
-        if has(Tag::PLANES) || has(Tag::PAPER) || views.views.is_empty() {
+        if has(Tag::PLANES) || has(Tag::WAVELET_TEXTURE) || views.views.is_empty() {
             return Ok(());
         }
         let damaged =
@@ -192,7 +197,7 @@ impl Repair<'_> {
         let made = predictive::repair::repair(self.bytes, (start, end), mesh, &views.views, count, self.budget)?;
         if made.lost.len() == views.views.len() {
             if !is_known {
-                self.lost_sections.push((Tag::PLANES, DAMAGED.into()));
+                self.lost_sections.push((Tag::PLANES, DAMAGED_SECTION.into()));
             }
             return Ok(());
         }
@@ -200,8 +205,8 @@ impl Repair<'_> {
         for (view, loss) in made.lost {
             let name = views.views[view].name.clone();
             let reason = match loss {
-                predictive::repair::Loss::Streams => "its bytes are damaged or missing".to_owned(),
-                predictive::repair::Loss::Predicted(other) => {
+                predictive::repair::ViewLoss::Streams => "its bytes are damaged or missing".to_owned(),
+                predictive::repair::ViewLoss::Predicted(other) => {
                     format!("it is predicted from {}, which is lost", views.views[other].name)
                 }
             };
@@ -218,7 +223,7 @@ impl Repair<'_> {
 
     fn had_photographs(&self) -> bool {
         let lost = |tag: Tag| self.lost_sections.iter().any(|(other, _)| *other == tag);
-        lost(Tag::PLANES) || lost(Tag::PAPER) || !self.survey.is_all_known
+        lost(Tag::PLANES) || lost(Tag::WAVELET_TEXTURE) || !self.survey.is_all_known
     }
 
     fn drop_what_needs_others(&mut self, sections: &mut Vec<(Tag, SectionCodec, Vec<u8>)>) {

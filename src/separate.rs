@@ -1,6 +1,6 @@
 //! Diffuse and specular reflection out of photographs through polarisers, and back.
 
-use crate::capture::{Capture, Frame};
+use crate::capture::{Capture, CaptureFrame};
 use crate::error::{Error, Result};
 use crate::image::{Mask, RgbImage};
 use crate::views::{Component, View};
@@ -15,12 +15,12 @@ pub struct Observations {
     /// The ratio by which the cross photographs were divided.
     pub beta: Option<[f64; 3]>,
     /// The frames, in the capture's order.
-    pub frames: Vec<ObservedFrame>,
+    pub views: Vec<ObservedView>,
 }
 
 /// One frame's components.
 #[derive(Debug, Clone, PartialEq)]
-pub struct ObservedFrame {
+pub struct ObservedView {
     /// Name, camera and light.
     pub view: View,
     /// Pixels that show the object.
@@ -47,11 +47,11 @@ pub fn separate(capture: &mut Capture) -> Result<Observations> {
     let beta = capture.beta.filter(|_| polarised);
     let components = if polarised { vec![Component::Diffuse, Component::Specular] } else { vec![Component::Combined] };
     let frames = std::mem::take(&mut capture.frames).into_iter().map(|frame| separate_frame(frame, beta)).collect();
-    Ok(Observations { components, white: capture.white, beta, frames })
+    Ok(Observations { components, white: capture.white, beta, views: frames })
 }
 
-fn separate_frame(frame: Frame, beta: Option<[f64; 3]>) -> ObservedFrame {
-    let Frame { view, photograph: mut off, cross, mask } = frame;
+fn separate_frame(frame: CaptureFrame, beta: Option<[f64; 3]>) -> ObservedView {
+    let CaptureFrame { view, photograph: mut off, cross, mask } = frame;
     let images = match (cross, beta) {
         (Some(mut cross), Some(beta)) => {
             for (off, cross) in off.data.iter_mut().zip(&mut cross.data) {
@@ -64,7 +64,7 @@ fn separate_frame(frame: Frame, beta: Option<[f64; 3]>) -> ObservedFrame {
         }
         _ => vec![off],
     };
-    ObservedFrame { view, mask, images }
+    ObservedView { view, mask, images }
 }
 
 /// The photographs of components: unpolarised `off = I_d + I_s`, and cross-polarised `I_d beta` where there are two. The images
@@ -107,7 +107,7 @@ mod tests {
         let view = View { name: "a".into(), camera: Camera::default(), light: None };
         Capture {
             name: "test".into(),
-            frames: vec![Frame { view, photograph, cross, mask: None }],
+            frames: vec![CaptureFrame { view, photograph, cross, mask: None }],
             mesh: Mesh::default(),
             white: [1.0, 0.9, 0.8],
             beta,
@@ -129,7 +129,7 @@ mod tests {
         assert!(capture.frames.is_empty());
         assert_eq!(observations.components, [Component::Diffuse, Component::Specular]);
         assert_eq!(observations.white, [1.0, 0.9, 0.8]);
-        let images = &observations.frames[0].images;
+        let images = &observations.views[0].images;
         assert_eq!(images[0].data[0], [0.5, 1.25, 1.25]);
         assert_eq!(images[1].data[0], [0.5, 0.75, 1.75]);
         assert!(images[1].data[1][0] == -0.25, "the sign stays");
@@ -150,8 +150,8 @@ mod tests {
         let original = plain.frames[0].photograph.clone();
         let observations = separate(&mut plain).unwrap();
         assert_eq!((observations.components.as_slice(), observations.beta), (&[Component::Combined][..], None));
-        assert_eq!(observations.frames[0].images[0].data[0], original.data[0]);
-        assert_eq!(recombine(&observations.components, &observations.frames[0].images, None).unwrap().1, None);
+        assert_eq!(observations.views[0].images[0].data[0], original.data[0]);
+        assert_eq!(recombine(&observations.components, &observations.views[0].images, None).unwrap().1, None);
 
         let cross = RgbImage::filled(2, 2, [0.5; 3]);
         let error = separate(&mut capture(Some(cross.clone()), None)).unwrap_err();

@@ -7,22 +7,22 @@ mod support;
 use tsuya::asset::Asset;
 use tsuya::capture::Capture;
 use tsuya::container::metadata::Metadata;
-use tsuya::container::{Arrival, Container, SectionCodec, Tag, Writer};
-use tsuya::decoder::arriving::{ArrivingFile, ViewProgress};
-use tsuya::decoder::{DecodeOptions, Selection, decode, decode_from};
-use tsuya::encoder::{Encoded, encode};
-use tsuya::metrics::FrameError;
-use tsuya::options::{Decoding, EncodeOptions, Profile};
+use tsuya::container::{Container, ContainerWriter, Poll, SectionCodec, Tag};
+use tsuya::decoder::arriving::{IncrementalDecoder, ViewStatus};
+use tsuya::decoder::{DecodeOptions, ViewSelection, decode, decode_from};
+use tsuya::encoder::{EncodedFile, encode};
+use tsuya::metrics::PhotographError;
+use tsuya::options::{DecodeSpeed, EncodeOptions, Profile};
 use tsuya::separate::separate;
 use tsuya::surface::raster::rasterise;
 use tsuya::views::Photograph;
 use tsuya::{Limits, Result};
 
-const CODINGS: [(Profile, Decoding); 4] = [
-    (Profile::Tuned, Decoding::Small),
-    (Profile::Tuned, Decoding::Fast),
-    (Profile::Tuned, Decoding::Fastest),
-    (Profile::Paper, Decoding::Small),
+const CODINGS: [(Profile, DecodeSpeed); 4] = [
+    (Profile::Predictive, DecodeSpeed::Normal),
+    (Profile::Predictive, DecodeSpeed::Fast),
+    (Profile::Predictive, DecodeSpeed::Fastest),
+    (Profile::WaveletTexture, DecodeSpeed::Normal),
 ];
 
 #[test]
@@ -53,7 +53,7 @@ fn unpolarised() {
 #[test]
 fn lens() {
     let capture = support::read(&support::bundled("lens")).unwrap();
-    let bent = |frame: &tsuya::capture::Frame| frame.photograph.data.iter().any(|pixel| pixel[0].is_nan());
+    let bent = |frame: &tsuya::capture::CaptureFrame| frame.photograph.data.iter().any(|pixel| pixel[0].is_nan());
     assert!(capture.frames.iter().any(bent), "straight pictures reach beyond some of the photographs");
     agree(capture, 0.98);
 }
@@ -71,16 +71,16 @@ fn sizes() {
 fn of_both_profiles_the_planes_count() {
     let mut capture = support::read(&support::sample()).unwrap();
     capture.frames.truncate(2);
-    let [planes, paper] = [Profile::Tuned, Profile::Paper]
+    let [planes, paper] = [Profile::Predictive, Profile::WaveletTexture]
         .map(|profile| encode(capture.clone(), &EncodeOptions { profile, ..Default::default() }).unwrap().bytes);
-    let mut writer = Writer::new(Vec::new()).unwrap();
+    let mut writer = ContainerWriter::new(Vec::new()).unwrap();
     let mut copy = |file: &[u8], tags: &[Tag]| {
         let mut file = Container::open_slice(file, Limits::default()).unwrap();
         for &tag in tags {
-            writer.section(tag, SectionCodec::Own, &file.read_section(tag).unwrap()).unwrap();
+            writer.write_section(tag, SectionCodec::Own, &file.read_section(tag).unwrap()).unwrap();
         }
     };
-    copy(&paper, &[Tag::MESH, Tag::VIEWS, Tag::PAPER]);
+    copy(&paper, &[Tag::MESH, Tag::VIEWS, Tag::WAVELET_TEXTURE]);
     copy(&planes, &[Tag::CHARTS, Tag::REFLECTANCE, Tag::PLANES]);
     let both = writer.finish().unwrap();
     let expected = whole(&planes).photographs;
@@ -95,7 +95,7 @@ fn of_both_profiles_the_planes_count() {
 fn agree(capture: Capture, coverage: f64) {
     for (profile, decoding) in CODINGS {
         let what = format!("{profile:?} {decoding:?}");
-        let options = EncodeOptions { profile, decoding, ..Default::default() };
+        let options = EncodeOptions { profile, decode_speed: decoding, ..Default::default() };
         let encoded = encode(capture.clone(), &options).unwrap();
         assert!(encoded.coverage > coverage, "{what}: the mesh covers {} of the masks", encoded.coverage);
         let [first, rest @ ..] = [1, 2, 5].map(|threads| with_threads(threads, || whole(&encoded.bytes)));
@@ -124,7 +124,7 @@ fn by_selection(bytes: &[u8], count: usize, random: &mut Random) -> Vec<Option<P
     let mut photographs = vec![None; count];
     let mut file = Container::open_slice(bytes, Limits::default()).unwrap();
     for view in random.order(count) {
-        let options = DecodeOptions { selection: Selection::Views(vec![view]), ..Default::default() };
+        let options = DecodeOptions { selection: ViewSelection::Views(vec![view]), ..Default::default() };
         let mut asset = decode_from(&mut file, &options).unwrap();
         assert_eq!(asset.photographs.iter().flatten().count(), 1, "only the view that was asked for");
         photographs[view] = asset.photographs[view].take();
@@ -134,14 +134,14 @@ fn by_selection(bytes: &[u8], count: usize, random: &mut Random) -> Vec<Option<P
 
 /// One decoder of a file of which any range can be had; what is asked for comes in pieces, the last one first.
 fn by_ranges(bytes: &[u8], count: usize, random: &mut Random) -> Vec<Option<Photograph>> {
-    let mut file = ArrivingFile::new(Some(bytes.len() as u64), true, Limits::default());
+    let mut file = IncrementalDecoder::new(Some(bytes.len() as u64), true, Limits::default());
     let mut cuts = random.clone();
     view_by_view(&mut file, random.order(count), |file, wanted| {
         for range in wanted.iter().rev() {
             let (start, end) = (range.start as usize, range.end as usize);
             let cut = start + cuts.below(end - start + 1);
-            file.give(cut as u64, &bytes[cut..end])?;
-            file.give(start as u64, &bytes[start..cut])?;
+            file.feed(cut as u64, &bytes[cut..end])?;
+            file.feed(start as u64, &bytes[start..cut])?;
         }
         Ok(())
     })
@@ -149,14 +149,14 @@ fn by_ranges(bytes: &[u8], count: usize, random: &mut Random) -> Vec<Option<Phot
 
 /// One decoder of a file that comes from its start, in pieces of any size, and whose length is known at its end.
 fn from_a_stream(bytes: &[u8], count: usize, random: &mut Random) -> Vec<Option<Photograph>> {
-    let mut file = ArrivingFile::new(None, false, Limits::default());
+    let mut file = IncrementalDecoder::new(None, false, Limits::default());
     let (mut cuts, mut at) = (random.clone(), 0);
     view_by_view(&mut file, random.order(count), |file, _| {
         let next = bytes.len().min(at + 1 + cuts.below(400));
-        file.give(at as u64, &bytes[at..next])?;
+        file.feed(at as u64, &bytes[at..next])?;
         at = next;
         if at == bytes.len() {
-            file.end(at as u64);
+            file.set_length(at as u64);
         }
         Ok(())
     })
@@ -164,18 +164,18 @@ fn from_a_stream(bytes: &[u8], count: usize, random: &mut Random) -> Vec<Option<
 
 /// Asks for views in an order, each twice; `fetch` hands over some of what is missing.
 fn view_by_view(
-    file: &mut ArrivingFile,
+    file: &mut IncrementalDecoder,
     order: Vec<usize>,
-    mut fetch: impl FnMut(&mut ArrivingFile, Vec<std::ops::Range<u64>>) -> Result<()>,
+    mut fetch: impl FnMut(&mut IncrementalDecoder, Vec<std::ops::Range<u64>>) -> Result<()>,
 ) -> Vec<Option<Photograph>> {
     let mut photographs = vec![None; order.len()];
     for view in order.iter().chain(&order).copied() {
         let photograph = loop {
             match file.view(view).unwrap() {
-                Arrival::Missing(wanted) => fetch(file, wanted).unwrap(),
-                Arrival::Here(ViewProgress::Again) => {}
-                Arrival::Here(ViewProgress::Done(photograph)) => break photograph,
-                Arrival::Here(ViewProgress::NoPictures) => panic!("the file holds photographs"),
+                Poll::NeedRanges(wanted) => fetch(file, wanted).unwrap(),
+                Poll::Ready(ViewStatus::InProgress) => {}
+                Poll::Ready(ViewStatus::Decoded(photograph)) => break photograph,
+                Poll::Ready(ViewStatus::Absent) => panic!("the file holds photographs"),
             }
         };
         if let Some(before) = photographs[view].replace(photograph) {
@@ -200,15 +200,15 @@ fn assert_same(expected: &[Option<Photograph>], found: &[Option<Photograph>], wh
 }
 
 /// The decoded photographs are as far from the captured ones as the encoder found and the file states.
-fn check_error(mut capture: Capture, asset: &Asset, encoded: &Encoded, what: &str) {
+fn check_error(mut capture: Capture, asset: &Asset, encoded: &EncodedFile, what: &str) {
     let observations = separate(&mut capture).unwrap();
-    let mut total = FrameError::default();
-    for ((frame, view), decoded) in observations.frames.into_iter().zip(&asset.views).zip(&asset.photographs) {
+    let mut total = PhotographError::default();
+    for ((frame, view), decoded) in observations.views.into_iter().zip(&asset.views).zip(&asset.photographs) {
         let covered = rasterise(&asset.mesh, &view.camera).coverage();
         let mask = frame.mask.unwrap_or_else(|| covered.clone());
         let original = Photograph { mask, images: frame.images };
         let decoded = decoded.as_ref().unwrap();
-        total.join(&FrameError::of(&original, decoded, &asset.components, &covered, asset.white));
+        total.merge(&PhotographError::compare(&original, decoded, &asset.components, &covered, asset.white));
     }
     let measured = total.psnr();
     assert_eq!(measured, encoded.image_psnr, "{what}: the encoder found another error");

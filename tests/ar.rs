@@ -9,9 +9,9 @@ use std::path::Path;
 use support::{shared, text};
 use tsuya::capture::{Lens, read_radiance};
 use tsuya::image::{Grid, to_srgb};
-use tsuya::marker::detect::Detector;
-use tsuya::marker::track::Tracker;
-use tsuya::marker::{Family, Rig, estimate};
+use tsuya::marker::detect::MarkerDetector;
+use tsuya::marker::track::MarkerTracker;
+use tsuya::marker::{MarkerFamily, Rig, estimate_poses};
 use tsuya::views::Camera;
 
 fn grey(path: &Path) -> Grid<u8> {
@@ -31,14 +31,14 @@ fn photographs_on_a_turntable() {
         principal: [cx + padding[0], cy + padding[1]],
         ..camera(1056, 792, 1.0)
     };
-    let rig = Rig::single(Family::Tag36h11, None, 0.065).unwrap();
-    let mut detector = Detector::new(&[Family::Tag36h11]).unwrap();
+    let rig = Rig::single(MarkerFamily::Tag36h11, None, 0.065).unwrap();
+    let mut detector = MarkerDetector::new(&[MarkerFamily::Tag36h11]).unwrap();
     let mut found = Vec::new();
     for angle in [-60, -30, 0, 30, 60] {
         let picture = grey(&folder.join(format!("test_image_rotation_{angle}.png")));
         let detections = detector.detect(&picture, false).unwrap();
         assert!(detections.len() == 1, "{angle}: {detections:?}");
-        let best = estimate(&camera, &Lens::Pinhole, &rig, &detections)[0];
+        let best = estimate_poses(&camera, &Lens::Pinhole, &rig, &detections)[0];
         println!("{angle}: {:?}, {:.3} pixels at most", best.pose, best.max_pixels);
         assert!(best.max_pixels < 1.0, "{angle}: {best:?}");
         found.push((angle as f64, best.pose));
@@ -59,7 +59,7 @@ fn a_moving_tag_is_followed() {
     for lens in [Lens::Pinhole, lens] {
         let camera = camera(640, 480, 600.0);
         let rays = Rays::new(&camera, &lens);
-        let mut tracker = Tracker::new(Rig::parse("tag36h11:0:0.1").unwrap(), camera, lens).unwrap();
+        let mut tracker = MarkerTracker::new(Rig::parse("tag36h11:0:0.1").unwrap(), camera, lens).unwrap();
         let (mut worst_turn, mut worst_place) = (0.0f64, 0.0f64);
         for frame in 0..100 {
             let t = frame as f64 / 100.0 * std::f64::consts::TAU;
@@ -68,7 +68,7 @@ fn a_moving_tag_is_followed() {
             let distance = 0.65 - 0.25 * (2.0 * t).cos();
             let truth = posed(turned, [0.2 * distance * t.cos(), 0.15 * distance * (2.0 * t).sin(), distance]);
             let picture = draw_through(&rays, &TAG36H11_0, &truth, frame);
-            let Some((found, _)) = tracker.next(&picture).unwrap() else { panic!("frame {frame}: not found") };
+            let Some((found, _)) = tracker.track(&picture).unwrap() else { panic!("frame {frame}: not found") };
             let turn = found.pose.angle_to(&truth).to_degrees();
             let gap: [f64; 3] = std::array::from_fn(|k| found.pose.translation[k] - truth.translation[k]);
             let length = |v: [f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
@@ -86,8 +86,8 @@ fn aruco_markers_and_rigs() {
     let truth = posed([25.0, -30.0, 12.0], [0.05, -0.02, 0.6]);
     let picture = draw(&camera, &Lens::Pinhole, &ARUCO_0, &truth, 1);
     let rig = Rig::parse("aruco:0:0.1").unwrap();
-    let found = Detector::new(&rig.families()).unwrap().detect(&picture, false).unwrap();
-    let best = estimate(&camera, &Lens::Pinhole, &rig, &found)[0];
+    let found = MarkerDetector::new(&rig.families()).unwrap().detect(&picture, false).unwrap();
+    let best = estimate_poses(&camera, &Lens::Pinhole, &rig, &found)[0];
     let turn = best.pose.angle_to(&truth).to_degrees();
     println!("aruco: {turn:.2} degrees, {best:?}");
     assert!(found.len() == 1 && turn < 1.0 && best.max_pixels < 1.0, "{turn} {best:?}");
@@ -99,15 +99,15 @@ fn aruco_markers_and_rigs() {
         {"family": "tag36h11", "id": 4, "size": 0.05, "pose": [[0, 0, 1, 0.2], [0, 1, 0, 0], [-1, 0, 0, 0], [0, 0, 0, 1]]}]}"#;
     std::fs::write(&path, text).unwrap();
     let rig = Rig::read(&path, &Default::default()).unwrap();
-    let project = |x: [f64; 3]| camera.project(truth.apply(x)).unwrap().0;
+    let project = |x: [f64; 3]| camera.project(truth.transform_point(x)).unwrap().0;
     let detections: Vec<_> = (rig.markers.iter())
-        .map(|m| tsuya::marker::detection::Detection {
+        .map(|m| tsuya::marker::detection::MarkerDetection {
             family: m.family,
             id: m.id.unwrap(),
             corners: m.corners().map(project),
         })
         .collect();
-    let best = estimate(&camera, &Lens::Pinhole, &rig, &detections)[0];
+    let best = estimate_poses(&camera, &Lens::Pinhole, &rig, &detections)[0];
     assert!(best.markers == 2 && best.pose.angle_to(&truth) < 1e-6 && best.rms_pixels < 1e-6, "{best:?}");
     for (wrong, said) in [("0.08", "-1"), ("tag36h11", "tag99"), ("\"id\": 4", "\"id\": 3")].map(|(from, to)| {
         std::fs::write(&path, text.replace(from, to)).unwrap();

@@ -7,7 +7,7 @@ use tsuya::Error;
 use tsuya::decoder::{DecodeOptions, decode};
 use tsuya::encoder::encode;
 use tsuya::metrics;
-use tsuya::options::{EncodeOptions, Profile, Target};
+use tsuya::options::{EncodeOptions, EncodeTarget, Profile};
 use tsuya::views::Component;
 
 /// What an error should be and say.
@@ -26,7 +26,7 @@ fn without_polarisers(description: &mut serde_json::Value) {
 #[test]
 fn one_component_without_polarisers_in_both_profiles() {
     let capture = variant(8, |description, _| without_polarisers(description));
-    for (profile, least) in [(Profile::Tuned, 36.0), (Profile::Paper, 24.0)] {
+    for (profile, least) in [(Profile::Predictive, 36.0), (Profile::WaveletTexture, 24.0)] {
         let options = EncodeOptions { profile, ..Default::default() };
         let encoded = encode(read(capture.path()).unwrap(), &options).unwrap();
         let (psnr, coverage) = (encoded.image_psnr, encoded.coverage);
@@ -62,8 +62,10 @@ fn unknown_lights_make_a_file_that_cannot_be_relit() {
     let asset = decode(&encoded.bytes, &DecodeOptions::default()).unwrap();
     assert!(!asset.reflectance.as_ref().unwrap().relightable);
     let light = tsuya::views::PointLight { position: [1.0, 2.0, 3.0], intensity: [9.0; 3] };
-    let options =
-        tsuya::relight::RenderOptions { lighting: tsuya::relight::Lighting::Points(vec![light]), ..Default::default() };
+    let options = tsuya::relight::RenderOptions {
+        lighting: tsuya::relight::RenderLighting::Points(vec![light]),
+        ..Default::default()
+    };
     assert!(tsuya::relight::render(&asset, &asset.views[0].camera, &options).is_err());
 }
 
@@ -149,14 +151,14 @@ fn targets_are_reached() {
         let options = EncodeOptions { target: Some(target), ..Default::default() };
         encode(capture.clone(), &options).unwrap()
     };
-    let encoded = with(Target::PsnrDb(42.0));
+    let encoded = with(EncodeTarget::PsnrDb(42.0));
     assert!((42.0..42.6).contains(&encoded.image_psnr.sum.unwrap()), "{:?}", encoded.image_psnr);
-    let small = with(Target::MaxBytes(20_000));
+    let small = with(EncodeTarget::MaxBytes(20_000));
     assert!(small.bytes.len() <= 20_000 && small.bytes.len() > 15_000, "{}", small.bytes.len());
-    let asset = decode(&with(Target::MaxError(0.1)).bytes, &DecodeOptions::default()).unwrap();
+    let asset = decode(&with(EncodeTarget::MaxError(0.1)).bytes, &DecodeOptions::default()).unwrap();
     let observed = tsuya::separate::separate(&mut capture.clone()).unwrap();
     let mut largest = 0f64;
-    for ((frame, view), decoded) in observed.frames.iter().zip(&asset.views).zip(asset.photographs.iter().flatten()) {
+    for ((frame, view), decoded) in observed.views.iter().zip(&asset.views).zip(asset.photographs.iter().flatten()) {
         let covered = tsuya::surface::raster::rasterise(&asset.mesh, &view.camera).coverage();
         let mask = frame.mask.as_ref().unwrap();
         for (wanted, got) in frame.images.iter().zip(&decoded.images) {

@@ -4,7 +4,7 @@ mod support;
 
 use support::encoded_sample;
 use tsuya::container::{Container, verify};
-use tsuya::decoder::{DecodeOptions, Selection, decode};
+use tsuya::decoder::{DecodeOptions, ViewSelection, decode};
 use tsuya::{Error, Limits};
 
 /// Runs `check` for every position of the file, over two threads.
@@ -69,7 +69,7 @@ fn damage_behind_the_checksums_is_an_error_or_another_picture() {
     let file = Container::open_slice(bytes, Limits::default()).unwrap();
     let planes = *file.find(tsuya::container::Tag::PLANES).unwrap();
     let start = (planes.offset + planes.header_bytes()) as usize;
-    let options = DecodeOptions { selection: Selection::Views(vec![0]), ..Default::default() };
+    let options = DecodeOptions { selection: ViewSelection::Views(vec![0]), ..Default::default() };
     for step in 0..40 {
         let mut damaged = bytes.clone();
         let at = start + if step < 30 { step * 5 } else { 150 + (step - 30) * planes.stored as usize / 11 };
@@ -94,8 +94,8 @@ fn limits_hold() {
         with(|limits| limits.memory_bytes = 0),
         with(|limits| limits.memory_bytes = 10_000),
         with(|limits| limits.memory_bytes = 1 << 20),
-        with(|limits| limits.frames = 35),
-        with(|limits| limits.picture_side = 127),
+        with(|limits| limits.views = 35),
+        with(|limits| limits.image_side = 127),
         with(|limits| limits.mesh_elements = 700),
     ] {
         assert!(matches!(limited, Err(Error::Limits { .. })), "{:?}", limited.map(|_| "decoded"));

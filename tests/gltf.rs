@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use support::{complaint, encoded_sample, json as report, sample, text, tsuya};
 use tempfile::TempDir;
-use tsuya::gltf::{self, Document, EXTENSION};
+use tsuya::gltf::{self, EXTENSION, GltfDocument};
 use tsuya::{Budget, Limits};
 
 /// A folder with the encoded sample and its GLB.
@@ -30,7 +30,7 @@ impl Exported {
     fn bytes(&self, name: &str) -> Vec<u8> {
         std::fs::read(self.path(name)).unwrap()
     }
-    fn document(&self) -> Document {
+    fn document(&self) -> GltfDocument {
         parse(&self.path("spot.glb"))
     }
     /// Runs a subcommand of `tsuya gltf` on files of the folder; options are kept as they are.
@@ -40,20 +40,20 @@ impl Exported {
             .collect();
         complaint(code, &[&["gltf"], &full.iter().map(String::as_str).collect::<Vec<_>>()[..]].concat())
     }
-    fn write(&self, name: &str, document: &Document) {
+    fn write(&self, name: &str, document: &GltfDocument) {
         std::fs::write(self.path(name), document.to_bytes().unwrap()).unwrap();
     }
 }
 
-fn parse(path: &Path) -> Document {
-    Document::parse(path, &std::fs::read(path).unwrap(), &Budget::new(Limits::default())).unwrap()
+fn parse(path: &Path) -> GltfDocument {
+    GltfDocument::parse(path, &std::fs::read(path).unwrap(), &Budget::new(Limits::default())).unwrap()
 }
 
 /// What a program leaves that knows neither the extension nor its data, but keeps extras.
-fn as_others_leave_it(document: &Document) -> Document {
+fn as_others_leave_it(document: &GltfDocument) -> GltfDocument {
     let mut document = document.clone();
     let extras = document.json["materials"][0]["extras"].clone();
-    gltf::remove(&mut document).unwrap();
+    gltf::strip(&mut document).unwrap();
     document.json["materials"][0]["extras"] = extras;
     document
 }
@@ -157,7 +157,7 @@ fn a_document_from_another_program_gets_its_stream_back() {
 fn damage_other_meshes_and_the_future_are_named() {
     let exported = Exported::new(&[]);
     let document = exported.document();
-    let fails = |code: i32, words: &str, edit: &dyn Fn(&mut Document)| {
+    let fails = |code: i32, words: &str, edit: &dyn Fn(&mut GltfDocument)| {
         let mut edited = document.clone();
         edit(&mut edited);
         exported.write("edited.glb", &edited);
@@ -165,7 +165,7 @@ fn damage_other_meshes_and_the_future_are_named() {
         assert!(said.contains(words), "{said}");
         assert!(!exported.path("x.tsuya").exists());
     };
-    let middle = |d: &mut Document| {
+    let middle = |d: &mut GltfDocument| {
         let binary = d.binary.as_mut().unwrap();
         let at = binary.len() - 5000;
         binary[at] ^= 1;

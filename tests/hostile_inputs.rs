@@ -3,7 +3,7 @@
 
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
-use tsuya::capture::{ReadOptions, calibration, describe, read, read_radiance};
+use tsuya::capture::{CaptureReadOptions, calibration, describe, read, read_radiance};
 use tsuya::input::FileAccess;
 use tsuya::mesh::read::parse;
 use tsuya::{Error, Limits};
@@ -58,7 +58,7 @@ fn yaml_is_counted_before_it_is_loaded() {
     for (text, expected) in cases {
         let text = if expected.contains("at most") { text.repeat(2) } else { text };
         let access = access();
-        let error = said(calibration::read(folder.write("camera.yaml", &text), &access));
+        let error = said(calibration::read_calibration(folder.write("camera.yaml", &text), &access));
         assert!(error.contains("camera.yaml: ") && error.contains(expected), "{error}\nexpected: {expected}");
         assert_eq!(access.budget().left(), 16 << 20, "{expected}");
     }
@@ -310,15 +310,15 @@ fn no_absolute_name_gets_into_a_view() {
     let absolute = folder.0.path().join(&first).display().to_string();
     let text = std::fs::read_to_string(folder.0.path().join("transforms.json")).unwrap();
     folder.write("transforms.json", text.replacen(&format!("\"{first}\""), &format!("\"{absolute}\""), 1));
-    let capture = read(folder.0.path(), &ReadOptions::default()).unwrap();
+    let capture = read(folder.0.path(), &CaptureReadOptions::default()).unwrap();
     assert_eq!(capture.frames[0].view.name, first);
     assert!(capture.frames.iter().all(|frame| Path::new(&frame.view.name).is_relative()));
     // A photograph outside, which was allowed.
     let other = Folder::new();
     let elsewhere = other.write("somebody/first.exr", std::fs::read(folder.0.path().join(&first)).unwrap());
     folder.write("transforms.json", text.replacen(&format!("\"{first}\""), &format!("{elsewhere:?}"), 1));
-    assert!(said(read(folder.0.path(), &ReadOptions::default())).contains("--allow-outside"));
-    let options = ReadOptions { allow_outside: true, ..Default::default() };
+    assert!(said(read(folder.0.path(), &CaptureReadOptions::default())).contains("--allow-outside"));
+    let options = CaptureReadOptions { allow_outside: true, ..Default::default() };
     assert_eq!(read(folder.0.path(), &options).unwrap().frames[0].view.name, "first.exr");
 }
 
@@ -343,12 +343,12 @@ fn folders_devices_and_pipes_are_no_files() {
             if name == "pipe" && !made.is_ok_and(|status| status.success()) {
                 continue;
             }
-            let error = said(read(folder.0.path(), &ReadOptions::default()));
+            let error = said(read(folder.0.path(), &CaptureReadOptions::default()));
             assert!(error.contains(expected), "{key}, {name}: {error}");
         }
     }
     assert!(said(read_radiance(Path::new("/dev/zero"), &access())).contains("only regular files are read"));
-    assert!(said(calibration::read("/dev/zero", &access())).contains("only regular files are read"));
+    assert!(said(calibration::read_calibration("/dev/zero", &access())).contains("only regular files are read"));
     assert!(said(tsuya::mesh::read::read("/dev/zero", &access())).contains("only regular files are read"));
     assert!(said(tsuya::brdf::merl::MerlTable::read("/dev/zero", &access())).contains("only regular files are read"));
     assert!(said(tsuya::brdf::rgl::RglMaterial::read("/dev/zero", &access())).contains("only regular files are read"));
@@ -411,7 +411,7 @@ fn a_colmap_model_is_read_from_its_workspace() {
 
 #[test]
 fn photographs_are_charged_together() {
-    let options = |memory_bytes| ReadOptions { limits: limits(memory_bytes), ..Default::default() };
+    let options = |memory_bytes| CaptureReadOptions { limits: limits(memory_bytes), ..Default::default() };
     let error = said(read(SAMPLE, &options(4 << 20)));
     assert!(
         error.contains("transforms.json: photographs of the capture: ") && error.contains("raise --max-memory"),
@@ -420,7 +420,7 @@ fn photographs_are_charged_together() {
     // As many are read at once as fit: little more than the photographs themselves is enough.
     let capture = read(SAMPLE, &options(64 << 20)).unwrap();
     assert_eq!(capture.frames.len(), 36);
-    assert_eq!(capture.frames, read(SAMPLE, &ReadOptions::default()).unwrap().frames);
+    assert_eq!(capture.frames, read(SAMPLE, &CaptureReadOptions::default()).unwrap().frames);
 }
 
 #[test]
@@ -454,14 +454,14 @@ fn a_mesh_in_another_unit_is_told() {
     ];
     for (factor, expected) in words {
         let (folder, mesh) = scaled(factor);
-        let options = ReadOptions { mesh: Some(mesh.clone()), ..Default::default() };
+        let options = CaptureReadOptions { mesh: Some(mesh.clone()), ..Default::default() };
         let error = said(read(folder.0.path(), &options));
         assert!(error.contains("scaled.obj: ") && error.contains(expected), "{error}\nexpected: {expected}");
-        let options = ReadOptions { mesh_scale: Some(1.0 / f64::from(factor)), ..options };
+        let options = CaptureReadOptions { mesh_scale: Some(1.0 / f64::from(factor)), ..options };
         assert_eq!(read(folder.0.path(), &options).unwrap().frames.len(), 36);
         // Taken as it is, it is refused by the work that it makes.
         if factor == 1e3 {
-            let mesh = read(folder.0.path(), &ReadOptions { mesh_scale: Some(1.0), ..options }).unwrap().mesh;
+            let mesh = read(folder.0.path(), &CaptureReadOptions { mesh_scale: Some(1.0), ..options }).unwrap().mesh;
             let error = tsuya::surface::atlas::layout(&mesh, 100.0).unwrap_err();
             assert!(
                 matches!(&error, Error::Parameter(text) if text.contains("million texels, 67.1 at most")),

@@ -30,7 +30,7 @@ fn encoded(frames: usize, path: &Path, quality: f64, edit: impl FnOnce(&mut tsuy
     let capture = variant(frames, |_, _| {});
     let mut capture = read(capture.path()).unwrap();
     edit(&mut capture);
-    let target = Some(tsuya::options::Target::Quality(quality));
+    let target = Some(tsuya::options::EncodeTarget::Quality(quality));
     let options = EncodeOptions { target, ..Default::default() };
     std::fs::write(path, encode(capture, &options).unwrap().bytes).unwrap();
 }

@@ -8,7 +8,7 @@ use std::process::Command;
 use tsuya::decoder::{DecodeOptions, decode};
 use tsuya::encoder::encode;
 use tsuya::image::Mask;
-use tsuya::options::{Decoding, EncodeOptions, Profile, Target};
+use tsuya::options::{DecodeSpeed, EncodeOptions, EncodeTarget, Profile};
 use tsuya::views::{Component, Photograph};
 
 fn python() -> Option<String> {
@@ -101,14 +101,18 @@ fn ragged(mask: &mut Option<Mask>) {
 fn the_reference_decoder_gives_the_same_bits() {
     // With a palette, which stands between the head of the reflectance and its stream.
     let specular = tsuya::options::SpecularModel::Dsbrdf;
-    let options = EncodeOptions { target: Some(Target::Quality(40.0)), specular, ..Default::default() };
+    let options = EncodeOptions { target: Some(EncodeTarget::Quality(40.0)), specular, ..Default::default() };
     check("sample-spot", 2, &options, ragged);
 }
 
 /// Predictions at half the size, blocks, symbols, large magnitudes.
 #[test]
 fn the_reference_decoder_gives_the_same_bits_of_a_file_that_decodes_fast() {
-    let options = EncodeOptions { target: Some(Target::Quality(96.0)), decoding: Decoding::Fast, ..Default::default() };
+    let options = EncodeOptions {
+        target: Some(EncodeTarget::Quality(96.0)),
+        decode_speed: DecodeSpeed::Fast,
+        ..Default::default()
+    };
     check("sample-spot", 2, &options, ragged);
 }
 
@@ -116,14 +120,15 @@ fn the_reference_decoder_gives_the_same_bits_of_a_file_that_decodes_fast() {
 #[test]
 #[ignore = "a minute in Python"]
 fn the_reference_decoder_gives_the_same_bits_at_high_quality() {
-    let options = EncodeOptions { target: Some(Target::Quality(100.0)), signed_specular: true, ..Default::default() };
+    let options =
+        EncodeOptions { target: Some(EncodeTarget::Quality(100.0)), signed_specular: true, ..Default::default() };
     check("sample-spot", 3, &options, |mask| *mask = None);
 }
 
 /// All decoding modes of the first frames of a bundled capture, as it is.
 fn check_all_modes(name: &str, frames: usize) {
-    for decoding in [Decoding::Small, Decoding::Fast, Decoding::Fastest] {
-        check(name, frames, &EncodeOptions { decoding, ..Default::default() }, |_| ());
+    for decoding in [DecodeSpeed::Normal, DecodeSpeed::Fast, DecodeSpeed::Fastest] {
+        check(name, frames, &EncodeOptions { decode_speed: decoding, ..Default::default() }, |_| ());
     }
 }
 
@@ -148,8 +153,8 @@ fn the_reference_decoder_gives_the_same_bits_of_pictures_of_many_sizes() {
 /// Profile paper: a model with lobes under lights that are known, of two components.
 #[test]
 fn the_reference_decoder_gives_the_same_bits_in_profile_paper() {
-    let target = Some(Target::KeepPercent(5.0));
-    let options = EncodeOptions { profile: Profile::Paper, target, ..Default::default() };
+    let target = Some(EncodeTarget::KeepPercent(5.0));
+    let options = EncodeOptions { profile: Profile::WaveletTexture, target, ..Default::default() };
     check("sample-spot", 2, &options, |_| ());
     check("dome", 4, &options, |_| ());
 }
@@ -157,7 +162,7 @@ fn the_reference_decoder_gives_the_same_bits_in_profile_paper() {
 /// Profile paper: one component, and lights that are not known.
 #[test]
 fn the_reference_decoder_gives_the_same_bits_in_profile_paper_of_one_component() {
-    let options = EncodeOptions { profile: Profile::Paper, ..Default::default() };
+    let options = EncodeOptions { profile: Profile::WaveletTexture, ..Default::default() };
     check("unpolarised", 4, &options, |_| ());
     check("sizes", 4, &options, |_| ());
 }

@@ -1,12 +1,12 @@
 //! Files that carry visibility and light: figures on real data, and files without photographs.
 
 use std::path::PathBuf;
-use tsuya::container::{SectionCodec, Tag, Writer, edit};
+use tsuya::container::{ContainerWriter, SectionCodec, Tag, edit};
 use tsuya::decoder::{DecodeOptions, decode};
-use tsuya::lighting::fit::{self, FitOptions};
-use tsuya::lighting::projection::{Fisheye, Looks, Projection};
-use tsuya::lighting::read::{self, ReadOptions};
-use tsuya::lighting::{Environment, Light, codec, levels};
+use tsuya::lighting::fit::{self, LobeFitOptions};
+use tsuya::lighting::projection::{EnvironmentProjection, FisheyeAxis, FisheyeModel};
+use tsuya::lighting::read::{self, EnvironmentReadOptions};
+use tsuya::lighting::{EnvironmentLobes, EnvironmentMap, codec, levels};
 use tsuya::visibility::bake::{BakeOptions, bake};
 use tsuya::{Limits, mesh};
 
@@ -22,9 +22,9 @@ fn data(name: &str) -> Option<PathBuf> {
 }
 
 fn file(sections: &[(Tag, &[u8])]) -> Vec<u8> {
-    let mut writer = Writer::new(Vec::new()).unwrap();
+    let mut writer = ContainerWriter::new(Vec::new()).unwrap();
     for (tag, bytes) in sections {
-        writer.section(*tag, SectionCodec::Own, bytes).unwrap();
+        writer.write_section(*tag, SectionCodec::Own, bytes).unwrap();
     }
     writer.finish().unwrap()
 }
@@ -46,7 +46,7 @@ fn visibility_of_a_small_bunny() {
     // With a ground below nothing comes from there.
     let ground = BakeOptions { ground_up: Some([0.0, 1.0, 0.0]), ..Default::default() };
     let above = bake(&coded.mesh, &ground).unwrap().visibility;
-    assert!((0..above.places().count()).all(|v| above.evaluate(v, [0.0, -1.0, 0.0]) < -0.3));
+    assert!((0..above.places().count()).all(|v| above.signed_distance(v, [0.0, -1.0, 0.0]) < -0.3));
     // Visibility without its mesh, and without any section that stands for itself.
     assert!(decode(&file(&[(Tag::VISIBILITY, &baked.bytes)]), &DecodeOptions::default()).is_err());
     assert!(decode(&file(&[(Tag::MESH, &coded.bytes)]), &DecodeOptions::default()).is_err());
@@ -55,20 +55,21 @@ fn visibility_of_a_small_bunny() {
 #[test]
 fn light_of_a_museum() {
     let Some(path) = data("envmaps/museum.exr") else { return };
-    let (environment, _) = read::read(&[&path], &ReadOptions::default()).unwrap();
+    let (environment, _) = read::read_environment(&[&path], &EnvironmentReadOptions::default()).unwrap();
     let environment = environment.resized(256, 128);
-    let diffuse = fit::fit(&environment, &FitOptions::default(), None);
+    let diffuse = fit::fit(&environment, &LobeFitOptions::default(), None);
     assert!(fit::relative_error(&environment, &diffuse) < 0.02);
-    let levels = levels::levels(&environment, 256);
-    let (bytes, light) = codec::encode(&Light { diffuse, levels }, &Default::default()).unwrap();
-    let errors = levels::relative_errors(&environment, &light.levels[1..], 16);
+    let levels = levels::prefiltered_maps(&environment, 256);
+    let (bytes, light) =
+        codec::encode(&EnvironmentLobes { diffuse, prefiltered: levels }, &Default::default()).unwrap();
+    let errors = levels::relative_errors(&environment, &light.prefiltered[1..], 16);
     assert!(errors.iter().all(|&error| error < 0.05), "{errors:?}");
     let alone = file(&[(Tag::LIGHT, &bytes)]);
     assert_eq!(decode(&alone, &DecodeOptions::default()).unwrap().light, Some(light.clone()));
     // Put in place of another light.
-    let dark = codec::encode(&Light::default(), &Default::default()).unwrap().0;
+    let dark = codec::encode(&EnvironmentLobes::default(), &Default::default()).unwrap().0;
     let changed = edit::with_sections(&alone, &[(Tag::LIGHT, SectionCodec::Own, dark)], Limits::default()).unwrap();
-    assert_eq!(decode(&changed, &DecodeOptions::default()).unwrap().light, Some(Light::default()));
+    assert_eq!(decode(&changed, &DecodeOptions::default()).unwrap().light, Some(EnvironmentLobes::default()));
     for length in (0..alone.len()).step_by(997) {
         assert!(decode(&alone[..length], &DecodeOptions::default()).is_err());
     }
@@ -77,7 +78,7 @@ fn light_of_a_museum() {
 #[test]
 fn negative_pixels_of_a_compressed_environment_are_counted() {
     let Some(path) = data("envmaps/studio.exr") else { return };
-    let (environment, cleaned) = read::read(&[&path], &ReadOptions::default()).unwrap();
+    let (environment, cleaned) = read::read_environment(&[&path], &EnvironmentReadOptions::default()).unwrap();
     assert!(environment.image().data.iter().flatten().all(|x| x.is_finite() && *x >= 0.0));
     println!("{cleaned:?}");
 }
@@ -88,12 +89,20 @@ fn a_fisheye_picture_agrees_with_its_panorama() {
     let (Some(fisheye), Some(panorama)) = (data("fisheye/equidistant-180.jpg"), data("fisheye/panorama.jpg")) else {
         return;
     };
-    let projection = Projection::Fisheye { model: Fisheye::Equidistant, field_degrees: 180.0, looks: Looks::Up };
-    let options = ReadOptions { projection: Some(projection), width: Some(256), ..Default::default() };
-    let half = read::read(&[&fisheye], &options).unwrap().0;
-    let options = ReadOptions { projection: Some(Projection::LatLong), width: Some(256), ..Default::default() };
-    let whole = read::read(&[&panorama], &options).unwrap().0;
-    let difference = |turned: &Environment| {
+    let projection = EnvironmentProjection::Fisheye {
+        model: FisheyeModel::Equidistant,
+        field_degrees: 180.0,
+        looks: FisheyeAxis::Up,
+    };
+    let options = EnvironmentReadOptions { projection: Some(projection), width: Some(256), ..Default::default() };
+    let half = read::read_environment(&[&fisheye], &options).unwrap().0;
+    let options = EnvironmentReadOptions {
+        projection: Some(EnvironmentProjection::LatLong),
+        width: Some(256),
+        ..Default::default()
+    };
+    let whole = read::read_environment(&[&panorama], &options).unwrap().0;
+    let difference = |turned: &EnvironmentMap| {
         let (mut sum, mut count) = (0.0, 0.0);
         for y in 0..128 {
             for x in 0..256 {

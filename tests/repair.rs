@@ -8,8 +8,8 @@ use tsuya::asset::Asset;
 use tsuya::container::{Container, Section, Tag, verify};
 use tsuya::decoder::{DecodeOptions, decode};
 use tsuya::encoder::encode;
-use tsuya::options::{Decoding, EncodeOptions, Profile};
-use tsuya::repair::{Repaired, repair};
+use tsuya::options::{DecodeSpeed, EncodeOptions, Profile};
+use tsuya::repair::{RepairedFile, repair};
 use tsuya::views::Photograph;
 use tsuya::{Error, Limits};
 
@@ -54,13 +54,13 @@ fn whole_files() -> &'static [Whole] {
             let sections = Container::open_slice(&bytes, Limits::default()).unwrap().sections().to_vec();
             Whole { name, bytes, asset, sections }
         };
-        let with = |decoding| EncodeOptions { decoding, ..Default::default() };
+        let with = |decoding| EncodeOptions { decode_speed: decoding, ..Default::default() };
         vec![
-            file("small", &capture, with(Decoding::Small)),
-            file("fast", &capture, with(Decoding::Fast)),
-            file("fastest", &capture, with(Decoding::Fastest)),
-            file("coverage", &unmasked, with(Decoding::Small)),
-            file("paper", &capture, EncodeOptions { profile: Profile::Paper, ..Default::default() }),
+            file("small", &capture, with(DecodeSpeed::Normal)),
+            file("fast", &capture, with(DecodeSpeed::Fast)),
+            file("fastest", &capture, with(DecodeSpeed::Fastest)),
+            file("coverage", &unmasked, with(DecodeSpeed::Normal)),
+            file("paper", &capture, EncodeOptions { profile: Profile::WaveletTexture, ..Default::default() }),
         ]
     })
 }
@@ -73,7 +73,7 @@ fn is_same(one: &Photograph, other: &Photograph) -> bool {
 }
 
 /// Repairs, checks that the new file is whole and that the views it keeps are as they were; `None` where nothing is saved.
-fn mended(whole: &Whole, damaged: &[u8], what: &str) -> Option<Repaired> {
+fn mended(whole: &Whole, damaged: &[u8], what: &str) -> Option<RepairedFile> {
     let what = format!("{}: {what}", whole.name);
     let repaired = match repair(damaged, Limits::default()) {
         Ok(repaired) => repaired,
@@ -96,7 +96,7 @@ fn mended(whole: &Whole, damaged: &[u8], what: &str) -> Option<Repaired> {
     Some(repaired)
 }
 
-fn lost(repaired: &Repaired) -> Vec<Tag> {
+fn lost(repaired: &RepairedFile) -> Vec<Tag> {
     repaired.lost_sections.iter().map(|(tag, _)| *tag).collect()
 }
 
@@ -146,7 +146,7 @@ fn a_changed_byte_costs_its_section_or_its_views_alone() {
                     Tag::PLANES => {
                         assert!(repaired.lost_sections.is_empty() && kept > 0 && kept < repaired.views, "{what}")
                     }
-                    Tag::PAPER => assert!(lost(&repaired) == [Tag::PAPER] && kept == 0, "{what}"),
+                    Tag::WAVELET_TEXTURE => assert!(lost(&repaired) == [Tag::WAVELET_TEXTURE] && kept == 0, "{what}"),
                     Tag::CHARTS => {
                         assert!(lost(&repaired) == [Tag::CHARTS, Tag::REFLECTANCE] && kept == repaired.views)
                     }

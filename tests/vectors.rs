@@ -9,15 +9,15 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use tsuya::Error;
 use tsuya::brdf::{Brdf, materials};
-use tsuya::entropy::average::Average;
-use tsuya::entropy::mixer::{Context, Mixer};
-use tsuya::entropy::symbol::Symbols;
-use tsuya::entropy::{BitCoder, BitModel, Number, RangeDecoder, RansDecoder, SymbolCoder, code_end};
+use tsuya::entropy::average::AverageModel;
+use tsuya::entropy::mixer::{Mixer, MixerContext};
+use tsuya::entropy::symbol::SymbolModel;
+use tsuya::entropy::{BitCoder, BitModel, NumberModel, RangeDecoder, RansDecoder, SymbolCoder, code_end};
 use tsuya::image::Mask;
 use tsuya::quantise::bands::Quantiser;
-use tsuya::residual::coefficients::{self, Modelling, Models};
+use tsuya::residual::coefficients::{self, CoefficientModels, Modelling};
 use tsuya::residual::mask::{self, MaskModels};
-use tsuya::transform::shape_adaptive::{Pixel, Plan};
+use tsuya::transform::shape_adaptive::{ColourLanes, WaveletPlan};
 
 fn folder() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("spec/vectors")
@@ -87,30 +87,30 @@ fn streams_give_the_values_that_entropy_md_says() {
                 expected.iter().map(|_| model.code(&mut coder, false) as i64).collect()
             }
             "number" => {
-                let mut model = Number::default();
+                let mut model = NumberModel::default();
                 expected.iter().map(|_| model.code(&mut coder, 0) as i64).collect()
             }
             "signed" => {
-                let mut model = Number::default();
+                let mut model = NumberModel::default();
                 expected.iter().map(|_| model.code_signed(&mut coder, 0) as i64).collect()
             }
             "mixer" => {
                 let mut mixer =
                     Mixer::new(counts("slots").try_into().unwrap(), counts("selectors").try_into().unwrap());
-                let context = |c: &[i64]| Context {
+                let context = |c: &[i64]| MixerContext {
                     slots: std::array::from_fn(|k| c[k] as u32),
                     selectors: std::array::from_fn(|k| c[8 + k] as u32),
                 };
                 contexts.iter().map(|c| mixer.code(&mut coder, &context(c), false) as i64).collect()
             }
             "average" => {
-                let mut average = Average::new(counts("slots").try_into().unwrap());
+                let mut average = AverageModel::new(counts("slots").try_into().unwrap());
                 let mut code = |c: &[i64]| average.code(&mut coder, &[c[0] as u32, c[1] as u32], false) as i64;
                 contexts.iter().map(|c| code(c)).collect()
             }
             "symbols" => {
                 let mut coder = RansDecoder::new(&stream);
-                let mut symbols = Symbols::new(counts("slots").try_into().unwrap());
+                let mut symbols = SymbolModel::new(counts("slots").try_into().unwrap());
                 let extra: Vec<Vec<i64>> = case["equiprobable"].as_array().unwrap().iter().map(numbers).collect();
                 let mut code = |(c, extra): (&Vec<i64>, &Vec<i64>)| {
                     let value = symbols.code(&mut coder, [c[0] as u32, c[1] as u32], 0);
@@ -134,19 +134,19 @@ fn masks_and_planes_are_what_planes_md_says() {
     for case in cases("masks") {
         let stream = bytes(&case["stream"]);
         let mut coder = RangeDecoder::new(&stream);
-        let found = mask::code(&mut coder, &mut MaskModels::default(), &rows(&case["coverage"]), None);
+        let found = mask::code_mask(&mut coder, &mut MaskModels::default(), &rows(&case["coverage"]), None);
         assert_eq!(found, rows(&case["mask"]));
         assert!(coder.ends_as_written(0));
     }
     for case in cases("planes") {
         let mask = rows(&case["mask"]);
-        let plan = Plan::new(&mask);
+        let plan = WaveletPlan::new(&mask);
         let (step, shrink) = (singles(&case["step"])[0], singles(&case["shrink"]));
         let quantiser = Quantiser { step, shrink: [shrink[0], shrink[1]] };
         let predicted = case["predicted"].is_string().then(|| {
             let values = singles(&case["predicted"]);
             let mut values = values.chunks(3);
-            let mut pixel = |&set: &bool| -> Pixel {
+            let mut pixel = |&set: &bool| -> ColourLanes {
                 if !set {
                     return [0.0; 4];
                 }
@@ -156,7 +156,7 @@ fn masks_and_planes_are_what_planes_md_says() {
             plan.forward(mask.data.iter().map(&mut pixel).collect())
         });
         let modelling = if case["modelling"] == "mixed" { Modelling::Mixed } else { Modelling::Direct };
-        let (stream, mut models) = (bytes(&case["stream"]), Models::new(modelling));
+        let (stream, mut models) = (bytes(&case["stream"]), CoefficientModels::new(modelling));
         let found =
             coefficients::decode(&stream, &mut models, &plan, &quantiser, predicted.as_deref(), Default::default());
         let found = found.expect("a stream that ends rightly");
@@ -170,7 +170,8 @@ fn masks_and_planes_are_what_planes_md_says() {
 #[test]
 fn materials_have_the_values_that_materials_md_says() {
     for case in cases("materials") {
-        let found = materials::decode(&bytes(&case["section"]), &tsuya::Budget::new(Default::default())).unwrap();
+        let found =
+            materials::decode_materials(&bytes(&case["section"]), &tsuya::Budget::new(Default::default())).unwrap();
         let named = found.iter().find(|material| case["name"] == material.name.as_str()).unwrap();
         for value in case["values"].as_array().unwrap() {
             let three = |k: usize| [0, 1, 2].map(|c| value[k][c].as_f64().unwrap());

@@ -7,7 +7,7 @@ use tsuya_fuzz::folder;
 
 fuzz_target!(|bytes: &[u8]| {
     let path = folder::file("calibration.yaml", bytes);
-    if let Ok(calibration) = calibration::read(&path, &folder::access()) {
+    if let Ok(calibration) = calibration::read_calibration(&path, &folder::access()) {
         let camera = &calibration.camera;
         assert!(camera.width > 0 && camera.height > 0);
         assert!(camera.focal.iter().all(|f| f.is_finite() && *f > 0.0));

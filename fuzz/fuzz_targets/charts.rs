@@ -6,7 +6,7 @@ use tsuya::{Budget, Limits};
 use tsuya_fuzz::scene;
 
 fuzz_target!(|bytes: &[u8]| {
-    let limits = Limits { memory_bytes: 1 << 22, picture_side: 512, ..Limits::default() };
+    let limits = Limits { memory_bytes: 1 << 22, image_side: 512, ..Limits::default() };
     let (mesh, budget) = (scene::mesh(), Budget::new(limits));
     if let Ok(charts) = charts::decode(bytes, &mesh, &budget) {
         let _ = atlas::rasterise_atlas_within(&mesh, &charts, &budget);

@@ -1,7 +1,7 @@
 //! Any bytes as a COLMAP model, binary or text: the first byte says which, the next two how long the file of cameras is.
 #![no_main]
 use libfuzzer_sys::fuzz_target;
-use tsuya::capture::{ReadOptions, describe, read};
+use tsuya::capture::{CaptureReadOptions, describe, read};
 use tsuya_fuzz::{folder, pictures};
 
 fuzz_target!(init: pictures::put_capture(), |bytes: &[u8]| {
@@ -21,6 +21,6 @@ fuzz_target!(init: pictures::put_capture(), |bytes: &[u8]| {
     if let Ok(description) = describe(folder::path(), &folder::access())
         && description.frames.len() <= 16
     {
-        let _ = read(folder::path(), &ReadOptions { limits: folder::limits(), ..ReadOptions::default() });
+        let _ = read(folder::path(), &CaptureReadOptions { limits: folder::limits(), ..CaptureReadOptions::default() });
     }
 });

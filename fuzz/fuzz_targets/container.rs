@@ -5,7 +5,7 @@ use tsuya::Limits;
 use tsuya::container::{Container, Tag, metadata, read_prefix, read_stream, thumbnail, verify};
 
 fuzz_target!(|bytes: &[u8]| {
-    let limits = Limits { memory_bytes: 1 << 24, frames: 64, picture_side: 1024, mesh_elements: 1 << 12 };
+    let limits = Limits { memory_bytes: 1 << 24, views: 64, image_side: 1024, mesh_elements: 1 << 12 };
     let verified = verify(bytes, limits);
     let streamed = read_stream(bytes, limits);
     let _ = read_prefix(bytes, limits);
@@ -15,7 +15,7 @@ fuzz_target!(|bytes: &[u8]| {
     };
     for section in container.sections().to_vec() {
         let _ = container.read_range(section.tag, 1, 3);
-        let Ok(content) = container.read(&section) else {
+        let Ok(content) = container.read_content(&section) else {
             assert!(verified.is_err());
             continue;
         };

@@ -1,7 +1,7 @@
 //! Any bits under any probabilities come back, and any bytes are some bits.
 #![no_main]
 use libfuzzer_sys::fuzz_target;
-use tsuya::entropy::{BitCoder, Number, RangeDecoder, RangeEncoder, code_end};
+use tsuya::entropy::{BitCoder, NumberModel, RangeDecoder, RangeEncoder, code_end};
 
 fuzz_target!(|bytes: &[u8]| {
     let pairs = || bytes.chunks_exact(2).map(|pair| u16::from_le_bytes([pair[0], pair[1]]));
@@ -9,7 +9,7 @@ fuzz_target!(|bytes: &[u8]| {
     for value in pairs() {
         encoder.bit((value as u32 | 1).min(65535), value & 1 == 1);
     }
-    let mut number = Number::default();
+    let mut number = NumberModel::default();
     for value in pairs() {
         number.code(&mut encoder, value as u32);
     }
@@ -19,14 +19,14 @@ fuzz_target!(|bytes: &[u8]| {
     for value in pairs() {
         assert_eq!(decoder.bit((value as u32 | 1).min(65535), false), value & 1 == 1);
     }
-    let mut number = Number::default();
+    let mut number = NumberModel::default();
     for value in pairs() {
         assert_eq!(number.code(&mut decoder, 0), value as u32);
     }
     assert!(code_end(&mut decoder) && decoder.ends_as_written(0));
 
     let mut decoder = RangeDecoder::new(bytes);
-    let mut number = Number::default();
+    let mut number = NumberModel::default();
     for _ in 0..bytes.len() {
         number.code_signed(&mut decoder, 0);
     }

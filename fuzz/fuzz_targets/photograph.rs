@@ -2,7 +2,7 @@
 #![no_main]
 use libfuzzer_sys::fuzz_target;
 use tsuya::capture::read_radiance;
-use tsuya::lighting::read::{ReadOptions, read};
+use tsuya::lighting::read::{EnvironmentReadOptions, read_environment};
 use tsuya_fuzz::folder;
 
 fuzz_target!(|bytes: &[u8]| {
@@ -12,8 +12,10 @@ fuzz_target!(|bytes: &[u8]| {
         let missing = |pixel: &[f32; 3]| pixel.iter().all(|x| x.is_nan()) || pixel.iter().all(|x| x.is_finite());
         assert!(picture.data.iter().all(missing));
         if picture.data.len() <= 4096
-            && let Ok((environment, _)) =
-                read(&[&path], &ReadOptions { width: Some(16), limits: folder::limits(), ..Default::default() })
+            && let Ok((environment, _)) = read_environment(
+                &[&path],
+                &EnvironmentReadOptions { width: Some(16), limits: folder::limits(), ..Default::default() },
+            )
         {
             assert!(environment.image().data.as_flattened().iter().all(|x| x.is_finite() && *x >= 0.0));
         }

@@ -1,11 +1,11 @@
 //! Any bytes as a sampling plan; a material is made of values at its angles.
 #![no_main]
 use libfuzzer_sys::fuzz_target;
-use tsuya::brdf::plan::Plan;
+use tsuya::brdf::plan::MeasurementPlan;
 
 fuzz_target!(|bytes: &[u8]| {
-    let Ok(plan) = Plan::from_json(bytes) else { return };
-    let again = Plan::from_json(plan.to_json().expect("a plan").as_bytes()).expect("our own plan");
+    let Ok(plan) = MeasurementPlan::from_json(bytes) else { return };
+    let again = MeasurementPlan::from_json(plan.to_json().expect("a plan").as_bytes()).expect("our own plan");
     assert!(again == plan);
     if plan.angles.len() <= 64 {
         let values = plan.measure(|angles| Some([0.1, 0.2, angles.theta_h_deg / 90.0]));

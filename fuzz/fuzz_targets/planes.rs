@@ -1,28 +1,28 @@
 //! Any bytes as section `PLAN` of a small object, checksums put right; and any bytes as the streams of a sound head.
 #![no_main]
 use libfuzzer_sys::fuzz_target;
-use tsuya::predictive::header::{CodedStep, Header, PREFIX_BYTES};
+use tsuya::predictive::header::{CodedEntry, PREFIX_BYTES, PlaneHeader};
 use tsuya::{Budget, Limits, predictive};
 use tsuya_fuzz::scene;
 
 fuzz_target!(|bytes: &[u8]| {
     let Some((&kind, bytes)) = bytes.split_first() else { return };
     let components = 1 + kind as usize % 2;
-    let limits = Limits { memory_bytes: 1 << 26, frames: 64, picture_side: 1024, mesh_elements: 1 << 12 };
+    let limits = Limits { memory_bytes: 1 << 26, views: 64, image_side: 1024, mesh_elements: 1 << 12 };
     let budget = Budget::new(limits);
     let (mesh, views) = (scene::mesh(), scene::views_of(&scene::sizes(kind & 2 != 0)));
     let mut section = bytes.to_vec();
-    if let Ok(length) = Header::length(bytes)
+    if let Ok(length) = PlaneHeader::head_bytes(bytes)
         && let Some(head) = bytes.get(PREFIX_BYTES..PREFIX_BYTES + length as usize)
     {
         section[4..8].copy_from_slice(&crc32fast::hash(head).to_le_bytes());
     }
-    let Ok(mut header) = Header::parse(&section, views.len(), components, &budget) else { return };
-    let streams = &section[PREFIX_BYTES + Header::length(&section).unwrap_or(0) as usize..];
+    let Ok(mut header) = PlaneHeader::parse(&section, views.len(), components, &budget) else { return };
+    let streams = &section[PREFIX_BYTES + PlaneHeader::head_bytes(&section).unwrap_or(0) as usize..];
     // What the head claims may be more than there is: each stream gets what is left of its length.
     let mut rest = streams;
     let mut parts = Vec::new();
-    for step in &mut header.steps {
+    for step in &mut header.entries {
         let mut all = Vec::new();
         for length in &mut step.lengths {
             let (part, after) = rest.split_at(rest.len().min(*length as usize));
@@ -34,7 +34,7 @@ fuzz_target!(|bytes: &[u8]| {
         parts.push(all);
     }
     let mut next = parts.into_iter();
-    let read = |_: &CodedStep| Ok(next.next());
+    let read = |_: &CodedEntry| Ok(next.next());
     let decoded = predictive::decode::decode(&header, &mesh, (&views, scene::WHITE), |_| true, read, &budget);
     for (photograph, view) in decoded.into_iter().flatten().zip(&views) {
         let photograph = photograph.expect("all were asked for");

@@ -1,7 +1,7 @@
 //! Any bytes as section `RFLC` of a small atlas.
 #![no_main]
 use libfuzzer_sys::fuzz_target;
-use tsuya::reflectance::{Geometry, maps};
+use tsuya::reflectance::{ReflectionGeometry, maps};
 use tsuya::views::Component;
 use tsuya::{Budget, Limits, reflectance};
 use tsuya_fuzz::scene;
@@ -13,7 +13,8 @@ fuzz_target!(|bytes: &[u8]| {
         assert!(maps.sigma.data.iter().all(|x| (0.019..=0.81).contains(x)));
         // Whatever the palette is, light stays finite and not negative, and so do the maps made Gaussian.
         for alpha in [0.0, 0.03, 0.4, 1.5] {
-            let cosines = Geometry { irradiance: [1.0; 3], cos_light: 0.5, cos_view: 0.5, alpha, difference: 0.4 };
+            let cosines =
+                ReflectionGeometry { irradiance: [1.0; 3], cos_light: 0.5, cos_view: 0.5, alpha, difference: 0.4 };
             let light = maps::evaluate(&maps, Component::Specular, [12.0, 9.0], Some(&cosines));
             assert!(light.iter().all(|x| x.is_finite() && *x >= 0.0));
         }

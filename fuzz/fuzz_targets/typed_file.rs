@@ -16,14 +16,14 @@ fuzz_target!(|bytes: &[u8]| {
 fn run(u: &mut Unstructured) -> Result<()> {
     // A few of the sections at a time, photographs of one profile.
     let wanted = u.arbitrary::<u16>()? & u.arbitrary::<u16>()?;
-    let profile = *u.choose(&[None, Some(Tag::PLANES), Some(Tag::PAPER)])?;
+    let profile = *u.choose(&[None, Some(Tag::PLANES), Some(Tag::WAVELET_TEXTURE)])?;
     let damages: Vec<FileDamage> = (0..u.int_in_range(1..=6)?).map(|_| u.arbitrary()).collect::<Result<_>>()?;
     let object = Object::arbitrary(u)?;
     let mut sections: Vec<RawSection> = Vec::new();
     for (index, tag) in TAGS.into_iter().enumerate() {
         let taken = match tag {
             Tag::MESH | Tag::VIEWS => true,
-            Tag::PLANES | Tag::PAPER => profile == Some(tag),
+            Tag::PLANES | Tag::WAVELET_TEXTURE => profile == Some(tag),
             _ => wanted >> index & 1 == 1,
         };
         if taken && let Some(section) = object.section(tag, u)?.filter(|section| !section.is_empty()) {

@@ -3,9 +3,9 @@
 use libfuzzer_sys::arbitrary::{self, Arbitrary, Unstructured};
 use libfuzzer_sys::fuzz_target;
 use tsuya::image::{Mask, RgbImage};
-use tsuya::options::Decoding;
-use tsuya::predictive::encode::{Encoder, Quality};
-use tsuya::predictive::header::{Header, PREFIX_BYTES};
+use tsuya::options::DecodeSpeed;
+use tsuya::predictive::encode::{PlaneEncoder, PlaneQuality};
+use tsuya::predictive::header::{PREFIX_BYTES, PlaneHeader};
 use tsuya::views::{Component, Photograph};
 use tsuya::{Budget, Limits, predictive};
 use tsuya_fuzz::scene;
@@ -45,19 +45,19 @@ fuzz_target!(|bytes: &[u8]| {
         })
         .collect();
     let white = [1.0, 0.9, 0.8];
-    let quality = Quality {
+    let quality = PlaneQuality {
         step: 0.002 + input.step as f32 * 0.002,
         lambda: input.lambda as f32 * 0.002,
-        decoding: [Decoding::Small, Decoding::Fast, Decoding::Fastest][input.decoding as usize % 3],
-        ..Quality::default()
+        decode_speed: [DecodeSpeed::Normal, DecodeSpeed::Fast, DecodeSpeed::Fastest][input.decoding as usize % 3],
+        ..PlaneQuality::default()
     };
     let covered = tsuya::surface::raster::coverage(&mesh, &views);
-    let encoder = Encoder::new(&mesh, &views, white, components, &photographs, &covered, input.signed);
+    let encoder = PlaneEncoder::new(&mesh, &views, white, components, &photographs, &covered, input.signed);
     let encoded = encoder.encode(&quality).expect("every picture set can be coded");
     let budget = Budget::new(Limits::default());
-    let header = Header::parse(&encoded.bytes, views.len(), components.len(), &budget).expect("our own head");
-    let body = &encoded.bytes[PREFIX_BYTES + Header::length(&encoded.bytes).expect("our own head") as usize..];
-    let read = |step: &predictive::header::CodedStep| {
+    let header = PlaneHeader::parse(&encoded.bytes, views.len(), components.len(), &budget).expect("our own head");
+    let body = &encoded.bytes[PREFIX_BYTES + PlaneHeader::head_bytes(&encoded.bytes).expect("our own head") as usize..];
+    let read = |step: &predictive::header::CodedEntry| {
         let length: usize = step.lengths.iter().map(|&l| l as usize).sum();
         Ok(Some(body[step.offset as usize..][..length].to_vec()))
     };

@@ -5,7 +5,7 @@ use tsuya::views::codec;
 use tsuya::{Budget, Limits};
 
 fuzz_target!(|bytes: &[u8]| {
-    let limits = Limits { memory_bytes: 1 << 22, frames: 256, picture_side: 1024, ..Limits::default() };
+    let limits = Limits { memory_bytes: 1 << 22, views: 256, image_side: 1024, ..Limits::default() };
     if let Ok(section) = codec::decode(bytes, &Budget::new(limits)) {
         for view in &section.views {
             let camera = &view.camera;

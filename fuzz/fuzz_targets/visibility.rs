@@ -9,7 +9,7 @@ fuzz_target!(|bytes: &[u8]| {
     if let Ok(visibility) = visibility::codec::decode(bytes, &scene::mesh(), &budget) {
         assert_eq!(visibility.places().vertices(), 6);
         for place in 0..=visibility.places().count() {
-            assert!(visibility.evaluate(place, [0.48, -0.6, 0.64]).abs() <= 3.15);
+            assert!(visibility.signed_distance(place, [0.48, -0.6, 0.64]).abs() <= 3.15);
         }
     }
 });

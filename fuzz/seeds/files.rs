@@ -2,12 +2,12 @@
 
 use crate::{Seeds, models, scene};
 use tsuya::Limits;
-use tsuya::capture::{Capture, Frame};
-use tsuya::container::{SectionCodec, Tag, Writer, edit::with_sections};
+use tsuya::capture::{Capture, CaptureFrame};
+use tsuya::container::{ContainerWriter, SectionCodec, Tag, edit::with_sections};
 use tsuya::encoder::{encode, encode_materials};
 use tsuya::image::Grid;
 use tsuya::mesh::Mesh;
-use tsuya::options::{Decoding, EncodeOptions, Profile, SpecularModel, Target};
+use tsuya::options::{DecodeSpeed, EncodeOptions, EncodeTarget, Profile, SpecularModel};
 
 /// What a capture consists of.
 #[derive(Clone, Copy)]
@@ -30,11 +30,11 @@ fn capture(mesh: Mesh, kind: Kind) -> Capture {
         let first = images.next().expect("a component");
         let mask = kind.masked.then_some(taken.mask);
         match images.next() {
-            None => Frame { view, photograph: first, cross: None, mask },
+            None => CaptureFrame { view, photograph: first, cross: None, mask },
             Some(specular) => {
                 let sum = first.data.iter().zip(&specular.data).map(|(d, s)| [d[0] + s[0], d[1] + s[1], d[2] + s[2]]);
                 let photograph = Grid { width: first.width, height: first.height, data: sum.collect() };
-                Frame { view, photograph, cross: Some(first), mask }
+                CaptureFrame { view, photograph, cross: Some(first), mask }
             }
         }
     });
@@ -52,7 +52,7 @@ fn capture(mesh: Mesh, kind: Kind) -> Capture {
 }
 
 fn options(quality: f64) -> EncodeOptions {
-    EncodeOptions { target: Some(Target::Quality(quality)), ..Default::default() }
+    EncodeOptions { target: Some(EncodeTarget::Quality(quality)), ..Default::default() }
 }
 
 /// Puts files for the targets that take whole ones.
@@ -61,12 +61,12 @@ pub fn put(seeds: &Seeds) {
     let file = |mesh: Mesh, kind: Kind, options: &EncodeOptions| {
         encode(capture(mesh, kind), options).expect("a small capture can be encoded").bytes
     };
-    let modes = [("small", Decoding::Small), ("fast", Decoding::Fast), ("fastest", Decoding::Fastest)];
+    let modes = [("small", DecodeSpeed::Normal), ("fast", DecodeSpeed::Fast), ("fastest", DecodeSpeed::Fastest)];
     for (mode, decoding) in modes {
         for number in 0..4usize {
             let kind =
                 Kind { polarised: number % 2 == 0, mixed: number / 2 == 1, masked: number != 1, lit: number != 3 };
-            let options = EncodeOptions { decoding, ..options(if number < 2 { 70.0 } else { 40.0 }) };
+            let options = EncodeOptions { decode_speed: decoding, ..options(if number < 2 { 70.0 } else { 40.0 }) };
             let mesh = if number == 0 { scene::mesh() } else { scene::sphere(1) };
             all.push((format!("tuned-{mode}-{number}"), file(mesh, kind, &options)));
         }
@@ -78,8 +78,8 @@ pub fn put(seeds: &Seeds) {
     all.push(("signed".into(), file(scene::mesh(), plain, &signed)));
     for number in 0..4usize {
         let kind = Kind { polarised: number % 2 == 0, mixed: number / 2 == 1, masked: number != 1, lit: number != 3 };
-        let target = Some(Target::KeepPercent([5.0, 20.0, 1.0, 5.0][number]));
-        let options = EncodeOptions { profile: Profile::Paper, target, ..Default::default() };
+        let target = Some(EncodeTarget::KeepPercent([5.0, 20.0, 1.0, 5.0][number]));
+        let options = EncodeOptions { profile: Profile::WaveletTexture, target, ..Default::default() };
         let mesh = if number == 0 { scene::mesh() } else { scene::sphere(1) };
         all.push((format!("paper-{number}"), file(mesh, kind, &options)));
     }
@@ -91,13 +91,13 @@ pub fn put(seeds: &Seeds) {
     let beside = [
         own(Tag::VISIBILITY, models::visibility(&mesh, 24)),
         own(Tag::LIGHT, models::light(8)),
-        own(Tag::MATERIALS, tsuya::brdf::materials::encode(&materials).expect("two materials")),
+        own(Tag::MATERIALS, tsuya::brdf::materials::encode_materials(&materials).expect("two materials")),
     ];
     let whole = with_sections(&octahedron, &beside, Limits::default()).expect("our own file");
     all.push(("everything".into(), whole));
     all.push(("materials".into(), encode_materials(&materials, &Default::default()).expect("two materials")));
-    let mut writer = Writer::new(Vec::new()).expect("memory");
-    writer.section(Tag::LIGHT, SectionCodec::Own, &beside[1].2).expect("a light");
+    let mut writer = ContainerWriter::new(Vec::new()).expect("memory");
+    writer.write_section(Tag::LIGHT, SectionCodec::Own, &beside[1].2).expect("a light");
     all.push(("light".into(), writer.finish().expect("memory")));
     for (name, content) in &all {
         seeds.put("container", name, content);

@@ -3,19 +3,19 @@
 use crate::Seeds;
 use std::f64::consts::PI;
 use tsuya::brdf::materials::{FittedMaterial, NamedMaterial};
-use tsuya::brdf::models::{ClassicalModel, Lobe};
-use tsuya::brdf::plan::{Method, Population};
-use tsuya::brdf::{Brdf, Sample, compact, dsbrdf};
-use tsuya::lighting::{Environment, Light, codec, fit, levels};
+use tsuya::brdf::models::{ClassicalLobe, ClassicalModel};
+use tsuya::brdf::plan::{PlanMethod, Population};
+use tsuya::brdf::{Brdf, BrdfSample, compact, dsbrdf};
+use tsuya::lighting::{EnvironmentLobes, EnvironmentMap, codec, fit, levels};
 use tsuya::mesh::Mesh;
 use tsuya::visibility::bake::{BakeOptions, bake};
 
 /// A classical material.
 pub fn model(number: usize) -> ClassicalModel {
     let lobes = [
-        Lobe::CookTorranceGgx { roughness: 0.3, reflectance: 0.04 },
-        Lobe::BlinnPhong { exponent: 20.0 },
-        Lobe::Ward { roughness: 0.2 },
+        ClassicalLobe::CookTorranceGgx { roughness: 0.3, reflectance: 0.04 },
+        ClassicalLobe::BlinnPhong { exponent: 20.0 },
+        ClassicalLobe::Ward { roughness: 0.2 },
     ];
     let lobe = lobes[number % lobes.len()].clone();
     ClassicalModel { diffuse: [0.5, 0.3, 0.1 * number as f64], specular: [0.2; 3], lobe }
@@ -23,13 +23,13 @@ pub fn model(number: usize) -> ClassicalModel {
 
 /// One material of each form.
 pub fn materials() -> Vec<NamedMaterial> {
-    let samples = Sample::of(&model(0), [18, 9, 4]);
-    let options = dsbrdf::FitOptions { slices: 6, ..Default::default() };
-    let lobes = dsbrdf::fit(&samples, &options).expect("a material");
-    let tuned = compact::fit(&samples, &Default::default()).expect("a material");
+    let samples = BrdfSample::tabulate(&model(0), [18, 9, 4]);
+    let options = dsbrdf::DsbrdfFitOptions { slices: 6, ..Default::default() };
+    let lobes = dsbrdf::fit_dsbrdf(&samples, &options).expect("a material");
+    let tuned = compact::fit_compact(&samples, &Default::default()).expect("a material");
     vec![
-        NamedMaterial { name: "lobes".into(), material: FittedMaterial::Lobes(lobes) },
-        NamedMaterial { name: "compact".into(), material: FittedMaterial::Tuned(tuned) },
+        NamedMaterial { name: "lobes".into(), material: FittedMaterial::Dsbrdf(lobes) },
+        NamedMaterial { name: "compact".into(), material: FittedMaterial::Compact(tuned) },
     ]
 }
 
@@ -45,12 +45,12 @@ pub fn light(size: usize) -> Vec<u8> {
         let sun = 20.0 * (30.0 * (0.6 * x + 0.8 * y - 1.0)).exp();
         [0.3 + sun, 0.4 + sun, 0.5 + 0.3 * y.max(0.0) + sun + 0.1 * z.abs()].map(|x| x as f32)
     };
-    let environment = Environment::from_fn(64, radiance);
-    let options = fit::FitOptions { lobes: 3, evaluations: 20 };
+    let environment = EnvironmentMap::from_fn(64, radiance);
+    let options = fit::LobeFitOptions { lobes: 3, evaluations: 20 };
     let diffuse = fit::fit(&environment, &options, None);
-    let mut levels = levels::levels(&environment, size);
+    let mut levels = levels::prefiltered_maps(&environment, size);
     levels.truncate(3);
-    codec::encode(&Light { diffuse, levels }, &Default::default()).expect("a light").0
+    codec::encode(&EnvironmentLobes { diffuse, prefiltered: levels }, &Default::default()).expect("a light").0
 }
 
 /// Tables, fits and plans.
@@ -73,7 +73,8 @@ pub fn put(seeds: &Seeds) {
         };
         population.add_values(value).expect("values everywhere");
     }
-    for (name, method) in [("uniform", Method::Uniform), ("published", Method::Published), ("optimal", Method::Optimal)]
+    for (name, method) in
+        [("uniform", PlanMethod::Uniform), ("published", PlanMethod::Published), ("optimal", PlanMethod::Optimal)]
     {
         let mut plan = population.plan(6, method).expect("a plan");
         // Shorter: two components are as good as all.

@@ -3,10 +3,10 @@
 use crate::{Seeds, models, scene};
 use tsuya::mesh::Mesh;
 use tsuya::mesh::codec::{MeshOptions, encode};
-use tsuya::options::{Decoding, SpecularModel};
-use tsuya::predictive::encode::{Encoder, Quality};
+use tsuya::options::{DecodeSpeed, SpecularModel};
+use tsuya::predictive::encode::{PlaneEncoder, PlaneQuality};
 use tsuya::reflectance::codec::MapSteps;
-use tsuya::reflectance::gather::{self, Sources};
+use tsuya::reflectance::gather::{self, ReflectanceSources};
 use tsuya::surface::{atlas, charts, raster};
 use tsuya::views::codec;
 use tsuya::views::codec::ViewsSection;
@@ -41,7 +41,7 @@ pub fn put(seeds: &Seeds) {
     seeds.put("lighting", "large", models::light(32));
     let materials = models::materials();
     for count in 0..=materials.len() {
-        let bytes = tsuya::brdf::materials::encode(&materials[..count]).expect("materials");
+        let bytes = tsuya::brdf::materials::encode_materials(&materials[..count]).expect("materials");
         seeds.put("materials", &format!("{count}"), bytes);
     }
     atlases(seeds);
@@ -78,22 +78,25 @@ fn photographs(seeds: &Seeds, polarised: bool, mixed: bool) {
     let components = scene::components(polarised);
     let photographs = scene::photographs(&mesh, &views, components, mixed);
     let covered = raster::coverage(&mesh, &views);
-    for decoding in [Decoding::Small, Decoding::Fast, Decoding::Fastest] {
-        let encoder = Encoder::new(&mesh, &views, scene::WHITE, components, &photographs, &covered, mixed);
-        let quality = Quality { step: 0.03, decoding, ..Default::default() };
+    for decoding in [DecodeSpeed::Normal, DecodeSpeed::Fast, DecodeSpeed::Fastest] {
+        let encoder = PlaneEncoder::new(&mesh, &views, scene::WHITE, components, &photographs, &covered, mixed);
+        let quality = PlaneQuality { step: 0.03, decode_speed: decoding, ..Default::default() };
         let bytes = encoder.encode(&quality).expect("photographs").bytes;
         let kind = (components.len() - 1) as u8 | (mixed as u8) << 1;
         seeds.put("planes", &format!("{decoding:?}-{polarised}-{mixed}"), [&[kind][..], &bytes].concat());
     }
-    let frames: Vec<wavelet_texture::Frame> = (views.iter().zip(&photographs))
-        .map(|(view, taken)| wavelet_texture::Frame { view, mask: Some(&taken.mask), images: &taken.images })
+    let frames: Vec<wavelet_texture::PosedPhotograph> = (views.iter().zip(&photographs))
+        .map(|(view, taken)| wavelet_texture::PosedPhotograph { view, mask: Some(&taken.mask), images: &taken.images })
         .collect();
     for (number, density) in [0.3, 1.0].into_iter().enumerate() {
-        let samples = wavelet_texture::Samples::gather(&mesh, &frames, density);
+        let samples = wavelet_texture::WaveletSamples::gather(&mesh, &frames, density);
         let model = wavelet_texture::encode::fit_model(&samples, components);
         for model in [None, Some(&model)] {
-            let options =
-                wavelet_texture::Options { keep_percent: 8.0, view_levels: number as u8 + 1, ..Default::default() };
+            let options = wavelet_texture::WaveletOptions {
+                keep_percent: 8.0,
+                view_levels: number as u8 + 1,
+                ..Default::default()
+            };
             let bytes = wavelet_texture::encode(&samples, components, model, &options).expect("samples").bytes;
             let kind = 4 + (2 - components.len()) as u8;
             let name = format!("{polarised}-{mixed}-{number}-{}", model.is_some());
@@ -119,7 +122,7 @@ fn atlases(seeds: &Seeds) {
         }
         let taken = scene::photographs(&mesh, &views, components, false);
         let photographs = taken.iter().map(Some).collect();
-        let sources = Sources { mesh: &mesh, views: &views, components, photographs, specular };
+        let sources = ReflectanceSources { mesh: &mesh, views: &views, components, photographs, specular };
         let maps = gather::fit_maps(&sources, &charts, &raster);
         let steps = MapSteps { diffuse: 8.0, specular: 16.0, sigma: 16.0 };
         let (bytes, _) = reflectance::codec::encode(&maps, &mesh, &charts, &steps, 0.15).expect("maps");

@@ -2,9 +2,9 @@
 
 use std::sync::Arc;
 use tsuya::asset::Asset;
-use tsuya::container::Arrival;
-use tsuya::decoder::arriving::{ArrivingFile, ViewProgress};
-use tsuya::decoder::{DecodeOptions, Selection, decode};
+use tsuya::container::Poll;
+use tsuya::decoder::arriving::{IncrementalDecoder, ViewStatus};
+use tsuya::decoder::{DecodeOptions, ViewSelection, decode};
 use tsuya::mesh::Mesh;
 use tsuya::surface::charts::Charts;
 use tsuya::views::Photograph;
@@ -13,34 +13,34 @@ use tsuya::{Error, Limits, Result};
 /// Decodes in every way and compares; the whole asset where it decodes.
 pub fn decode_in_every_way(bytes: &[u8], limits: Limits) -> Result<Asset> {
     let options = |selection| DecodeOptions { limits, selection };
-    let whole = decode(bytes, &options(Selection::All));
+    let whole = decode(bytes, &options(ViewSelection::All));
     let views = whole.as_ref().map_or(4, |asset| asset.views.len());
     // What was decoded before must not matter: one view alone, and all from the last to the first.
     let backwards: Vec<usize> = (0..views).rev().collect();
     if views > 0 {
         let view = bytes.len() % views;
-        let one = decode(bytes, &options(Selection::Views(vec![view])));
+        let one = decode(bytes, &options(ViewSelection::Views(vec![view])));
         if let (Some(asset), Some(one)) = (whole.as_ref().ok(), agreed(&whole, one)) {
             same(&asset.photographs[view], &one.photographs[view]);
         }
     }
-    let mut ranges = ArrivingFile::new(Some(bytes.len() as u64), true, limits);
+    let mut ranges = IncrementalDecoder::new(Some(bytes.len() as u64), true, limits);
     compare(&whole, &mut ranges, bytes, &backwards);
-    let mut stream = ArrivingFile::new(None, false, limits);
+    let mut stream = IncrementalDecoder::new(None, false, limits);
     for (index, piece) in bytes.chunks(1 + bytes.len() / 7).enumerate() {
         let offset = index * (1 + bytes.len() / 7);
-        if stream.give(offset as u64, piece).is_err() || stream.open().is_err() {
+        if stream.feed(offset as u64, piece).is_err() || stream.open().is_err() {
             break;
         }
     }
-    stream.end(bytes.len() as u64);
+    stream.set_length(bytes.len() as u64);
     let onwards: Vec<usize> = (0..views).map(|view| (view + 1) % views).collect();
     compare(&whole, &mut stream, bytes, &onwards);
     whole
 }
 
 /// Asks a file that arrives for everything, and compares it with the whole.
-fn compare(whole: &Result<Asset>, file: &mut ArrivingFile, bytes: &[u8], order: &[usize]) {
+fn compare(whole: &Result<Asset>, file: &mut IncrementalDecoder, bytes: &[u8], order: &[usize]) {
     let asset = whole.as_ref().ok();
     let opened = fetch(file, bytes, |file| file.open());
     if let (Some(asset), Some(opened)) = (asset, agreed(whole, opened)) {
@@ -51,13 +51,13 @@ fn compare(whole: &Result<Asset>, file: &mut ArrivingFile, bytes: &[u8], order: 
         let decoded = fetch(file, bytes, |file| {
             loop {
                 let progress = match file.view(view)? {
-                    Arrival::Here(progress) => progress,
-                    Arrival::Missing(ranges) => return Ok(Arrival::Missing(ranges)),
+                    Poll::Ready(progress) => progress,
+                    Poll::NeedRanges(ranges) => return Ok(Poll::NeedRanges(ranges)),
                 };
                 match progress {
-                    ViewProgress::Done(photograph) => return Ok(Arrival::Here(Some(photograph))),
-                    ViewProgress::NoPictures => return Ok(Arrival::Here(None)),
-                    ViewProgress::Again => {}
+                    ViewStatus::Decoded(photograph) => return Ok(Poll::Ready(Some(photograph))),
+                    ViewStatus::Absent => return Ok(Poll::Ready(None)),
+                    ViewStatus::InProgress => {}
                 }
             }
         });
@@ -94,18 +94,18 @@ fn agreed<T>(whole: &Result<Asset>, part: Result<T>) -> Option<T> {
 
 /// Asks until it is there, giving the ranges that are missing.
 fn fetch<T>(
-    file: &mut ArrivingFile,
+    file: &mut IncrementalDecoder,
     bytes: &[u8],
-    mut ask: impl FnMut(&mut ArrivingFile) -> Result<Arrival<T>>,
+    mut ask: impl FnMut(&mut IncrementalDecoder) -> Result<Poll<T>>,
 ) -> Result<T> {
     for _ in 0..10_000 {
         match ask(file)? {
-            Arrival::Here(value) => return Ok(value),
-            Arrival::Missing(ranges) => {
+            Poll::Ready(value) => return Ok(value),
+            Poll::NeedRanges(ranges) => {
                 let mut given = 0;
                 for range in ranges {
                     let [start, end] = [range.start, range.end].map(|at| at.min(bytes.len() as u64) as usize);
-                    file.give(start as u64, &bytes[start..end])?;
+                    file.feed(start as u64, &bytes[start..end])?;
                     given += end - start;
                 }
                 assert!(given > 0, "only bytes beyond the end are asked for");

@@ -1,12 +1,12 @@
 //! What is drawn, as the lens shows it: the object and its shadow are drawn for a pinhole camera and read at the place where each pixel's ray meets
 //! that camera's picture.
 
-use super::plate::{Curve, Plate};
+use super::plate::{Plate, SrgbCurve};
 use super::sensor::grain;
 use crate::capture::calibration::Calibration;
 use crate::image::Grid;
 use crate::mesh::Mesh;
-use crate::relight::{Frame, GroundShadow, RUN};
+use crate::relight::{GroundShadow, RUN, RealtimeFrame};
 use crate::views::Camera;
 use glam::Vec3A;
 
@@ -16,10 +16,10 @@ const BEYOND: f64 = 1.0;
 const ROWS: usize = 16;
 
 /// Part of a canvas: left, top, width, height.
-pub(super) type Part = [usize; 4];
+pub(super) type CanvasWindow = [usize; 4];
 
 /// The pinhole camera that is drawn for, and where a frame's pixels lie in its picture.
-pub(super) struct Canvas {
+pub(super) struct LensCanvas {
     pub(super) camera: Camera,
     size: [usize; 2],
     /// Of each pixel of the frame; `None` for a pinhole, whose pixels are the canvas's. Not a number where the lens has no ray.
@@ -27,7 +27,7 @@ pub(super) struct Canvas {
 }
 
 /// Bilinear at a place of a picture of the object, in pixels, colour and coverage; nothing beyond it.
-fn between(frame: &Frame, [x, y]: [f32; 2]) -> ([f32; 3], f32) {
+fn between(frame: &RealtimeFrame, [x, y]: [f32; 2]) -> ([f32; 3], f32) {
     let (x, y) = (x - 0.5, y - 0.5);
     let (left, top) = (x.floor(), y.floor());
     let (s, t) = (x - left, y - top);
@@ -45,12 +45,12 @@ fn between(frame: &Frame, [x, y]: [f32; 2]) -> ([f32; 3], f32) {
     (colour, covered)
 }
 
-impl Canvas {
+impl LensCanvas {
     pub(super) fn new(calibration: &Calibration) -> Self {
         let Calibration { camera, lens } = calibration;
         let size = [camera.width as usize, camera.height as usize];
         if lens.is_pinhole() {
-            return Canvas { camera: *camera, size, places: None };
+            return LensCanvas { camera: *camera, size, places: None };
         }
         let places: Vec<[f64; 2]> = crate::parallel::map(size[0] * size[1], |k| {
             let pixel = [(k % size[0]) as f64 + 0.5, (k / size[0]) as f64 + 0.5];
@@ -74,12 +74,12 @@ impl Canvas {
             ..*camera
         };
         let places = places.iter().map(|p| [(p[0] - left) as f32, (p[1] - top) as f32]).collect();
-        Canvas { camera, size, places: Some(places) }
+        LensCanvas { camera, size, places: Some(places) }
     }
 
     /// Darkens the ground.
-    pub(super) fn darken(&self, shadow: &GroundShadow, camera: &Camera, curve: &Curve, plate: &mut Plate) {
-        let seen = shadow.seen_by(camera);
+    pub(super) fn blend_shadow(&self, shadow: &GroundShadow, camera: &Camera, curve: &SrgbCurve, plate: &mut Plate) {
+        let seen = shadow.project(camera);
         let width = self.size[0];
         // The pixels from column `left` on.
         let ratios = |left: usize, y: usize| {
@@ -103,13 +103,13 @@ impl Canvas {
     }
 
     /// Puts the object, drawn on a part of the canvas, over the frame, with noise of standard deviation `sigma`.
-    pub(super) fn put(
+    pub(super) fn blend_object(
         &self,
-        object: &Frame,
-        part: Part,
+        object: &RealtimeFrame,
+        part: CanvasWindow,
         gain: [f32; 3],
         (sigma, frame): (f32, u32),
-        curve: &Curve,
+        curve: &SrgbCurve,
         plate: &mut Plate,
     ) {
         let [left, top, width, height] = part;
@@ -120,10 +120,12 @@ impl Canvas {
             }
             let (colour, covered) = match self.places {
                 Some(_) => between(object, [x, y]),
-                None => (*object.image.at(x as usize, y as usize), *object.coverage.at(x as usize, y as usize)),
+                None => {
+                    (*object.image.value_at(x as usize, y as usize), *object.coverage.value_at(x as usize, y as usize))
+                }
             };
             // In partly covered pixels the photograph's part has its own noise.
-            (covered > 0.0).then(|| Change {
+            (covered > 0.0).then(|| PixelChange {
                 factor: (1.0 - covered).max(0.0),
                 colour: std::array::from_fn(|c| colour[c] * gain[c]),
                 noise: sigma * covered,
@@ -133,7 +135,7 @@ impl Canvas {
         self.change(plate, part, curve, frame, value);
     }
 
-    fn whole(&self) -> Part {
+    fn whole(&self) -> CanvasWindow {
         [0, 0, self.size[0], self.size[1]]
     }
 
@@ -141,17 +143,17 @@ impl Canvas {
     fn change(
         &self,
         plate: &mut Plate,
-        part: Part,
-        curve: &Curve,
+        part: CanvasWindow,
+        curve: &SrgbCurve,
         frame: u32,
-        value: impl Fn([f32; 2]) -> Option<Change> + Sync + Send,
+        value: impl Fn([f32; 2]) -> Option<PixelChange> + Sync + Send,
     ) {
         let width = self.size[0];
         // Linear colour, and noise in display values.
         let blend = |[x, y]: [usize; 2], linear: [f32; 3]| {
             let k = y * width + x;
             let place = self.places.as_ref().map_or_else(|| [x as f32 + 0.5, y as f32 + 0.5], |places| places[k]);
-            let Change { factor, colour, noise } = value(place)?;
+            let PixelChange { factor, colour, noise } = value(place)?;
             let mixed: [f32; 3] = std::array::from_fn(|c| linear[c] * factor + colour[c]);
             Some((mixed, (noise > 0.0).then(|| grain(k as u32, frame).map(|g| g * noise))))
         };
@@ -169,7 +171,7 @@ impl Canvas {
                 let Some((mixed, grain)) = blend(at, *pixel) else { return };
                 *pixel = std::array::from_fn(|c| match (mixed[c], grain) {
                     // Noise is known in display values; beyond white there is none.
-                    (x, Some(grain)) if x < 1.0 => curve.undisplay(curve.display(x) + grain[c]),
+                    (x, Some(grain)) if x < 1.0 => curve.linear_of_display(curve.display(x) + grain[c]),
                     (x, _) => x,
                 });
             }),
@@ -178,7 +180,7 @@ impl Canvas {
 }
 
 /// What becomes of a pixel: `pixel * factor + colour`, and the noise that is added, in display values.
-struct Change {
+struct PixelChange {
     factor: f32,
     colour: [f32; 3],
     noise: f32,
@@ -187,7 +189,7 @@ struct Change {
 /// `f` of column and row and the pixel, for the pixels of a part of a picture.
 fn each<P: Send>(
     picture: &mut Grid<P>,
-    [left, top, width, height]: Part,
+    [left, top, width, height]: CanvasWindow,
     f: impl Fn([usize; 2], &mut P) + Sync + Send,
 ) {
     rows(picture, |y, row| {
@@ -214,13 +216,13 @@ fn runs<P: Send>(
 /// `f` of the number of a row and its pixels.
 fn rows<P: Send>(picture: &mut Grid<P>, f: impl Fn(usize, &mut [P]) + Sync + Send) {
     let columns = picture.width.max(1);
-    crate::parallel::parts(&mut picture.data, columns * ROWS, |part, pixels| {
+    crate::parallel::for_each_chunk(&mut picture.data, columns * ROWS, |part, pixels| {
         pixels.chunks_exact_mut(columns).enumerate().for_each(|(k, row)| f(part * ROWS + k, row));
     });
 }
 
 /// A part of the view.
-pub(super) fn cropped(camera: &Camera, [left, top, width, height]: Part) -> Camera {
+pub(super) fn cropped(camera: &Camera, [left, top, width, height]: CanvasWindow) -> Camera {
     Camera {
         width: width as u32,
         height: height as u32,
@@ -230,7 +232,7 @@ pub(super) fn cropped(camera: &Camera, [left, top, width, height]: Part) -> Came
 }
 
 /// The part of the view that shows the mesh; all of it where some vertex lies behind the camera, `None` where nothing is in sight.
-pub(super) fn part_around(mesh: &Mesh, camera: &Camera) -> Option<Part> {
+pub(super) fn window_around(mesh: &Mesh, camera: &Camera) -> Option<CanvasWindow> {
     let (mut low, mut high) = ([f64::MAX; 2], [f64::MIN; 2]);
     let mut behind = 0;
     for position in &mesh.positions {

@@ -9,7 +9,7 @@ use glam::{DMat3, DQuat, DVec3};
 
 /// How the world's ground lies to the rig.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Stands {
+pub enum RigMount {
     /// The markers lie on the ground: the world's +Y is the rig's z, its +X the rig's x, its +Z points to the print's lower edge.
     #[default]
     OnMarker,
@@ -17,14 +17,14 @@ pub enum Stands {
     BesideMarker,
 }
 
-impl Stands {
+impl RigMount {
     /// World to rig.
     pub fn rig_of_world(self) -> Pose {
         match self {
-            Stands::OnMarker => {
+            RigMount::OnMarker => {
                 Pose { rotation: [[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]], translation: [0.0; 3] }
             }
-            Stands::BesideMarker => Pose::IDENTITY,
+            RigMount::BesideMarker => Pose::IDENTITY,
         }
     }
 }
@@ -96,10 +96,10 @@ impl Placement {
     /// The camera that sees the object as the chain says: `camera_of_rig * rig_of_world * world_of_local`, divided by the scale, which
     /// projects to the same pixels.
     pub fn camera(&self, intrinsics: &Camera, camera_of_rig: &Pose, rig_of_world: &Pose) -> Camera {
-        let camera_of_world = camera_of_rig.after(rig_of_world);
+        let camera_of_world = camera_of_rig.compose(rig_of_world);
         let rotation = camera_of_world.matrix() * self.matrix();
-        let translation = DVec3::from_array(camera_of_world.apply(self.translation)) / self.scale;
-        let Pose { rotation, translation } = Pose::of(rotation, translation);
+        let translation = DVec3::from_array(camera_of_world.transform_point(self.translation)) / self.scale;
+        let Pose { rotation, translation } = Pose::from_matrix(rotation, translation);
         Camera { rotation, translation, ..*intrinsics }
     }
 }

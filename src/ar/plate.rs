@@ -2,17 +2,17 @@
 
 use crate::capture::read_radiance;
 use crate::error::{Error, Result};
-use crate::image::read::read_display;
+use crate::image::read::read_display_image;
 use crate::image::{Grid, Mask, RgbImage, from_srgb, to_srgb};
 use crate::input::FileAccess;
-use crate::metrics::{Picture, to_display};
+use crate::metrics::{DisplayImage, to_display};
 use std::path::Path;
 
 /// A camera's picture, which an object is put into: 8 bits, sRGB, or linear radiance. Pixels that nothing is put over stay as they are.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Plate {
     /// As displayed.
-    Display(Picture),
+    Display(DisplayImage),
     /// Linear; 1 is white.
     Linear(RgbImage),
 }
@@ -28,7 +28,7 @@ impl Plate {
 
     /// Reads a photograph: PNG, JPEG and TIFF of 8 bits are taken as they are, others (EXR, HDR, 16 bits) as linear radiance.
     pub fn read(path: &Path, access: &FileAccess) -> Result<Self> {
-        Ok(match read_display(path, access)? {
+        Ok(match read_display_image(path, access)? {
             Some(picture) => Plate::Display(picture),
             // Which also says what is wrong with a damaged one.
             None => Plate::Linear(read_radiance(path, access)?),
@@ -36,7 +36,7 @@ impl Plate {
     }
 
     /// From rows of red, green, blue bytes.
-    pub fn of_bytes(width: usize, height: usize, bytes: &[u8]) -> Result<Self> {
+    pub fn from_bytes(width: usize, height: usize, bytes: &[u8]) -> Result<Self> {
         let (data, rest) = bytes.as_chunks::<3>();
         if data.len() != width * height || !rest.is_empty() {
             return Err(Error::parameter(format!("{} bytes are no {width} x {height} pixels of 3", bytes.len())));
@@ -45,7 +45,7 @@ impl Plate {
     }
 
     /// As displayed.
-    pub fn to_picture(&self) -> Picture {
+    pub fn to_display(&self) -> DisplayImage {
         match self {
             Plate::Display(picture) => picture.clone(),
             Plate::Linear(image) => to_display(image, [1.0; 3]),
@@ -64,7 +64,7 @@ impl Plate {
     }
 
     /// Pixels that show what is in front of the object are put back from `before`.
-    pub(super) fn put_back(&mut self, before: &Plate, nearer: &Mask) -> Result<()> {
+    pub(super) fn restore(&mut self, before: &Plate, nearer: &Mask) -> Result<()> {
         if [nearer.width, nearer.height] != self.size() {
             let ([width, height], mask) = (self.size(), (nearer.width, nearer.height));
             return Err(Error::parameter(format!(
@@ -86,19 +86,19 @@ impl Plate {
 const STEPS: usize = 1 << 13;
 
 /// sRGB's curve, both ways, for 8-bit pictures.
-pub(super) struct Curve {
+pub(super) struct SrgbCurve {
     linear: [f32; 256],
     display: Vec<f32>,
     codes: Vec<u8>,
 }
 
-impl Curve {
+impl SrgbCurve {
     pub(super) fn new() -> Self {
         let linear = std::array::from_fn(|k| from_srgb(k as f64 / 255.0) as f32);
         let display = (0..=STEPS + 1).map(|k| 255.0 * to_srgb((k as f64 / STEPS as f64).powi(2).min(1.0)) as f32);
         let display: Vec<f32> = display.collect();
         let codes = display.iter().map(|value| value.round() as u8).collect();
-        Curve { linear, display, codes }
+        SrgbCurve { linear, display, codes }
     }
 
     pub(super) fn linear(&self, code: [u8; 3]) -> [f32; 3] {
@@ -124,7 +124,7 @@ impl Curve {
     }
 
     /// Linear value of a display value, 0 to 255, between the whole ones.
-    pub(super) fn undisplay(&self, display: f32) -> f32 {
+    pub(super) fn linear_of_display(&self, display: f32) -> f32 {
         let display = display.clamp(0.0, 255.0);
         let k = (display as usize).min(254);
         self.linear[k] + (self.linear[k + 1] - self.linear[k]) * (display - k as f32)
@@ -154,12 +154,12 @@ mod tests {
 
     #[test]
     fn codes_come_back() {
-        let curve = Curve::new();
+        let curve = SrgbCurve::new();
         for code in 0..=255u8 {
             let [linear, ..] = curve.linear([code; 3]);
             assert!((curve.display(linear) - code as f32).abs() < 0.02, "{code}: {}", curve.display(linear));
             assert_eq!(curve.codes([linear; 3]), [code; 3]);
-            assert!((curve.undisplay(code as f32) - linear).abs() < 1e-6);
+            assert!((curve.linear_of_display(code as f32) - linear).abs() < 1e-6);
         }
         assert_eq!((curve.display(f32::NAN), curve.display(-1.0), curve.display(9.0)), (0.0, 0.0, 255.0));
         assert_eq!(curve.codes([f32::NAN, -1.0, 9.0]), [0, 0, 255]);

@@ -1,17 +1,17 @@
 //! What the camera adds to what it sees: its noise, and the gain of exposure and white balance, read off the marker's paper.
 
-use super::plate::{Curve, Plate};
+use super::plate::{Plate, SrgbCurve};
 use crate::image::Grid;
-use crate::marker::detection::Detection;
+use crate::marker::detection::MarkerDetection;
 
 /// Reflectance that a marker's paper is taken to have.
-pub const PAPER: f64 = 0.8;
+pub const PAPER_ALBEDO: f64 = 0.8;
 /// Places along each side of a marker at which its brightness is read.
 const PLACES: usize = 24;
 
 /// Standard deviation of the noise in display values, of the median of the differences that a plane or an edge does not show (Immerkaer 1996, with a
 /// median in place of the mean).
-pub(super) fn noise(grey: &Grid<u8>) -> f32 {
+pub(super) fn noise_sigma(grey: &Grid<u8>) -> f32 {
     let mut counts = [0usize; 2048];
     let mut total = 0;
     for y in (1..grey.height.saturating_sub(1)).step_by(5) {
@@ -43,7 +43,7 @@ pub(super) fn noise(grey: &Grid<u8>) -> f32 {
 
 /// Linear colour of a marker's paper: the mean of the brighter tenth of it and its margin, without what is clipped. `None` where the picture
 /// shows too little of it.
-pub(super) fn paper(curve: &Curve, plate: &Plate, marker: &Detection) -> Option<[f32; 3]> {
+pub(super) fn paper_radiance(curve: &SrgbCurve, plate: &Plate, marker: &MarkerDetection) -> Option<[f32; 3]> {
     let [width, height] = plate.size();
     let [a, b, c, d] = marker.corners;
     let mut found: Vec<[f32; 3]> = Vec::with_capacity(PLACES * PLACES);
@@ -101,9 +101,9 @@ mod tests {
                 let ramp = 60.0 + 0.3 * (k % 320) as f32 + if k % 320 > 160 { 40.0 } else { 0.0 };
                 picture.data[k] = (ramp + sigma * grain(k as u32, 7)[1]).round().clamp(0.0, 255.0) as u8;
             }
-            let found = noise(&picture);
+            let found = noise_sigma(&picture);
             assert!((found / sigma - 1.0).abs() < 0.12, "{sigma}: {found}");
         }
-        assert!(noise(&Grid::filled(64, 64, 100)) < 0.15);
+        assert!(noise_sigma(&Grid::filled(64, 64, 100)) < 0.15);
     }
 }

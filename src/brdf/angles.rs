@@ -16,7 +16,7 @@ pub struct HalfDifference {
 
 impl HalfDifference {
     /// Angles of a pair of unit directions, `z` along the normal.
-    pub fn of(incoming: [f64; 3], outgoing: [f64; 3]) -> Self {
+    pub fn from_directions(incoming: [f64; 3], outgoing: [f64; 3]) -> Self {
         let sum = [0, 1, 2].map(|k| incoming[k] + outgoing[k]);
         let length = dot(sum, sum).sqrt();
         // Opposite directions have no half vector: they graze from both sides, half vector along the normal.
@@ -55,7 +55,10 @@ mod tests {
         for [theta_h, theta_d, phi_d] in [[0.3, 0.4, 1.0], [1.2, 0.1, 3.0], [0.7, 0.9, 0.0], [1e-3, 1.3, 2.0]] {
             let angles = HalfDifference { theta_h, theta_d, phi_d };
             let (incoming, outgoing) = angles.directions();
-            for again in [HalfDifference::of(incoming, outgoing), HalfDifference::of(outgoing, incoming)] {
+            for again in [
+                HalfDifference::from_directions(incoming, outgoing),
+                HalfDifference::from_directions(outgoing, incoming),
+            ] {
                 for (a, b) in [(again.theta_h, theta_h), (again.theta_d, theta_d), (again.phi_d, phi_d)] {
                     let apart = (a - b).abs();
                     assert!(apart < 1e-9 || (apart - PI).abs() < 1e-9, "{again:?} for {angles:?}");

@@ -1,17 +1,17 @@
 //! Pairs of directions out of text.
 
 use crate::error::{Error, Result};
-use crate::input::plain;
+use crate::input::escaped;
 use std::path::Path;
 
 /// Unit vectors to the light and to the viewer, z along the normal.
-pub type Pair = ([f64; 3], [f64; 3]);
+pub type DirectionPair = ([f64; 3], [f64; 3]);
 
 /// Reads rows `wi_x,wi_y,wi_z,wo_x,wo_y,wo_z`, vectors of any length. A first row that begins with a letter, empty rows and rows that begin
 /// with # are skipped; `path` is how errors call the text.
 /// # Errors
 /// [`Error::Input`] with the line where a row is not six numbers, or a vector has no length.
-pub fn parse(text: &str, path: &Path) -> Result<Vec<Pair>> {
+pub fn parse_directions(text: &str, path: &Path) -> Result<Vec<DirectionPair>> {
     let mut pairs = Vec::new();
     for (number, line) in text.lines().enumerate() {
         let line = line.trim();
@@ -24,10 +24,10 @@ pub fn parse(text: &str, path: &Path) -> Result<Vec<Pair>> {
     Ok(pairs)
 }
 
-fn parse_row(line: &str) -> std::result::Result<Pair, String> {
+fn parse_row(line: &str) -> std::result::Result<DirectionPair, String> {
     let number = |part: &str| match part.trim().parse::<f64>() {
         Ok(number) if number.is_finite() => Ok(number),
-        _ => Err(format!("'{}' is not a number", plain(part.trim()))),
+        _ => Err(format!("'{}' is not a number", escaped(part.trim()))),
     };
     // One more than the six tells that there are too many.
     let numbers: Vec<f64> = line.split(',').take(7).map(number).collect::<std::result::Result<_, _>>()?;
@@ -56,13 +56,13 @@ mod tests {
     #[test]
     fn rows_become_unit_vectors() {
         let text = "wi_x,wi_y,wi_z,wo_x,wo_y,wo_z\n# a comment\n\n3, 0, 4, 0,0,2\n1e300,0,0, 0,-1e-11,0\n";
-        let pairs = parse(text, Path::new("a.csv")).unwrap();
+        let pairs = parse_directions(text, Path::new("a.csv")).unwrap();
         assert_eq!(pairs, [([0.6, 0.0, 0.8], [0.0, 0.0, 1.0]), ([1.0, 0.0, 0.0], [0.0, -1.0, 0.0])]);
     }
 
     #[test]
     fn faults_name_the_line() {
-        let fault = |text: &str| parse(text, Path::new("a.csv")).unwrap_err().to_string();
+        let fault = |text: &str| parse_directions(text, Path::new("a.csv")).unwrap_err().to_string();
         assert_eq!(fault("1,2,3,4,5"), "a.csv: line 1: 5 numbers, 6 expected: wi_x,wi_y,wi_z,wo_x,wo_y,wo_z");
         assert_eq!(fault("#\n1,2,3,4,5,inf"), "a.csv: line 2: 'inf' is not a number");
         assert_eq!(fault("0,0,0,0,0,1"), "a.csv: line 1: a direction of length 0");

@@ -1,9 +1,9 @@
 //! How far a fitted material is from the measured one.
 
 use super::Brdf;
-use super::merl::{CellGrid, MerlTable, THETA_D_BINS, THETA_H_BINS};
+use super::merl::{MerlGrid, MerlTable, THETA_D_BINS, THETA_H_BINS};
 use super::preview::SpherePsnr;
-use super::preview::{SpherePictures, SphereScenes};
+use super::preview::{SphereImages, SphereScenes};
 use crate::parallel;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::{FRAC_PI_2, PI};
@@ -19,23 +19,23 @@ pub struct ErrorReport {
     pub cosine_rmse: f64,
     /// The fitted material's greatest [`albedo`] over [`ALBEDO_ANGLES_DEG`] and colours; more than 1 makes light of nothing.
     pub albedo_max: f64,
-    /// The fitted material's [`reciprocity`].
+    /// The fitted material's [`reciprocity_error`].
     pub reciprocity: f64,
     /// Of a rendered sphere.
     pub sphere_psnr_db: SpherePsnr,
 }
 
 /// A measured material with its pictures, so that several fits can be compared with it.
-pub struct Reference<'a> {
+pub struct MeasuredReference<'a> {
     measured: &'a MerlTable,
     scenes: &'a SphereScenes,
-    pictures: SpherePictures,
+    pictures: SphereImages,
 }
 
-impl<'a> Reference<'a> {
+impl<'a> MeasuredReference<'a> {
     /// Renders the measured material's spheres.
     pub fn new(measured: &'a MerlTable, scenes: &'a SphereScenes) -> Self {
-        Reference { measured, scenes, pictures: scenes.pictures(&measured.smooth()) }
+        MeasuredReference { measured, scenes, pictures: scenes.images(&measured.interpolated()) }
     }
 
     /// How far a fitted material is from the measured one.
@@ -45,8 +45,8 @@ impl<'a> Reference<'a> {
             log_rmse: cells.log_rmse,
             log_rmse_from_5_deg: cells.log_rmse_from_5_deg,
             cosine_rmse: cells.cosine_rmse,
-            albedo_max: albedo_max(fitted),
-            reciprocity: reciprocity(fitted),
+            albedo_max: max_albedo(fitted),
+            reciprocity: reciprocity_error(fitted),
             sphere_psnr_db: self.scenes.psnr_of(&self.pictures, fitted),
         }
     }
@@ -54,8 +54,8 @@ impl<'a> Reference<'a> {
 
 impl ErrorReport {
     /// Compares a fitted material with a measured one.
-    pub fn of(measured: &MerlTable, fitted: &impl Brdf, scenes: &SphereScenes) -> Self {
-        Reference::new(measured, scenes).report(fitted)
+    pub fn compare(measured: &MerlTable, fitted: &impl Brdf, scenes: &SphereScenes) -> Self {
+        MeasuredReference::new(measured, scenes).report(fitted)
     }
 }
 
@@ -77,7 +77,7 @@ pub fn log_rmse(measured: &MerlTable, fitted: &impl Brdf) -> f64 {
 
 /// The errors over valid cells, in one go.
 pub fn cell_errors(measured: &MerlTable, fitted: &impl Brdf) -> CellErrors {
-    let grid = CellGrid::new();
+    let grid = MerlGrid::new();
     let sums = parallel::map(THETA_H_BINS, |plane| {
         let mut sums = [0.0; 3];
         let (mut indices, mut pairs) = (Vec::new(), Vec::new());
@@ -116,11 +116,11 @@ pub fn cell_errors(measured: &MerlTable, fitted: &impl Brdf) -> CellErrors {
     CellErrors { log_rmse, log_rmse_from_5_deg, cosine_rmse }
 }
 
-/// Angles of the viewer at which [`albedo_max`] looks, degrees. Nearer to the horizon measurements mean little.
+/// Angles of the viewer at which [`max_albedo`] looks, degrees. Nearer to the horizon measurements mean little.
 pub const ALBEDO_ANGLES_DEG: [f64; 7] = [0.0, 15.0, 30.0, 45.0, 60.0, 70.0, 80.0];
 
 /// The greatest albedo over [`ALBEDO_ANGLES_DEG`] and colours.
-pub fn albedo_max(material: &impl Brdf) -> f64 {
+pub fn max_albedo(material: &impl Brdf) -> f64 {
     let albedos = parallel::map(ALBEDO_ANGLES_DEG.len(), |k| albedo(material, ALBEDO_ANGLES_DEG[k].to_radians()));
     albedos.into_iter().flatten().fold(0.0, f64::max)
 }
@@ -156,7 +156,7 @@ pub fn albedo(material: &impl Brdf, theta_outgoing: f64) -> [f64; 3] {
 
 /// The greatest `|f(i, o) - f(o, i)| / (f(i, o) + f(o, i))` over 1,000 fixed pairs of directions, all more than 5 degrees above the
 /// horizon, and colours; 0 for a material that obeys Helmholtz.
-pub fn reciprocity(material: &impl Brdf) -> f64 {
+pub fn reciprocity_error(material: &impl Brdf) -> f64 {
     let fraction = |k: usize, step: f64| (0.5 + k as f64 * step).fract();
     let direction = |cosine: f64, turn: f64| {
         let cosine = 0.0872 + (1.0 - 0.0872) * cosine;
@@ -190,12 +190,12 @@ mod tests {
 
     #[test]
     fn figures_of_constants() {
-        assert!((albedo_max(&Constant(1.0 / PI)) - 1.0).abs() < 2e-3, "{}", albedo_max(&Constant(1.0 / PI)));
-        assert_eq!(reciprocity(&Constant(0.3)), 0.0);
+        assert!((max_albedo(&Constant(1.0 / PI)) - 1.0).abs() < 2e-3, "{}", max_albedo(&Constant(1.0 / PI)));
+        assert_eq!(reciprocity_error(&Constant(0.3)), 0.0);
         let (one, other) = (Constant(0.2), Constant(0.3));
-        let table = MerlTable::of(&one);
+        let table = MerlTable::tabulate(&one);
         let errors = cell_errors(&table, &other);
-        let grid = CellGrid::new();
+        let grid = MerlGrid::new();
         let (mut logs, mut squares, mut count) = (0.0, 0.0, 0.0);
         for cell in table.valid_cells(&grid) {
             logs += ((0.2 * cell.cos_incoming).ln_1p() - (0.3 * cell.cos_incoming).ln_1p()).powi(2);

@@ -3,41 +3,41 @@
 use super::compact;
 use super::dsbrdf;
 use super::materials::FittedMaterial;
-use super::merl::{CellGrid, MerlTable, PHI_D_BINS, THETA_D_BINS, THETA_H_BINS};
-use super::models::{self, ClassicalModel, Form, Objective};
-use super::plan::{Angles, Method, Plan};
-use super::{Brdf, Sample};
+use super::merl::{MerlGrid, MerlTable, PHI_D_BINS, THETA_D_BINS, THETA_H_BINS};
+use super::models::{self, ClassicalForm, ClassicalModel, FitObjective};
+use super::plan::{MeasurementPlan, PlanMethod, PlannedAngles};
+use super::{Brdf, BrdfSample};
 use crate::Result;
 
 /// A form by name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum AnyForm {
-    /// [`compact::TunedMaterial`]: the smallest error for its bytes.
-    Tuned,
-    /// [`dsbrdf::LobeMaterial`]: the lobes of the half angle as published.
-    Published,
+pub enum BrdfForm {
+    /// [`compact::CompactMaterial`]: the smallest error for its bytes.
+    Compact,
+    /// [`dsbrdf::DsbrdfMaterial`]: the lobes of the half angle as published.
+    Dsbrdf,
     /// A classical model.
-    Classical(Form),
+    Classical(ClassicalForm),
 }
 
-impl AnyForm {
+impl BrdfForm {
     /// All of them.
-    pub fn all() -> Vec<AnyForm> {
-        let classical = Form::ALL.into_iter().map(AnyForm::Classical);
-        [AnyForm::Tuned, AnyForm::Published].into_iter().chain(classical).collect()
+    pub fn all() -> Vec<BrdfForm> {
+        let classical = ClassicalForm::ALL.into_iter().map(BrdfForm::Classical);
+        [BrdfForm::Compact, BrdfForm::Dsbrdf].into_iter().chain(classical).collect()
     }
 
     /// Its name.
     pub fn name(self) -> &'static str {
         match self {
-            AnyForm::Tuned => "tuned",
-            AnyForm::Published => "published",
-            AnyForm::Classical(form) => form.name(),
+            BrdfForm::Compact => "tuned",
+            BrdfForm::Dsbrdf => "published",
+            BrdfForm::Classical(form) => form.name(),
         }
     }
 
     /// The form of a name.
-    pub fn of_name(name: &str) -> Option<Self> {
+    pub fn from_name(name: &str) -> Option<Self> {
         Self::all().into_iter().find(|form| form.name() == name)
     }
 }
@@ -45,45 +45,45 @@ impl AnyForm {
 /// How to fit, for each kind of form.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct FitSettings {
-    /// Of [`AnyForm::Tuned`].
-    pub tuned: compact::FitOptions,
-    /// Of [`AnyForm::Published`].
-    pub published: dsbrdf::FitOptions,
-    /// Of [`AnyForm::Classical`].
-    pub objective: Objective,
+    /// Of [`BrdfForm::Compact`].
+    pub compact: compact::CompactFitOptions,
+    /// Of [`BrdfForm::Dsbrdf`].
+    pub dsbrdf: dsbrdf::DsbrdfFitOptions,
+    /// Of [`BrdfForm::Classical`].
+    pub objective: FitObjective,
 }
 
 /// A material fitted in any form.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Fitted {
+pub enum FittedBrdf {
     /// One that files hold.
     Coded(FittedMaterial),
     /// A classical model.
     Classical(ClassicalModel),
 }
 
-impl Fitted {
+impl FittedBrdf {
     /// Bytes of the coded material; of a classical model, four a number.
     pub fn bytes(&self) -> usize {
         match self {
-            Fitted::Coded(material) => material.encode().len(),
-            Fitted::Classical(model) => 4 * model.parameters(),
+            FittedBrdf::Coded(material) => material.encode().len(),
+            FittedBrdf::Classical(model) => 4 * model.parameter_count(),
         }
     }
 }
 
-impl Brdf for Fitted {
+impl Brdf for FittedBrdf {
     fn evaluate(&self, incoming: [f64; 3], outgoing: [f64; 3]) -> [f64; 3] {
         match self {
-            Fitted::Coded(material) => material.evaluate(incoming, outgoing),
-            Fitted::Classical(model) => model.evaluate(incoming, outgoing),
+            FittedBrdf::Coded(material) => material.evaluate(incoming, outgoing),
+            FittedBrdf::Classical(model) => model.evaluate(incoming, outgoing),
         }
     }
 
     fn evaluate_row(&self, theta_h: f64, theta_d: f64, pairs: &[[[f64; 3]; 2]], values: &mut Vec<[f64; 3]>) {
         match self {
-            Fitted::Coded(material) => material.evaluate_row(theta_h, theta_d, pairs, values),
-            Fitted::Classical(model) => model.evaluate_row(theta_h, theta_d, pairs, values),
+            FittedBrdf::Coded(material) => material.evaluate_row(theta_h, theta_d, pairs, values),
+            FittedBrdf::Classical(model) => model.evaluate_row(theta_h, theta_d, pairs, values),
         }
     }
 }
@@ -92,22 +92,22 @@ impl Brdf for Fitted {
 ///
 /// # Errors
 /// [`crate::Error::Parameter`] where the table has too few valid cells, or settings are out of range.
-pub fn fit(table: &MerlTable, form: AnyForm, settings: &FitSettings) -> Result<Fitted> {
+pub fn fit_table(table: &MerlTable, form: BrdfForm, settings: &FitSettings) -> Result<FittedBrdf> {
     match form {
-        AnyForm::Classical(form) => Ok(Fitted::Classical(models::fit(table, form, settings.objective)?)),
-        AnyForm::Tuned | AnyForm::Published => fit_samples(&samples(table), form, settings),
+        BrdfForm::Classical(form) => Ok(FittedBrdf::Classical(models::fit_classical(table, form, settings.objective)?)),
+        BrdfForm::Compact | BrdfForm::Dsbrdf => fit_samples(&table_samples(table), form, settings),
     }
 }
 
 /// Fits samples, such as a plan asks for, in one of the forms that need no table.
 ///
 /// # Errors
-/// [`crate::Error::Parameter`] for a classical model, and as [`fit`].
-pub fn fit_samples(samples: &[Sample], form: AnyForm, settings: &FitSettings) -> Result<Fitted> {
-    Ok(Fitted::Coded(match form {
-        AnyForm::Tuned => FittedMaterial::Tuned(compact::fit(samples, &settings.tuned)?),
-        AnyForm::Published => FittedMaterial::Lobes(dsbrdf::fit(samples, &settings.published)?),
-        AnyForm::Classical(_) => {
+/// [`crate::Error::Parameter`] for a classical model, and as [`fit_table`].
+pub fn fit_samples(samples: &[BrdfSample], form: BrdfForm, settings: &FitSettings) -> Result<FittedBrdf> {
+    Ok(FittedBrdf::Coded(match form {
+        BrdfForm::Compact => FittedMaterial::Compact(compact::fit_compact(samples, &settings.compact)?),
+        BrdfForm::Dsbrdf => FittedMaterial::Dsbrdf(dsbrdf::fit_dsbrdf(samples, &settings.dsbrdf)?),
+        BrdfForm::Classical(_) => {
             return Err(crate::Error::parameter("samples are fitted in the forms tuned and published only"));
         }
     }))
@@ -117,7 +117,12 @@ pub fn fit_samples(samples: &[Sample], form: AnyForm, settings: &FitSettings) ->
 ///
 /// # Errors
 /// As [`fit_samples`], and where no angle has a value.
-pub fn fit_planned(table: &MerlTable, plan: &Plan, form: AnyForm, settings: &FitSettings) -> Result<Fitted> {
+pub fn fit_planned(
+    table: &MerlTable,
+    plan: &MeasurementPlan,
+    form: BrdfForm,
+    settings: &FitSettings,
+) -> Result<FittedBrdf> {
     fit_samples(&planned_samples(table, plan, form)?, form, settings)
 }
 
@@ -126,21 +131,21 @@ pub fn fit_planned(table: &MerlTable, plan: &Plan, form: AnyForm, settings: &Fit
 ///
 /// # Errors
 /// [`crate::Error::Parameter`] where no angle has a value.
-pub fn planned_samples(table: &MerlTable, plan: &Plan, form: AnyForm) -> Result<Vec<Sample>> {
+pub fn planned_samples(table: &MerlTable, plan: &MeasurementPlan, form: BrdfForm) -> Result<Vec<BrdfSample>> {
     let values = plan.measure(|angles| {
         let (incoming, outgoing) = angles.half_difference().directions();
-        let value = table.smooth().evaluate(incoming, outgoing);
+        let value = table.interpolated().evaluate(incoming, outgoing);
         // Where the table has no valid cell it answers 0 for all colours.
         (incoming[2] > 0.0 && outgoing[2] > 0.0 && value != [0.0; 3]).then_some(value)
     });
-    if form != AnyForm::Published || plan.method == Method::Optimal {
+    if form != BrdfForm::Dsbrdf || plan.method == PlanMethod::Optimal {
         return plan.reconstruct(&values, RECONSTRUCTED_BINS);
     }
-    let sample = |(angles, value): (&Angles, Option<[f64; 3]>)| {
+    let sample = |(angles, value): (&PlannedAngles, Option<[f64; 3]>)| {
         let angles = angles.half_difference();
         let (incoming, outgoing) = angles.directions();
         let (cos_incoming, cos_outgoing) = (incoming[2], outgoing[2]);
-        value.map(|value| Sample {
+        value.map(|value| BrdfSample {
             theta_h: angles.theta_h,
             theta_d: angles.theta_d,
             cos_incoming,
@@ -156,14 +161,14 @@ const RECONSTRUCTED_BINS: [usize; 3] = [90, 24, 9];
 
 /// Some 20,000 of a table's valid cells: every bin of `theta_h`, every fourth of `theta_d` and the last three, every 16th of `phi_d`,
 /// shifted from row to row.
-pub fn samples(table: &MerlTable) -> Vec<Sample> {
-    let grid = CellGrid::new();
+pub fn table_samples(table: &MerlTable) -> Vec<BrdfSample> {
+    let grid = MerlGrid::new();
     let mut samples = Vec::new();
     for h in 0..THETA_H_BINS {
         for d in (0..THETA_D_BINS).filter(|d| (d + h) % 4 == 0 || d + 3 >= THETA_D_BINS) {
             for p in (2 * d % 16..PHI_D_BINS).step_by(16) {
                 let index = (h * THETA_D_BINS + d) * PHI_D_BINS + p;
-                samples.extend(table.cell(index).and_then(|value| grid.cell(index, value)).map(Sample::from));
+                samples.extend(table.cell(index).and_then(|value| grid.cell(index, value)).map(BrdfSample::from));
             }
         }
     }

@@ -1,8 +1,8 @@
 //! Fitted materials by name, and section `mATl` that holds them.
 
 use super::Brdf;
-use super::compact::TunedMaterial;
-use super::dsbrdf::LobeMaterial;
+use super::compact::CompactMaterial;
+use super::dsbrdf::DsbrdfMaterial;
 use crate::error::{Error, Result};
 use crate::limits::Budget;
 use std::collections::HashSet;
@@ -11,38 +11,38 @@ use std::collections::HashSet;
 #[derive(Debug, Clone, PartialEq)]
 pub enum FittedMaterial {
     /// Lobes of the half angle, as published.
-    Lobes(LobeMaterial),
+    Dsbrdf(DsbrdfMaterial),
     /// The project's own form.
-    Tuned(TunedMaterial),
+    Compact(CompactMaterial),
 }
 
 impl FittedMaterial {
     /// `dsbrdf` or `tuned`.
     pub fn form(&self) -> &'static str {
         match self {
-            FittedMaterial::Lobes(_) => "dsbrdf",
-            FittedMaterial::Tuned(_) => "tuned",
+            FittedMaterial::Dsbrdf(_) => "dsbrdf",
+            FittedMaterial::Compact(_) => "tuned",
         }
     }
 
     /// The coded material, its name and length apart.
     pub fn encode(&self) -> Vec<u8> {
         match self {
-            FittedMaterial::Lobes(material) => material.encode(),
-            FittedMaterial::Tuned(material) => material.encode(),
+            FittedMaterial::Dsbrdf(material) => material.encode(),
+            FittedMaterial::Compact(material) => material.encode(),
         }
     }
 
     /// The material as lobes of the half angle: itself, or lobes fitted to it, 18 slices of 3.
     /// # Errors
     /// [`Error::Parameter`] where the material's values are not finite.
-    pub fn lobes(&self) -> Result<LobeMaterial> {
+    pub fn to_dsbrdf(&self) -> Result<DsbrdfMaterial> {
         match self {
-            FittedMaterial::Lobes(material) => Ok(material.clone()),
-            FittedMaterial::Tuned(material) => {
+            FittedMaterial::Dsbrdf(material) => Ok(material.clone()),
+            FittedMaterial::Compact(material) => {
                 // The form is smooth up to the centre of the highlight, which needs no care there.
-                let options = super::dsbrdf::FitOptions { least_theta_h_deg: 0.0, ..Default::default() };
-                super::dsbrdf::fit(&super::Sample::of(material, [60, 36, 9]), &options)
+                let options = super::dsbrdf::DsbrdfFitOptions { min_theta_h_deg: 0.0, ..Default::default() };
+                super::dsbrdf::fit_dsbrdf(&super::BrdfSample::tabulate(material, [60, 36, 9]), &options)
             }
         }
     }
@@ -51,15 +51,15 @@ impl FittedMaterial {
 impl Brdf for FittedMaterial {
     fn evaluate(&self, incoming: [f64; 3], outgoing: [f64; 3]) -> [f64; 3] {
         match self {
-            FittedMaterial::Lobes(material) => material.evaluate(incoming, outgoing),
-            FittedMaterial::Tuned(material) => material.evaluate(incoming, outgoing),
+            FittedMaterial::Dsbrdf(material) => material.evaluate(incoming, outgoing),
+            FittedMaterial::Compact(material) => material.evaluate(incoming, outgoing),
         }
     }
 
     fn evaluate_row(&self, theta_h: f64, theta_d: f64, pairs: &[[[f64; 3]; 2]], values: &mut Vec<[f64; 3]>) {
         match self {
-            FittedMaterial::Lobes(material) => material.evaluate_row(theta_h, theta_d, pairs, values),
-            FittedMaterial::Tuned(material) => material.evaluate_row(theta_h, theta_d, pairs, values),
+            FittedMaterial::Dsbrdf(material) => material.evaluate_row(theta_h, theta_d, pairs, values),
+            FittedMaterial::Compact(material) => material.evaluate_row(theta_h, theta_d, pairs, values),
         }
     }
 }
@@ -77,13 +77,13 @@ const SECTION: &str = "mATl";
 /// Version of the section's layout.
 const VERSION: u8 = 1;
 /// Memory of a decoded material at most: 744 integers and 1280 triples of doubles; 4050 integers and twice as many doubles.
-const TUNED_MEMORY: u64 = 40_000;
-const LOBES_MEMORY: u64 = 100_000;
+const COMPACT_MEMORY: u64 = 40_000;
+const DSBRDF_MEMORY: u64 = 100_000;
 
 /// Section `mATl` of materials.
 /// # Errors
 /// [`Error::Parameter`] where a name is empty, longer than 255 bytes or there twice.
-pub fn encode(materials: &[NamedMaterial]) -> Result<Vec<u8>> {
+pub fn encode_materials(materials: &[NamedMaterial]) -> Result<Vec<u8>> {
     let mut bytes = vec![VERSION];
     bytes.extend_from_slice(&(materials.len() as u32).to_le_bytes());
     let mut names = HashSet::new();
@@ -97,8 +97,8 @@ pub fn encode(materials: &[NamedMaterial]) -> Result<Vec<u8>> {
         }
         let coded = material.encode();
         bytes.push(match material {
-            FittedMaterial::Lobes(_) => 0,
-            FittedMaterial::Tuned(_) => 1,
+            FittedMaterial::Dsbrdf(_) => 0,
+            FittedMaterial::Compact(_) => 1,
         });
         bytes.push(length);
         bytes.extend_from_slice(name.as_bytes());
@@ -114,8 +114,8 @@ pub fn encode(materials: &[NamedMaterial]) -> Result<Vec<u8>> {
 /// # Errors
 /// [`Error::Format`] where the section breaks a rule of `spec/materials.md`; [`Error::Unsupported`] for another version;
 /// [`Error::Limits`] where the budget ends.
-pub fn decode(bytes: &[u8], budget: &Budget) -> Result<Vec<NamedMaterial>> {
-    let mut reader = Reader { bytes, position: 0 };
+pub fn decode_materials(bytes: &[u8], budget: &Budget) -> Result<Vec<NamedMaterial>> {
+    let mut reader = MaterialReader { bytes, position: 0 };
     let [version] = reader.array("version")?;
     if version != VERSION {
         return Err(Error::Unsupported(format!("version {version} of section {SECTION}; this build reads {VERSION}")));
@@ -134,8 +134,8 @@ pub fn decode(bytes: &[u8], budget: &Budget) -> Result<Vec<NamedMaterial>> {
         let length = u16::from_le_bytes(reader.array("length of a material")?);
         let coded = reader.take(length as usize, "material")?;
         let memory = match form {
-            0 => LOBES_MEMORY,
-            1 => TUNED_MEMORY,
+            0 => DSBRDF_MEMORY,
+            1 => COMPACT_MEMORY,
             _ => {
                 return Err(Error::Unsupported(format!("material '{name}' has form {form}; this build reads 0 and 1")));
             }
@@ -145,8 +145,8 @@ pub fn decode(bytes: &[u8], budget: &Budget) -> Result<Vec<NamedMaterial>> {
             return Err(Error::format(SECTION, at, format!("two materials are called '{name}'")));
         }
         let material = match form {
-            0 => LobeMaterial::decode(coded, SECTION).map(FittedMaterial::Lobes),
-            _ => TunedMaterial::decode(coded, SECTION).map(FittedMaterial::Tuned),
+            0 => DsbrdfMaterial::decode(coded, SECTION).map(FittedMaterial::Dsbrdf),
+            _ => CompactMaterial::decode(coded, SECTION).map(FittedMaterial::Compact),
         };
         let material = material.map_err(|error| match error {
             Error::Format { message, .. } => Error::format(SECTION, at, format!("material '{name}': {message}")),
@@ -160,12 +160,12 @@ pub fn decode(bytes: &[u8], budget: &Budget) -> Result<Vec<NamedMaterial>> {
     Ok(materials)
 }
 
-struct Reader<'a> {
+struct MaterialReader<'a> {
     bytes: &'a [u8],
     position: usize,
 }
 
-impl<'a> Reader<'a> {
+impl<'a> MaterialReader<'a> {
     fn take(&mut self, count: usize, what: &str) -> Result<&'a [u8]> {
         let end = self.position.saturating_add(count);
         let taken = self.bytes.get(self.position..end).ok_or_else(|| {
@@ -184,25 +184,25 @@ impl<'a> Reader<'a> {
 mod tests {
     use super::*;
     use crate::Limits;
-    use crate::brdf::Sample;
+    use crate::brdf::BrdfSample;
 
     struct Glossy;
     impl Brdf for Glossy {
         fn evaluate(&self, incoming: [f64; 3], outgoing: [f64; 3]) -> [f64; 3] {
-            let angles = crate::brdf::HalfDifference::of(incoming, outgoing);
+            let angles = crate::brdf::HalfDifference::from_directions(incoming, outgoing);
             let highlight = 4.0 * (-(angles.theta_h / 0.15).powi(2)).exp() / (0.2 + incoming[2] * outgoing[2]);
             [0.2 + highlight, 0.1 + highlight, 0.03 + highlight]
         }
     }
 
     fn materials() -> Vec<NamedMaterial> {
-        let samples = Sample::of(&Glossy, [45, 18, 6]);
-        let lobes = super::super::dsbrdf::fit(&samples, &Default::default()).unwrap();
-        let mut all = vec![NamedMaterial { name: "lobes".into(), material: FittedMaterial::Lobes(lobes) }];
+        let samples = BrdfSample::tabulate(&Glossy, [45, 18, 6]);
+        let lobes = super::super::dsbrdf::fit_dsbrdf(&samples, &Default::default()).unwrap();
+        let mut all = vec![NamedMaterial { name: "lobes".into(), material: FittedMaterial::Dsbrdf(lobes) }];
         #[cfg(feature = "encode")]
         {
-            let tuned = crate::brdf::compact::fit(&samples, &Default::default()).unwrap();
-            all.push(NamedMaterial { name: "own form \u{8276}".into(), material: FittedMaterial::Tuned(tuned) });
+            let tuned = crate::brdf::compact::fit_compact(&samples, &Default::default()).unwrap();
+            all.push(NamedMaterial { name: "own form \u{8276}".into(), material: FittedMaterial::Compact(tuned) });
         }
         all
     }
@@ -210,26 +210,26 @@ mod tests {
     #[test]
     fn materials_come_back_and_damage_is_found() {
         let all = materials();
-        let bytes = encode(&all).unwrap();
+        let bytes = encode_materials(&all).unwrap();
         let budget = || Budget::new(Limits { memory_bytes: 1 << 20, ..Limits::default() });
-        assert!(decode(&bytes, &budget()).unwrap() == all);
+        assert!(decode_materials(&bytes, &budget()).unwrap() == all);
         for cut in 0..bytes.len() {
-            assert!(decode(&bytes[..cut], &budget()).is_err(), "cut at {cut}");
+            assert!(decode_materials(&bytes[..cut], &budget()).is_err(), "cut at {cut}");
         }
-        assert!(decode(&[bytes.as_slice(), &[0]].concat(), &budget()).is_err());
-        assert!(matches!(decode(&[&[9], &bytes[1..]].concat(), &budget()), Err(Error::Unsupported(_))));
-        assert!(encode(&[all[0].clone(), all[0].clone()]).is_err());
+        assert!(decode_materials(&[bytes.as_slice(), &[0]].concat(), &budget()).is_err());
+        assert!(matches!(decode_materials(&[&[9], &bytes[1..]].concat(), &budget()), Err(Error::Unsupported(_))));
+        assert!(encode_materials(&[all[0].clone(), all[0].clone()]).is_err());
         // A count that the bytes don't bear out, and a budget that doesn't suffice.
         let mut many = bytes.clone();
         many[1..5].fill(0xff);
-        assert!(matches!(decode(&many, &budget()), Err(Error::Format { .. })));
+        assert!(matches!(decode_materials(&many, &budget()), Err(Error::Format { .. })));
         let small = Budget::new(Limits { memory_bytes: 20_000, ..Limits::default() });
-        assert!(matches!(decode(&bytes, &small), Err(Error::Limits { .. })));
+        assert!(matches!(decode_materials(&bytes, &small), Err(Error::Limits { .. })));
         // Whatever decodes is finite.
         for at in 5..bytes.len() {
             let mut damaged = bytes.clone();
             damaged[at] ^= 1 << (at % 8);
-            for named in decode(&damaged, &budget()).unwrap_or_default() {
+            for named in decode_materials(&damaged, &budget()).unwrap_or_default() {
                 let value = named.material.evaluate([0.6, 0.0, 0.8], [-0.28, 0.0, 0.96]);
                 assert!(value.iter().all(|v| !v.is_nan() && *v >= 0.0), "{value:?}");
             }
@@ -238,13 +238,13 @@ mod tests {
 
     #[cfg(feature = "encode")]
     #[test]
-    fn a_tuned_material_is_small_and_close_and_has_lobes() {
+    fn a_compact_material_is_small_and_close_and_has_lobes() {
         let all = materials();
         let tuned = &all[1].material;
         assert!(tuned.encode().len() <= 256);
-        for (of, most) in [(tuned.clone(), 0.03), (FittedMaterial::Lobes(tuned.lobes().unwrap()), 0.4)] {
-            let samples = Sample::of(&Glossy, [20, 15, 5]);
-            let error = |s: &Sample| {
+        for (of, most) in [(tuned.clone(), 0.03), (FittedMaterial::Dsbrdf(tuned.to_dsbrdf().unwrap()), 0.4)] {
+            let samples = BrdfSample::tabulate(&Glossy, [20, 15, 5]);
+            let error = |s: &BrdfSample| {
                 let angles = crate::brdf::HalfDifference { theta_h: s.theta_h, theta_d: s.theta_d, phi_d: 1.2 };
                 let (incoming, outgoing) = angles.directions();
                 let (a, b) = (of.evaluate(incoming, outgoing), Glossy.evaluate(incoming, outgoing));

@@ -24,7 +24,7 @@ mod sample;
 mod test_data;
 
 pub use angles::HalfDifference;
-pub use sample::Sample;
+pub use sample::BrdfSample;
 
 /// A bidirectional reflectance distribution function.
 ///

@@ -4,7 +4,7 @@ use super::Brdf;
 
 /// A value with the angles at which it was measured.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Sample {
+pub struct BrdfSample {
     /// Angle between normal and half vector, 0 to pi/2.
     pub theta_h: f64,
     /// Angle between half vector and either direction, 0 to pi/2.
@@ -17,10 +17,10 @@ pub struct Sample {
     pub value: [f64; 3],
 }
 
-impl Sample {
+impl BrdfSample {
     /// Evaluates a material at the middles of `theta_h x theta_d x phi_d` bins, those of `theta_h` growing with its square, in the order
     /// of a MERL table. Only where both directions are above the horizon.
-    pub fn of(material: &impl Brdf, bins: [usize; 3]) -> Vec<Sample> {
+    pub fn tabulate(material: &impl Brdf, bins: [usize; 3]) -> Vec<BrdfSample> {
         use std::f64::consts::{FRAC_PI_2, PI};
         let middle = |i: usize, bins: usize| (i as f64 + 0.5) / bins as f64;
         let mut samples = Vec::new();
@@ -33,7 +33,7 @@ impl Sample {
                     if incoming[2] > 0.0 && outgoing[2] > 0.0 {
                         let value = material.evaluate(incoming, outgoing);
                         let (cos_incoming, cos_outgoing) = (incoming[2], outgoing[2]);
-                        samples.push(Sample { theta_h, theta_d, cos_incoming, cos_outgoing, value });
+                        samples.push(BrdfSample { theta_h, theta_d, cos_incoming, cos_outgoing, value });
                     }
                 }
             }

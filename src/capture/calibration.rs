@@ -6,10 +6,10 @@
 //! - JSON: `w`, `h`, `fl_x`, `fl_y`, `cx`, `cy`, `camera_model`, `k1 k2 k3 k4 p1 p2`, pixel centres at .5, as nerfstudio writes them.
 
 use super::Lens;
-use super::json::Document;
+use super::json::JsonDocument;
 use super::transforms::read_intrinsics;
 use crate::error::{Error, Result};
-use crate::input::{FileAccess, plain};
+use crate::input::{FileAccess, escaped};
 use crate::views::Camera;
 use std::collections::HashMap;
 use std::path::Path;
@@ -55,19 +55,19 @@ impl Calibration {
 /// Reads a calibration; which kind is told by its content.
 ///
 /// Errors name the file and the key that is missing or wrong.
-pub fn read(path: impl AsRef<Path>, access: &FileAccess) -> Result<Calibration> {
+pub fn read_calibration(path: impl AsRef<Path>, access: &FileAccess) -> Result<Calibration> {
     let path = path.as_ref();
     let text = access.read_text(path, "camera calibration (OpenCV or ROS YAML, or JSON)", MAX_BYTES)?;
     let calibration = if text.trim_start().starts_with('{') {
-        let document = Document::read(path, access)?;
+        let document = JsonDocument::read(path, access)?;
         let (camera, lens) = read_intrinsics(&document.root(), &document.root())?;
         Calibration { camera, lens }
     } else {
         // OpenCV's first line, "%YAML:1.0", is not YAML.
         let text = text.lines().filter(|line| !line.starts_with("%YAML")).collect::<Vec<_>>().join("\n");
         let nodes = count_nodes(&text).map_err(|message| Error::input(path, message))?;
-        let _held = access.hold(path, "camera calibration", nodes * NODE_BYTES + 4 * text.len() as u64)?;
-        of_yaml(&text).map_err(|message| Error::input(path, message))?
+        let _held = access.reserve(path, "camera calibration", nodes * NODE_BYTES + 4 * text.len() as u64)?;
+        from_yaml(&text).map_err(|message| Error::input(path, message))?
     };
     let Camera { width, height, focal, principal, .. } = calibration.camera;
     let finite = focal.iter().all(|f| f.is_finite() && *f > 0.0) && principal.iter().all(|p| p.is_finite());
@@ -129,7 +129,7 @@ fn count_nodes(text: &str) -> std::result::Result<u64, String> {
     }
 }
 
-fn of_yaml(text: &str) -> std::result::Result<Calibration, String> {
+fn from_yaml(text: &str) -> std::result::Result<Calibration, String> {
     let documents = YamlLoader::load_from_str(text).map_err(|e| format!("neither JSON nor YAML: {e}"))?;
     let root = documents.first().ok_or("the file is empty")?;
     let find =
@@ -182,7 +182,7 @@ fn of_yaml(text: &str) -> std::result::Result<Calibration, String> {
         other => {
             return Err(format!(
                 "distortion model {} is not supported; known: plumb_bob, rational_polynomial, equidistant, fisheye",
-                plain(other)
+                escaped(other)
             ));
         }
     };
@@ -215,7 +215,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("camera.yaml");
         std::fs::write(&path, text).unwrap();
-        read(&path, &FileAccess::default())
+        read_calibration(&path, &FileAccess::default())
     }
 
     const OPENCV: &str = "%YAML:1.0\n---\nimage_width: 640\nimage_height: 480\ncamera_matrix: !!opencv-matrix\n   rows: 3\n   cols: 3\n   \

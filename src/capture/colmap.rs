@@ -1,10 +1,10 @@
 //! COLMAP models, binary and text: cameras and the poses of the photographs. Points are not needed.
 
-use super::description::{Description, FrameDescription, camera_fault, capture_folder, folder_name};
+use super::description::{CaptureDescription, FrameDescription, camera_fault, capture_folder, folder_name};
 use super::lens::Lens;
 use super::view_names::view_names;
 use crate::error::{Error, Result};
-use crate::input::{FileAccess, Folder, plain, quoted};
+use crate::input::{FileAccess, Folder, escaped, quoted};
 use crate::views::{Camera, View};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -24,7 +24,7 @@ const MODELS: [(&str, usize); 11] = [
     ("THIN_PRISM_FISHEYE", 12),
 ];
 
-struct Pose {
+struct ColmapPose {
     name: String,
     camera: u32,
     /// World to camera: w, x, y, z.
@@ -41,7 +41,7 @@ const MAX_NAME: usize = 4096;
 
 /// An error where one more camera or image than the limit is there.
 fn check_count(path: &Path, what: &str, count: usize, access: &FileAccess) -> Result<()> {
-    let most = access.budget().limits().frames as usize;
+    let most = access.budget().limits().views as usize;
     if count <= most { Ok(()) } else { Err(Error::input(path, format!("more than {most} {what}"))) }
 }
 
@@ -56,7 +56,7 @@ pub(super) fn is_model(folder: &Path) -> bool {
 
 /// Photographs are looked for in `images/` and beside the model, masks in `masks/` (`NAME.png`, COLMAP's way, or the stem);
 /// frames come in the order of their names.
-pub(super) fn describe(folder: &Path, access: &FileAccess) -> Result<Description> {
+pub(super) fn describe(folder: &Path, access: &FileAccess) -> Result<CaptureDescription> {
     let (path, cameras, mut poses) = if let Some((cameras, images)) = files(folder, "bin") {
         (images.clone(), read_cameras_bin(&cameras, access)?, read_images_bin(&images, access)?)
     } else if let Some((cameras, images)) = files(folder, "txt") {
@@ -70,7 +70,7 @@ pub(super) fn describe(folder: &Path, access: &FileAccess) -> Result<Description
     let names = view_names(&root, &poses.iter().map(|pose| pose.name.as_str()).collect::<Vec<_>>());
     let named = poses.into_iter().zip(names);
     let frames = named.map(|(pose, name)| frame(&path, &root, &cameras, pose, name)).collect::<Result<_>>()?;
-    Ok(Description {
+    Ok(CaptureDescription {
         name: folder_name(root.path()),
         path,
         frames,
@@ -82,8 +82,8 @@ pub(super) fn describe(folder: &Path, access: &FileAccess) -> Result<Description
     })
 }
 
-fn frame(path: &Path, root: &Folder, cameras: &Cameras, pose: Pose, name: String) -> Result<FrameDescription> {
-    let wrong = |message: String| Error::input(path, format!("image {}: {message}", plain(&pose.name)));
+fn frame(path: &Path, root: &Folder, cameras: &Cameras, pose: ColmapPose, name: String) -> Result<FrameDescription> {
+    let wrong = |message: String| Error::input(path, format!("image {}: {message}", escaped(&pose.name)));
     let Some((mut camera, lens)) = cameras.get(&pose.camera).copied() else {
         return Err(wrong(format!("camera {} is not in the camera list", pose.camera)));
     };
@@ -136,7 +136,7 @@ fn camera(model: &str, width: u64, height: u64, p: &[f64]) -> std::result::Resul
         ("SIMPLE_RADIAL_FISHEYE", &[f, x, y, k]) => ([f, f], [x, y], fisheye([k, 0.0, 0.0, 0.0])),
         ("RADIAL_FISHEYE", &[f, x, y, k, l]) => ([f, f], [x, y], fisheye([k, l, 0.0, 0.0])),
         _ => {
-            let model = plain(model);
+            let model = escaped(model);
             return Err(format!(
                 "camera model {model} is not supported; undistort the photographs first (colmap image_undistorter)"
             ));
@@ -148,13 +148,13 @@ fn camera(model: &str, width: u64, height: u64, p: &[f64]) -> std::result::Resul
 }
 
 /// A byte position in a binary model.
-struct Bytes<'a> {
+struct BinaryReader<'a> {
     path: &'a Path,
     data: &'a [u8],
     at: usize,
 }
 
-impl Bytes<'_> {
+impl BinaryReader<'_> {
     fn take<const N: usize>(&mut self, what: &str) -> Result<[u8; N]> {
         let rest = self.data.get(self.at..).unwrap_or_default();
         let Some(bytes) = rest.first_chunk::<N>() else {
@@ -206,8 +206,8 @@ impl Bytes<'_> {
 }
 
 fn read_cameras_bin(path: &Path, access: &FileAccess) -> Result<Cameras> {
-    let data = access.read(path, "COLMAP model", MAX_BYTES)?;
-    let mut bytes = Bytes { path, data: &data, at: 0 };
+    let data = access.read_bytes(path, "COLMAP model", MAX_BYTES)?;
+    let mut bytes = BinaryReader { path, data: &data, at: 0 };
     let count = bytes.u64("the number of cameras")?;
     let mut cameras = Cameras::new();
     for index in 0..count {
@@ -225,9 +225,9 @@ fn read_cameras_bin(path: &Path, access: &FileAccess) -> Result<Cameras> {
     Ok(cameras)
 }
 
-fn read_images_bin(path: &Path, access: &FileAccess) -> Result<Vec<Pose>> {
-    let data = access.read(path, "COLMAP model", MAX_BYTES)?;
-    let mut bytes = Bytes { path, data: &data, at: 0 };
+fn read_images_bin(path: &Path, access: &FileAccess) -> Result<Vec<ColmapPose>> {
+    let data = access.read_bytes(path, "COLMAP model", MAX_BYTES)?;
+    let mut bytes = BinaryReader { path, data: &data, at: 0 };
     let count = bytes.u64("the number of images")?;
     let mut poses = Vec::new();
     for index in 0..count {
@@ -239,7 +239,7 @@ fn read_images_bin(path: &Path, access: &FileAccess) -> Result<Vec<Pose>> {
         let name = bytes.name(&what)?;
         let points = bytes.u64(&what)?;
         bytes.skip(points, 24, &format!("the points of {what}"))?;
-        poses.push(Pose { name, camera, quaternion, translation });
+        poses.push(ColmapPose { name, camera, quaternion, translation });
         check_count(path, "images", poses.len(), access)?;
     }
     Ok(poses)
@@ -272,7 +272,7 @@ fn read_cameras_txt(path: &Path, access: &FileAccess) -> Result<Cameras> {
     Ok(cameras)
 }
 
-fn read_images_txt(path: &Path, access: &FileAccess) -> Result<Vec<Pose>> {
+fn read_images_txt(path: &Path, access: &FileAccess) -> Result<Vec<ColmapPose>> {
     let text = access.read_text(path, "COLMAP model", MAX_BYTES)?;
     let mut rows = (1..).zip(text.lines());
     let mut poses = Vec::new();
@@ -299,7 +299,7 @@ fn read_images_txt(path: &Path, access: &FileAccess) -> Result<Vec<Pose>> {
             return Err(Error::input(path, format!("line {line}: NAME is missing")));
         }
         let [qw, qx, qy, qz, tx, ty, tz] = numbers;
-        poses.push(Pose { name, camera, quaternion: [qw, qx, qy, qz], translation: [tx, ty, tz] });
+        poses.push(ColmapPose { name, camera, quaternion: [qw, qx, qy, qz], translation: [tx, ty, tz] });
         check_count(path, "images", poses.len(), access)?;
         // The line after each image lists its points, or is empty.
         rows.next();

@@ -1,6 +1,6 @@
 //! Which kind of description a capture has.
 
-use super::description::Description;
+use super::description::CaptureDescription;
 use super::{colmap, transforms};
 use crate::error::{Error, Result};
 use crate::input::FileAccess;
@@ -8,7 +8,7 @@ use std::path::Path;
 
 /// Reads a capture's description: a folder with `transforms.json` or a COLMAP model (in `sparse/0`, `sparse` or itself), or
 /// such a file itself. Files that it names must lie in the capture's folder, unless `access` allows more.
-pub fn describe(path: impl AsRef<Path>, access: &FileAccess) -> Result<Description> {
+pub fn describe(path: impl AsRef<Path>, access: &FileAccess) -> Result<CaptureDescription> {
     let path = path.as_ref();
     let metadata = std::fs::metadata(path).map_err(|e| Error::io(path, e))?;
     let description = if !metadata.is_dir() {

@@ -1,6 +1,6 @@
 //! What a capture says about itself before any picture is opened.
 
-use super::ReadOptions;
+use super::CaptureReadOptions;
 use super::lens::Lens;
 use crate::error::{Error, Result};
 use crate::input::Folder;
@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 
 /// A capture without its pictures: cameras, lights and where the files are.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Description {
+pub struct CaptureDescription {
     /// The file that describes it.
     pub path: PathBuf,
     /// Name of the capture's folder.
@@ -53,9 +53,9 @@ pub struct FrameDescription {
     pub mask: Option<PathBuf>,
 }
 
-impl Description {
+impl CaptureDescription {
     /// The mesh file: the given one, the one that the capture names, or the only one beside the description.
-    pub fn find_mesh(&self, options: &ReadOptions) -> Result<PathBuf> {
+    pub fn find_mesh(&self, options: &CaptureReadOptions) -> Result<PathBuf> {
         if let Some(mesh) = options.mesh.as_ref().or(self.mesh_file.as_ref()) {
             return Ok(mesh.clone());
         }
@@ -113,7 +113,7 @@ pub(super) fn folder_name(folder: &Path) -> String {
 
 /// What can't be a camera of ours, said in words.
 pub(super) fn camera_fault(camera: &Camera) -> Option<String> {
-    let side = Limits::default().picture_side;
+    let side = Limits::default().image_side;
     let size_fits = (1..=side).contains(&camera.width) && (1..=side).contains(&camera.height);
     if !size_fits {
         return Some(format!("a picture of {} x {} pixels (1 to {side} each way)", camera.width, camera.height));

@@ -2,7 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::input::{FileAccess, FileText, quoted};
-use crate::limits::Held;
+use crate::limits::Reservation;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 
@@ -10,17 +10,17 @@ use std::path::{Path, PathBuf};
 const MAX_BYTES: u64 = 64 << 20;
 
 /// A parsed JSON file, with its text for finding lines. Its memory is charged as long as it lives.
-pub(crate) struct Document<'a> {
+pub(crate) struct JsonDocument<'a> {
     path: PathBuf,
     text: FileText<'a>,
     root: Value,
-    _held: Held<'a>,
+    _held: Reservation<'a>,
 }
 
-/// One value of a [`Document`] and the way to it, as in `frames[3].transform_matrix`.
+/// One value of a [`JsonDocument`] and the way to it, as in `frames[3].transform_matrix`.
 #[derive(Clone)]
-pub(crate) struct Node<'a> {
-    document: &'a Document<'a>,
+pub(crate) struct JsonNode<'a> {
+    document: &'a JsonDocument<'a>,
     value: &'a Value,
     pub(crate) key: String,
 }
@@ -36,10 +36,10 @@ fn parsed_bytes(text: &str) -> u64 {
     text.bytes().map(cost).sum()
 }
 
-impl<'a> Document<'a> {
+impl<'a> JsonDocument<'a> {
     pub(crate) fn read(path: &Path, access: &'a FileAccess) -> Result<Self> {
         let text = access.read_text(path, "JSON document", MAX_BYTES)?;
-        let held = access.hold(path, "JSON document", parsed_bytes(&text))?;
+        let held = access.reserve(path, "JSON document", parsed_bytes(&text))?;
         let root = serde_json::from_str(&text).map_err(|e| {
             let (line, column) = (e.line(), e.column());
             let before: usize = text.split_inclusive('\n').take(line.saturating_sub(1)).map(str::len).sum();
@@ -49,10 +49,10 @@ impl<'a> Document<'a> {
             };
             Error::input(path, format!("line {line}, column {column}{key}: not JSON: {}", without_place(&e)))
         })?;
-        Ok(Document { path: path.to_owned(), text, root, _held: held })
+        Ok(JsonDocument { path: path.to_owned(), text, root, _held: held })
     }
-    pub(crate) fn root(&self) -> Node<'_> {
-        Node { document: self, value: &self.root, key: String::new() }
+    pub(crate) fn root(&self) -> JsonNode<'_> {
+        JsonNode { document: self, value: &self.root, key: String::new() }
     }
 }
 
@@ -61,7 +61,7 @@ fn without_place(error: &serde_json::Error) -> String {
     text.split(" at line ").next().unwrap_or_default().to_owned()
 }
 
-impl<'a> Node<'a> {
+impl<'a> JsonNode<'a> {
     /// An error that stands at this value.
     pub(crate) fn error(&self, message: impl std::fmt::Display) -> Error {
         let line = line_of(&self.document.text, &self.key);
@@ -79,12 +79,12 @@ impl<'a> Node<'a> {
         self.error(format!("expected {what}, found {found}"))
     }
     /// The value under a key of this object; absent and `null` are the same.
-    pub(crate) fn get(&self, key: &str) -> Option<Node<'a>> {
+    pub(crate) fn get(&self, key: &str) -> Option<JsonNode<'a>> {
         let value = self.value.as_object()?.get(key).filter(|v| !v.is_null())?;
         let path = if self.key.is_empty() { key.to_owned() } else { format!("{}.{key}", self.key) };
-        Some(Node { document: self.document, value, key: path })
+        Some(JsonNode { document: self.document, value, key: path })
     }
-    pub(crate) fn need(&self, key: &str) -> Result<Node<'a>> {
+    pub(crate) fn required(&self, key: &str) -> Result<JsonNode<'a>> {
         if !self.value.is_object() {
             return Err(self.expected("an object"));
         }
@@ -97,12 +97,12 @@ impl<'a> Node<'a> {
         *self.value == Value::Bool(true)
     }
     /// The items of a list of at most `max`.
-    pub(crate) fn items(&self, max: usize) -> Result<Vec<Node<'a>>> {
+    pub(crate) fn items(&self, max: usize) -> Result<Vec<JsonNode<'a>>> {
         let items = self.value.as_array().ok_or_else(|| self.expected("a list"))?;
         if items.len() > max {
             return Err(self.error(format!("a list of {}, {max} at most are read", items.len())));
         }
-        let node = |(index, value)| Node { document: self.document, value, key: format!("{}[{index}]", self.key) };
+        let node = |(index, value)| JsonNode { document: self.document, value, key: format!("{}[{index}]", self.key) };
         Ok(items.iter().enumerate().map(node).collect())
     }
     pub(crate) fn number(&self) -> Result<f64> {
@@ -146,21 +146,21 @@ impl<'a> Node<'a> {
         }
         Ok(matrix)
     }
-    pub(crate) fn optional<T>(&self, key: &str, read: impl Fn(&Node<'a>) -> Result<T>) -> Result<Option<T>> {
+    pub(crate) fn optional<T>(&self, key: &str, read: impl Fn(&JsonNode<'a>) -> Result<T>) -> Result<Option<T>> {
         self.get(key).map(|node| read(&node)).transpose()
     }
 }
 
 /// Where a walk stands in an object or a list.
-enum Level<'a> {
+enum JsonLevel<'a> {
     Object { key: &'a str, expects_key: bool },
     List { index: usize },
 }
 
 /// Walks through (possibly broken) JSON and tells `visit` the offset of every value and the way to it; `visit` ends it with `true`.
-fn walk<'a>(text: &'a str, mut visit: impl FnMut(usize, &[Level<'a>]) -> bool) {
+fn walk<'a>(text: &'a str, mut visit: impl FnMut(usize, &[JsonLevel<'a>]) -> bool) {
     let bytes = text.as_bytes();
-    let mut stack: Vec<Level> = Vec::new();
+    let mut stack: Vec<JsonLevel> = Vec::new();
     let mut at = 0;
     while at < bytes.len() {
         let start = at;
@@ -173,8 +173,8 @@ fn walk<'a>(text: &'a str, mut visit: impl FnMut(usize, &[Level<'a>]) -> bool) {
             }
             b',' => {
                 match stack.last_mut() {
-                    Some(Level::Object { expects_key, .. }) => *expects_key = true,
-                    Some(Level::List { index }) => *index += 1,
+                    Some(JsonLevel::Object { expects_key, .. }) => *expects_key = true,
+                    Some(JsonLevel::List { index }) => *index += 1,
                     None => {}
                 }
                 continue;
@@ -185,7 +185,7 @@ fn walk<'a>(text: &'a str, mut visit: impl FnMut(usize, &[Level<'a>]) -> bool) {
                 }
                 let content = text.get(start + 1..at.min(bytes.len())).unwrap_or_default();
                 at += 1;
-                if let Some(Level::Object { key, expects_key }) = stack.last_mut()
+                if let Some(JsonLevel::Object { key, expects_key }) = stack.last_mut()
                     && *expects_key
                 {
                     *key = content;
@@ -204,23 +204,23 @@ fn walk<'a>(text: &'a str, mut visit: impl FnMut(usize, &[Level<'a>]) -> bool) {
             return;
         }
         match bytes[start] {
-            b'{' => stack.push(Level::Object { key: "", expects_key: true }),
-            b'[' => stack.push(Level::List { index: 0 }),
+            b'{' => stack.push(JsonLevel::Object { key: "", expects_key: true }),
+            b'[' => stack.push(JsonLevel::List { index: 0 }),
             _ => {}
         }
     }
 }
 
-/// The way to a value in words, as [`Node::key`] has it; no longer than messages can bear.
-fn key_path(stack: &[Level]) -> String {
+/// The way to a value in words, as [`JsonNode::key`] has it; no longer than messages can bear.
+fn key_path(stack: &[JsonLevel]) -> String {
     let mut path = String::new();
     for level in stack.iter().take(12) {
         match level {
-            Level::Object { key, .. } => {
+            JsonLevel::Object { key, .. } => {
                 let dot = if path.is_empty() { "" } else { "." };
                 path.extend([dot.into(), key.chars().take(40).flat_map(char::escape_debug).collect::<String>()]);
             }
-            Level::List { index } => path.push_str(&format!("[{index}]")),
+            JsonLevel::List { index } => path.push_str(&format!("[{index}]")),
         }
     }
     path + if stack.len() > 12 { "..." } else { "" }
@@ -229,9 +229,9 @@ fn key_path(stack: &[Level]) -> String {
 /// Line (from 1) at which the value with this key path begins.
 fn line_of(text: &str, wanted: &str) -> usize {
     let steps: Vec<&str> = wanted.split(['.', '[']).filter(|step| !step.is_empty()).collect();
-    let is_step = |(level, step): (&Level, &&str)| match level {
-        Level::Object { key, .. } => key == step,
-        Level::List { index } => step.strip_suffix(']').is_some_and(|number| number.parse() == Ok(*index)),
+    let is_step = |(level, step): (&JsonLevel, &&str)| match level {
+        JsonLevel::Object { key, .. } => key == step,
+        JsonLevel::List { index } => step.strip_suffix(']').is_some_and(|number| number.parse() == Ok(*index)),
     };
     let mut offset = 0;
     walk(text, |at, stack| {
@@ -268,11 +268,11 @@ fn key_at(text: &str, offset: usize) -> String {
 mod tests {
     use super::*;
 
-    fn document<'a>(text: &str, access: &'a FileAccess) -> Result<Document<'a>> {
+    fn document<'a>(text: &str, access: &'a FileAccess) -> Result<JsonDocument<'a>> {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("some.json");
         std::fs::write(&path, text).unwrap();
-        Document::read(&path, access)
+        JsonDocument::read(&path, access)
     }
 
     #[test]
@@ -280,13 +280,13 @@ mod tests {
         let text = "{\n \"w\": 4,\n \"frames\": [\n  {\"a\": [1, 2]},\n  {\"a\": [1, \"x\"],\n   \"b\": {\"c\\\"\": 1}}\n ]\n}";
         let access = FileAccess::default();
         let document = document(text, &access).unwrap();
-        let frames = document.root().need("frames").unwrap().items(9).unwrap();
-        assert_eq!(frames[0].need("a").unwrap().numbers::<2>().unwrap(), [1.0, 2.0]);
-        let error = frames[1].need("a").unwrap().numbers::<2>().unwrap_err().to_string();
+        let frames = document.root().required("frames").unwrap().items(9).unwrap();
+        assert_eq!(frames[0].required("a").unwrap().numbers::<2>().unwrap(), [1.0, 2.0]);
+        let error = frames[1].required("a").unwrap().numbers::<2>().unwrap_err().to_string();
         assert!(error.ends_with("some.json: line 5, frames[1].a[1]: expected a number, found \"x\""), "{error}");
-        let error = frames[1].need("name").err().unwrap().to_string();
+        let error = frames[1].required("name").err().unwrap().to_string();
         assert!(error.ends_with("line 5, frames[1]: key \"name\" is missing"), "{error}");
-        let error = frames[1].need("b").unwrap().items(9).err().unwrap().to_string();
+        let error = frames[1].required("b").unwrap().items(9).err().unwrap().to_string();
         assert!(error.ends_with("line 6, frames[1].b: expected a list, found an object"), "{error}");
     }
 

@@ -142,7 +142,7 @@ impl Lens {
 
     /// The photograph that a pinhole of the same size and focal length would have taken: Catmull-Rom interpolation of linear
     /// radiance. Missing (NaN) pixels weigh nothing; a pixel is missing where its nearest one is, and beyond the photograph.
-    pub fn remove_from_picture(&self, camera: &Camera, image: &RgbImage) -> RgbImage {
+    pub fn undistort_image(&self, camera: &Camera, image: &RgbImage) -> RgbImage {
         let mut result = RgbImage::filled(image.width, image.height, [f32::NAN; 3]);
         self.source_positions(camera, |index, position| {
             if let Some(pixel) = position.and_then(|p| interpolate(image, p)) {
@@ -152,8 +152,8 @@ impl Lens {
         result
     }
 
-    /// As [`Lens::remove_from_picture`] for a mask: bilinear, set from one half on; not set beyond the photograph.
-    pub fn remove_from_mask(&self, camera: &Camera, mask: &Mask) -> Mask {
+    /// As [`Lens::undistort_image`] for a mask: bilinear, set from one half on; not set beyond the photograph.
+    pub fn undistort_mask(&self, camera: &Camera, mask: &Mask) -> Mask {
         let mut result = Mask::filled(mask.width, mask.height, false);
         self.source_positions(camera, |index, position| {
             let Some([x, y]) = position else { return };
@@ -166,7 +166,7 @@ impl Lens {
             let at = |dx: f64, dy: f64| {
                 let column = (left + dx).clamp(0.0, mask.width as f64 - 1.0) as usize;
                 let row = (top + dy).clamp(0.0, mask.height as f64 - 1.0) as usize;
-                *mask.at(column, row) as u8 as f64
+                *mask.value_at(column, row) as u8 as f64
             };
             let upper = at(0.0, 0.0) * (1.0 - u) + at(1.0, 0.0) * u;
             let lower = at(0.0, 1.0) * (1.0 - u) + at(1.0, 1.0) * u;
@@ -190,7 +190,7 @@ fn interpolate(image: &RgbImage, [x, y]: [f64; 2]) -> Option<[f32; 3]> {
     if !(0.0..image.width as f64).contains(&x) || !(0.0..image.height as f64).contains(&y) {
         return None;
     }
-    if image.at(x as usize, y as usize)[0].is_nan() {
+    if image.value_at(x as usize, y as usize)[0].is_nan() {
         return None;
     }
     let (left, top) = ((x - 0.5).floor(), (y - 0.5).floor());
@@ -202,7 +202,7 @@ fn interpolate(image: &RgbImage, [x, y]: [f64; 2]) -> Option<[f32; 3]> {
             if row < 0 || column < 0 || row >= image.height as i64 || column >= image.width as i64 {
                 continue;
             }
-            let pixel = image.at(column as usize, row as usize);
+            let pixel = image.value_at(column as usize, row as usize);
             if pixel[0].is_nan() {
                 continue;
             }
@@ -212,7 +212,7 @@ fn interpolate(image: &RgbImage, [x, y]: [f64; 2]) -> Option<[f32; 3]> {
     }
     // With few neighbours left the nearest pixel says more than an extrapolation.
     if weights < 0.5 {
-        return Some(*image.at(x as usize, y as usize));
+        return Some(*image.value_at(x as usize, y as usize));
     }
     Some(sum.map(|s| (s / weights) as f32))
 }
@@ -275,17 +275,17 @@ mod tests {
             for y in 0..120 {
                 for x in 0..160 {
                     let p = lens.undistort(ideal(x, y)).unwrap_or([9.0, 9.0]);
-                    *photograph.at_mut(x, y) = scene(p);
-                    *mask.at_mut(x, y) = p[0].hypot(p[1]) < 0.25;
+                    *photograph.value_at_mut(x, y) = scene(p);
+                    *mask.value_at_mut(x, y) = p[0].hypot(p[1]) < 0.25;
                 }
             }
-            *photograph.at_mut(80, 60) = [f32::NAN; 3];
-            let straight = lens.remove_from_picture(&camera, &photograph);
-            let straight_mask = lens.remove_from_mask(&camera, &mask);
+            *photograph.value_at_mut(80, 60) = [f32::NAN; 3];
+            let straight = lens.undistort_image(&camera, &photograph);
+            let straight_mask = lens.undistort_mask(&camera, &mask);
             let (mut worst, mut missing, mut wrong_mask) = (0.0f32, 0, 0);
             for y in 4..116 {
                 for x in 4..156 {
-                    let (found, expected) = (straight.at(x, y), scene(ideal(x, y)));
+                    let (found, expected) = (straight.value_at(x, y), scene(ideal(x, y)));
                     if found[0].is_nan() {
                         missing += 1;
                     } else {
@@ -293,7 +293,7 @@ mod tests {
                     }
                     let radius = ideal(x, y)[0].hypot(ideal(x, y)[1]);
                     let farther_than_a_pixel = (radius - 0.25).abs() * 150.0 > 1.0;
-                    wrong_mask += (farther_than_a_pixel && (radius < 0.25) != *straight_mask.at(x, y)) as usize;
+                    wrong_mask += (farther_than_a_pixel && (radius < 0.25) != *straight_mask.value_at(x, y)) as usize;
                 }
             }
             assert!(worst < 4e-3, "{lens:?}: {worst}");
@@ -301,7 +301,7 @@ mod tests {
             // The NaN pixel stays one missing pixel or so; pincushion lenses also lose a border.
             assert!(missing >= 1, "{lens:?}");
             let near = (78..83).flat_map(|x| (58..63).map(move |y| (x, y)));
-            let holes = near.filter(|&(x, y)| straight.at(x, y)[0].is_nan()).count();
+            let holes = near.filter(|&(x, y)| straight.value_at(x, y)[0].is_nan()).count();
             assert!((1..=2).contains(&holes), "{lens:?}: {holes}");
         }
     }
@@ -312,8 +312,8 @@ mod tests {
         // r (1 - 0.5 r^2) turns at r = sqrt(2/3).
         assert!((lens.radius_limit(2.0, 4096) - (2.0f64 / 3.0).sqrt()).abs() < 2e-3);
         let camera = Camera { width: 40, height: 40, focal: [10.0; 2], principal: [20.0; 2], ..Camera::default() };
-        let straight = lens.remove_from_picture(&camera, &RgbImage::filled(40, 40, [1.0; 3]));
-        assert!(straight.at(1, 1)[0].is_nan());
-        assert_eq!(*straight.at(20, 20), [1.0; 3]);
+        let straight = lens.undistort_image(&camera, &RgbImage::filled(40, 40, [1.0; 3]));
+        assert!(straight.value_at(1, 1)[0].is_nan());
+        assert_eq!(*straight.value_at(20, 20), [1.0; 3]);
     }
 }

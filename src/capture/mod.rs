@@ -8,7 +8,7 @@
 //! - `light`: `{type: "point", intensity: number or [r, g, b], position: [x, y, z]}`, at the top or per frame; per frame also
 //!   `light_position`, `light_intensity`. Irradiance at distance `r` is `intensity / r^2`;
 //! - `white_reference`: `{file_path, cross_file_path}`;
-//! - `color_space`: of integer pictures, see [`ColorSpace::named`];
+//! - `color_space`: of integer pictures, see [`ColorSpace::from_name`];
 //! - per frame `cross_file_path` (polarised: specular blocked) and `mask_path`.
 
 pub mod align;
@@ -25,16 +25,16 @@ mod transforms;
 mod view_names;
 mod white;
 
-pub use crate::image::read::{ColorSpace, read_radiance, read_values};
+pub use crate::image::read::{ColorSpace, read_linear_image, read_radiance};
 pub use describe::describe;
-pub use description::{Description, FrameDescription, WhiteReference};
+pub use description::{CaptureDescription, FrameDescription, WhiteReference};
 pub use lens::Lens;
 pub(crate) use transforms::nearest_rotation;
 
 use crate::error::{Error, Result};
-use crate::image::read::{Fault, read_mask, read_picture, reading_bytes};
+use crate::image::read::{ImageFault, read_mask, read_radiance_image, reading_memory};
 use crate::image::{Mask, RgbImage};
-use crate::input::{FileAccess, plain};
+use crate::input::{FileAccess, escaped};
 use crate::limits::Limits;
 use crate::mesh::Mesh;
 use crate::views::View;
@@ -47,7 +47,7 @@ pub struct Capture {
     /// Name of the capture's folder.
     pub name: String,
     /// The frames that could be read, in the capture's order; at least one. Either all have a cross photograph or none.
-    pub frames: Vec<Frame>,
+    pub frames: Vec<CaptureFrame>,
     /// The mesh, in world coordinates, cleaned ([`crate::mesh::clean`]).
     pub mesh: Mesh,
     /// Mean radiance of the unpolarised white board's middle; 1 without a board.
@@ -66,7 +66,7 @@ pub struct Capture {
 
 /// One photograph, or a pair through polarisers, by one camera under one light.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Frame {
+pub struct CaptureFrame {
     /// Name, camera and light.
     pub view: View,
     /// Unpolarised linear radiance (diffuse and specular). Missing pixels are NaN in all colours, here and in `cross`.
@@ -79,14 +79,14 @@ pub struct Frame {
 
 /// What the caller knows better than the capture.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct ReadOptions {
+pub struct CaptureReadOptions {
     /// The mesh file. Default: the one that the capture names, else the only one in its folder.
     pub mesh: Option<PathBuf>,
     /// Mesh to world, rows, from [`align`]. Default: the capture's `mesh_transform`, else none.
     pub mesh_pose: Option<[[f64; 4]; 4]>,
     /// `on / off` of a white diffuse surface per colour. Default: measured on the capture's white board.
     pub beta: Option<[f64; 3]>,
-    /// Colour space of integer pictures, see [`ColorSpace::named`]. Default: the capture's, else `srgb`.
+    /// Colour space of integer pictures, see [`ColorSpace::from_name`]. Default: the capture's, else `srgb`.
     pub color_space: Option<String>,
     /// Factor of the mesh's coordinates, before its pose. Default: 1, and an error where the mesh is so large or so small for the
     /// cameras that its unit must be another than theirs.
@@ -97,7 +97,7 @@ pub struct ReadOptions {
     pub allow_outside: bool,
 }
 
-impl ReadOptions {
+impl CaptureReadOptions {
     /// The account of one capture.
     pub fn access(&self) -> FileAccess {
         FileAccess::new(self.limits).allow_outside(self.allow_outside)
@@ -106,21 +106,21 @@ impl ReadOptions {
 
 /// Reads a capture: a folder or its `transforms.json` or COLMAP file. See the module for what is read, [`Capture`] for what
 /// comes out. A photograph that is missing or damaged costs its frame and a warning; contradictions are errors.
-pub fn read(path: impl AsRef<Path>, options: &ReadOptions) -> Result<Capture> {
+pub fn read(path: impl AsRef<Path>, options: &CaptureReadOptions) -> Result<Capture> {
     read_with_progress(path, options, &|_, _| {})
 }
 
 /// As [`read`]; `progress` hears of the frames done and their total, from any thread of the current pool.
 pub fn read_with_progress(
     path: impl AsRef<Path>,
-    options: &ReadOptions,
+    options: &CaptureReadOptions,
     progress: &(dyn Fn(usize, usize) + Sync),
 ) -> Result<Capture> {
     let access = options.access();
     let description = describe(path, &access)?;
     let mut warnings = description.warnings.clone();
     let declared = options.color_space.as_ref().or(description.color_space.as_ref());
-    let space = ColorSpace::named(declared.map_or("srgb", String::as_str))?;
+    let space = ColorSpace::from_name(declared.map_or("srgb", String::as_str))?;
 
     let mesh_path = description.find_mesh(options)?;
     let (mut mesh, report) = crate::mesh::clean::clean(crate::mesh::read::read(&mesh_path, &access)?);
@@ -142,7 +142,7 @@ pub fn read_with_progress(
     let crossed = described.iter().filter(|frame| frame.cross.is_some()).count();
     let mut skipped = 0;
     if crossed > 0 && crossed < described.len() {
-        let without: Vec<_> = described.iter().filter(|f| f.cross.is_none()).map(|f| plain(&f.view.name)).collect();
+        let without: Vec<_> = described.iter().filter(|f| f.cross.is_none()).map(|f| escaped(&f.view.name)).collect();
         skipped += without.len();
         let names = without.iter().take(MAX_NAMED).cloned().collect::<Vec<_>>().join(", ");
         let more = if without.len() > MAX_NAMED { ", ..." } else { "" };
@@ -164,11 +164,11 @@ pub fn read_with_progress(
                 missing_pixels += missing;
                 frames.push(frame);
             }
-            Err(Fault::Unreadable(error)) => {
+            Err(ImageFault::Unreadable(error)) => {
                 skipped += 1;
-                faults.push(format!("frame {} skipped: {error}", plain(&frame.view.name)));
+                faults.push(format!("frame {} skipped: {error}", escaped(&frame.view.name)));
             }
-            Err(Fault::Wrong(error)) => return Err(error),
+            Err(ImageFault::Wrong(error)) => return Err(error),
         }
     }
     let left_out = faults.len().saturating_sub(MAX_NAMED);
@@ -186,7 +186,7 @@ pub fn read_with_progress(
     if missing_pixels > 0 {
         warnings.push(format!("{missing_pixels} pixels are NaN or infinite and are taken as missing"));
     }
-    let Description { name, .. } = description;
+    let CaptureDescription { name, .. } = description;
     Ok(Capture {
         name,
         frames,
@@ -200,7 +200,7 @@ pub fn read_with_progress(
     })
 }
 
-fn check_beta(description: &Description, beta: Option<[f64; 3]>, crossed: bool) -> Result<()> {
+fn check_beta(description: &CaptureDescription, beta: Option<[f64; 3]>, crossed: bool) -> Result<()> {
     if let Some(beta) = beta
         && !beta.iter().all(|b| b.is_finite() && *b > 0.0)
     {
@@ -216,7 +216,7 @@ fn check_beta(description: &Description, beta: Option<[f64; 3]>, crossed: bool) 
     Ok(())
 }
 
-type Outcome = std::result::Result<(Frame, u64), Fault>;
+type FrameOutcome = std::result::Result<(CaptureFrame, u64), ImageFault>;
 
 /// Frames that a warning names, at most.
 const MAX_NAMED: usize = 20;
@@ -228,7 +228,7 @@ fn read_frames(
     access: &FileAccess,
     space: &ColorSpace,
     progress: &(dyn Fn(usize, usize) + Sync),
-) -> Result<Vec<Outcome>> {
+) -> Result<Vec<FrameOutcome>> {
     // What stays of each frame is known from its camera, as no picture of another size is taken.
     let size = |file: &Path| std::fs::metadata(file).ok().map(|metadata| metadata.len());
     let (mut kept, mut reading) = (0u64, 1u64);
@@ -240,7 +240,7 @@ fn read_frames(
         let largest = [&frame.cross, &frame.mask].into_iter().flatten().filter_map(|file| size(file));
         let bytes = largest.fold(bytes, u64::max);
         // Lens distortion is removed out of place.
-        reading = reading.max(reading_bytes(bytes, width, height).saturating_add(12 * pixels));
+        reading = reading.max(reading_memory(bytes, width, height).saturating_add(12 * pixels));
     }
     access.charge(path, "photographs of the capture", kept)?;
     let at_once = (access.budget().left() / reading).max(1) as usize;
@@ -262,20 +262,20 @@ fn read_frames(
     }
     // Some need more than their size tells, such as those of many channels: alone they may have it.
     for (outcome, frame) in outcomes.iter_mut().zip(described) {
-        if matches!(outcome, Err(Fault::Wrong(Error::InputMemory { .. }))) {
+        if matches!(outcome, Err(ImageFault::Wrong(Error::InputMemory { .. }))) {
             *outcome = read_frame(frame, access, space);
         }
     }
     Ok(outcomes)
 }
 
-fn read_frame(described: &FrameDescription, access: &FileAccess, space: &ColorSpace) -> Outcome {
+fn read_frame(described: &FrameDescription, access: &FileAccess, space: &ColorSpace) -> FrameOutcome {
     let camera = &described.view.camera;
     let size = (camera.width, camera.height);
-    let picture = read_picture(&described.photograph, access, space, Some(size))?;
+    let picture = read_radiance_image(&described.photograph, access, space, Some(size))?;
     let mut photograph = picture.colour;
     let mut cross = match &described.cross {
-        Some(path) => Some(read_picture(path, access, space, Some(size))?.colour),
+        Some(path) => Some(read_radiance_image(path, access, space, Some(size))?.colour),
         None => None,
     };
     let (mut mask, mask_path) = match &described.mask {
@@ -294,14 +294,14 @@ fn read_frame(described: &FrameDescription, access: &FileAccess, space: &ColorSp
     }
     if !described.lens.is_pinhole() {
         let lens = &described.lens;
-        photograph = lens.remove_from_picture(camera, &photograph);
-        cross = cross.map(|cross| lens.remove_from_picture(camera, &cross));
-        mask = mask.map(|mask| lens.remove_from_mask(camera, &mask));
+        photograph = lens.undistort_image(camera, &photograph);
+        cross = cross.map(|cross| lens.undistort_image(camera, &cross));
+        mask = mask.map(|mask| lens.undistort_mask(camera, &mask));
     }
     if mask.as_ref().is_some_and(|mask| mask.count() == 0) {
-        return Err(Fault::Unreadable(Error::input(mask_path, "the mask is empty: no pixel shows the object")));
+        return Err(ImageFault::Unreadable(Error::input(mask_path, "the mask is empty: no pixel shows the object")));
     }
-    Ok((Frame { view: described.view.clone(), photograph, cross, mask }, missing))
+    Ok((CaptureFrame { view: described.view.clone(), photograph, cross, mask }, missing))
 }
 
 /// Projections of vertices into pictures that are tried, at most.

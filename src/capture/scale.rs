@@ -1,6 +1,6 @@
 //! Whether the mesh is in the cameras' unit of length.
 
-use super::align::apply;
+use super::align::apply_pose;
 use super::description::FrameDescription;
 use crate::error::{Error, Result};
 use crate::mesh::Mesh;
@@ -33,7 +33,7 @@ pub(super) fn place(
         mesh.positions.iter_mut().flatten().for_each(|c| *c = (f64::from(*c) * scale) as f32);
     }
     if let Some(pose) = pose {
-        apply(mesh, &pose);
+        apply_pose(mesh, &pose);
     }
     if mesh.positions.iter().flatten().any(|c| !c.is_finite()) {
         return Err(Error::input(path, "scaled and moved, the mesh has a vertex that is not finite"));

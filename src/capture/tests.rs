@@ -60,7 +60,7 @@ impl Small {
     fn mask(&self, name: &str, width: u32, height: u32, lit: bool) {
         image::GrayImage::from_pixel(width, height, image::Luma([lit as u8 * 255])).save(self.path(name)).unwrap();
     }
-    fn read(&self, options: &ReadOptions) -> Result<Capture> {
+    fn read(&self, options: &CaptureReadOptions) -> Result<Capture> {
         let frames: Vec<_> = self.frames.iter().map(|frame| format!("{{{frame}}}")).collect();
         let frames = frames.join(",\n");
         let text = format!("{{\"w\": 16, \"h\": 12, \"fl_x\": 20{}, \"frames\": [\n{frames}]}}", self.keys);
@@ -68,13 +68,13 @@ impl Small {
         read(self.folder.path(), options)
     }
     fn error(&self) -> String {
-        self.read(&ReadOptions::default()).unwrap_err().to_string()
+        self.read(&CaptureReadOptions::default()).unwrap_err().to_string()
     }
 }
 
 #[test]
 fn the_sample_reads_as_measured() {
-    let capture = read(sample(), &ReadOptions::default()).unwrap();
+    let capture = read(sample(), &CaptureReadOptions::default()).unwrap();
     assert_eq!((capture.name.as_str(), capture.frames.len()), ("sample-spot", 36));
     assert_eq!((capture.mesh.positions.len(), capture.mesh.triangles.len()), (752, 1500));
     assert_eq!((capture.skipped_frames, capture.missing_pixels), (0, 0));
@@ -89,7 +89,7 @@ fn the_sample_reads_as_measured() {
     let frame = &capture.frames[7];
     let mask = frame.mask.as_ref().unwrap();
     let project = |p: &[f32; 3]| frame.view.camera.project(p.map(f64::from)).unwrap().0;
-    let inside = |[x, y]: [f64; 2]| *mask.at(x as usize, y as usize);
+    let inside = |[x, y]: [f64; 2]| *mask.value_at(x as usize, y as usize);
     let share = capture.mesh.positions.iter().filter(|p| inside(project(p))).count() as f64 / 752.0;
     assert!(share > 0.96, "{share}");
     let light = frame.view.light.unwrap();
@@ -107,7 +107,7 @@ fn white_boards_of_the_shared_captures() {
         let Some(path) = data(part) else { continue };
         let description = describe(path.join("transforms.json"), &FileAccess::default()).unwrap();
         assert_eq!(description.frames.len(), frames);
-        let space = ColorSpace::named("srgb").unwrap();
+        let space = ColorSpace::from_name("srgb").unwrap();
         let (found, _) =
             white::calibrate(&description.white_reference.unwrap(), &FileAccess::default(), &space).unwrap();
         (0..3).for_each(|c| assert!((found[c] - white[c]).abs() < 4e-6, "{part} {:?}", found));
@@ -117,7 +117,7 @@ fn white_boards_of_the_shared_captures() {
 #[test]
 fn temple_ring_reads_from_colmap() {
     let Some(path) = data("multiview/templeRing") else { return };
-    let capture = read(&path, &ReadOptions::default()).unwrap();
+    let capture = read(&path, &CaptureReadOptions::default()).unwrap();
     assert_eq!((capture.name.as_str(), capture.frames.len()), ("templeRing", 47));
     assert!((capture.mesh.triangles.len() as i64 - 10_000).abs() < 100);
     let frame = &capture.frames[0];
@@ -130,7 +130,8 @@ fn temple_ring_reads_from_colmap() {
         let ([x, y], _) = frame.view.camera.project(position.map(f64::from)).unwrap();
         for dy in -2..3 {
             for dx in -2..3 {
-                *covered.at_mut((x as i64 + dx).clamp(0, 639) as usize, (y as i64 + dy).clamp(0, 479) as usize) = true;
+                *covered.value_at_mut((x as i64 + dx).clamp(0, 639) as usize, (y as i64 + dy).clamp(0, 479) as usize) =
+                    true;
             }
         }
     }
@@ -145,25 +146,25 @@ fn temple_ring_reads_from_colmap() {
 #[test]
 fn polarised_captures_have_beta_and_white() {
     let small = Small::new(true);
-    let capture = small.read(&ReadOptions::default()).unwrap();
+    let capture = small.read(&CaptureReadOptions::default()).unwrap();
     assert_eq!((capture.white, capture.beta.unwrap()), ([2.0, 2.0, 4.0], [0.5, 0.8f32 as f64 / 2.0, 0.25]));
     assert_eq!(capture.frames.len(), 3);
-    assert_eq!(*capture.frames[1].photograph.at(3, 2), [3.0, 2.0, 1.0]);
-    assert_eq!(capture.frames[1].cross.as_ref().unwrap().at(5, 0)[0], 2.0);
-    let given = small.read(&ReadOptions { beta: Some([0.3; 3]), ..Default::default() }).unwrap();
+    assert_eq!(*capture.frames[1].photograph.value_at(3, 2), [3.0, 2.0, 1.0]);
+    assert_eq!(capture.frames[1].cross.as_ref().unwrap().value_at(5, 0)[0], 2.0);
+    let given = small.read(&CaptureReadOptions { beta: Some([0.3; 3]), ..Default::default() }).unwrap();
     assert_eq!(given.beta, Some([0.3; 3]));
-    assert!(small.read(&ReadOptions { beta: Some([0.3, 0.0, 0.3]), ..Default::default() }).is_err());
+    assert!(small.read(&CaptureReadOptions { beta: Some([0.3, 0.0, 0.3]), ..Default::default() }).is_err());
 
     let mut without_board = Small::new(true);
     without_board.keys.clear();
     assert!(without_board.error().contains("--beta"));
-    let given = without_board.read(&ReadOptions { beta: Some([0.3; 3]), ..Default::default() }).unwrap();
+    let given = without_board.read(&CaptureReadOptions { beta: Some([0.3; 3]), ..Default::default() }).unwrap();
     assert_eq!(given.white, [1.0; 3]);
 
     // A frame without cross photograph among others that have one.
     let mut mixed = Small::new(true);
     mixed.frames[1] = format!("\"file_path\": \"1.exr\", \"transform_matrix\": {POSE}");
-    let capture = mixed.read(&ReadOptions::default()).unwrap();
+    let capture = mixed.read(&CaptureReadOptions::default()).unwrap();
     assert_eq!((capture.frames.len(), capture.skipped_frames), (2, 1));
     assert!(
         capture.warnings[0].contains("1 frames without a cross photograph skipped")
@@ -173,7 +174,7 @@ fn polarised_captures_have_beta_and_white() {
     small.picture("white.exr", |_, _| (f32::NAN, 1.0, 1.0));
     assert!(small.error().contains("white.exr: the white board has a mean radiance of [NaN, NaN, NaN]"));
     fs::remove_file(small.path("white_cross.exr")).unwrap();
-    assert!(small.read(&ReadOptions::default()).is_err());
+    assert!(small.read(&CaptureReadOptions::default()).is_err());
 }
 
 #[test]
@@ -195,7 +196,7 @@ fn missing_and_damaged_photographs_cost_their_frame() {
         for name in ["1.exr", "c1.exr"] {
             let small = Small::new(true);
             damage(&small.path(name));
-            let capture = small.read(&ReadOptions::default()).unwrap();
+            let capture = small.read(&CaptureReadOptions::default()).unwrap();
             assert_eq!((capture.frames.len(), capture.skipped_frames), (2, 1));
             assert!(capture.warnings[0].starts_with("frame 1.exr skipped: "), "{:?}", capture.warnings);
             assert!(
@@ -212,7 +213,7 @@ fn missing_and_damaged_photographs_cost_their_frame() {
     let bytes = fs::read(small.path("p.png")).unwrap();
     fs::write(small.path("p.png"), &bytes[..bytes.len() / 2]).unwrap();
     small.frames[0] = small.frames[0].replace("0.exr", "p.png");
-    let capture = small.read(&ReadOptions::default()).unwrap();
+    let capture = small.read(&CaptureReadOptions::default()).unwrap();
     assert_eq!((capture.frames.len(), capture.skipped_frames), (2, 1));
     assert!(capture.warnings[0].contains("p.png"), "{:?}", capture.warnings);
     for index in 0..3 {
@@ -236,21 +237,23 @@ fn contradictions_are_errors() {
     small.mask("m.png", 16, 13, true);
     assert!(small.error().contains("m.png: the picture is 16 x 13 pixels"));
     small.mask("m.png", 16, 12, false);
-    let capture = small.read(&ReadOptions::default()).unwrap();
+    let capture = small.read(&CaptureReadOptions::default()).unwrap();
     assert_eq!((capture.frames.len(), capture.skipped_frames), (2, 1));
     assert!(capture.warnings[0].contains("m.png: the mask is empty"), "{:?}", capture.warnings);
     small.mask("m.png", 16, 12, true);
-    assert_eq!(small.read(&ReadOptions::default()).unwrap().frames[0].mask.as_ref().unwrap().count(), 192);
+    assert_eq!(small.read(&CaptureReadOptions::default()).unwrap().frames[0].mask.as_ref().unwrap().count(), 192);
 
     small.keys = ", \"color_space\": \"slog3\"".into();
-    assert!(matches!(small.read(&ReadOptions::default()), Err(Error::Unsupported(_))));
+    assert!(matches!(small.read(&CaptureReadOptions::default()), Err(Error::Unsupported(_))));
     small.frames.clear();
     assert!(small.error().contains("no frame"));
-    assert!(matches!(read(small.path("nowhere"), &ReadOptions::default()), Err(Error::Io { .. })));
+    assert!(matches!(read(small.path("nowhere"), &CaptureReadOptions::default()), Err(Error::Io { .. })));
     let empty = tempfile::tempdir().unwrap();
-    assert!(read(empty.path(), &ReadOptions::default()).unwrap_err().to_string().contains("no capture here"));
+    assert!(read(empty.path(), &CaptureReadOptions::default()).unwrap_err().to_string().contains("no capture here"));
     fs::write(empty.path().join("transforms.json"), "").unwrap();
-    assert!(read(empty.path(), &ReadOptions::default()).unwrap_err().to_string().contains("transforms.json: line 1"));
+    assert!(
+        read(empty.path(), &CaptureReadOptions::default()).unwrap_err().to_string().contains("transforms.json: line 1")
+    );
 }
 
 #[test]
@@ -258,19 +261,19 @@ fn missing_pixels_are_counted_within_the_mask() {
     let mut small = Small::new(true);
     small.picture("0.exr", |x, y| if (x, y) == (2, 3) { (1.0, f32::NAN, 1.0) } else { (1.0, 1.0, 1.0) });
     small.picture("c0.exr", |x, y| if x == 7 && y < 2 { (1.0, f32::INFINITY, 1.0) } else { (1.0, 1.0, 1.0) });
-    let capture = small.read(&ReadOptions::default()).unwrap();
+    let capture = small.read(&CaptureReadOptions::default()).unwrap();
     assert_eq!(capture.missing_pixels, 3);
     assert!(capture.warnings[0].starts_with("3 pixels are NaN or infinite"));
     for image in [&capture.frames[0].photograph, capture.frames[0].cross.as_ref().unwrap()] {
         for (x, y) in [(2, 3), (7, 0), (7, 1)] {
-            assert!(image.at(x, y).iter().all(|v| v.is_nan()));
+            assert!(image.value_at(x, y).iter().all(|v| v.is_nan()));
         }
         assert_eq!(image.data.iter().filter(|p| p[0].is_nan()).count(), 3);
     }
     let half = image::GrayImage::from_fn(16, 12, |x, _| image::Luma([if x < 5 { 255 } else { 0 }]));
     half.save(small.path("m.png")).unwrap();
     small.frames[0] += ", \"mask_path\": \"m.png\"";
-    assert_eq!(small.read(&ReadOptions::default()).unwrap().missing_pixels, 1);
+    assert_eq!(small.read(&CaptureReadOptions::default()).unwrap().missing_pixels, 1);
 }
 
 #[test]
@@ -284,11 +287,11 @@ fn a_mesh_beside_the_cameras_is_an_error() {
     }
     // Moved into view by a given pose.
     let back = [[1.0, 0.0, 0.0, -100.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]];
-    let capture = small.read(&ReadOptions { mesh_pose: Some(back), ..Default::default() }).unwrap();
+    let capture = small.read(&CaptureReadOptions { mesh_pose: Some(back), ..Default::default() }).unwrap();
     assert_eq!(capture.mesh.positions[1], [1.0, 0.0, 0.0]);
     // A triangle so large that no corner is in view.
     fs::write(small.path("mesh.obj"), "v -90 -90 0\nv 90 -90 0\nv 0 90 0\nf 1 2 3\n").unwrap();
-    assert!(small.read(&ReadOptions::default()).is_ok());
+    assert!(small.read(&CaptureReadOptions::default()).is_ok());
     // One vertex of many.
     let strip: String = (0..100).map(|i| format!("v {} 0 0\nv {} 1 0\n", i * 20, i * 20)).collect();
     fs::write(
@@ -296,7 +299,7 @@ fn a_mesh_beside_the_cameras_is_an_error() {
         format!("{strip}{}", (1..198).map(|i| format!("f {i} {} {}\n", i + 1, i + 2)).collect::<String>()),
     )
     .unwrap();
-    let capture = small.read(&ReadOptions::default()).unwrap();
+    let capture = small.read(&CaptureReadOptions::default()).unwrap();
     assert!(capture.warnings.iter().any(|w| w.starts_with("only 1.0")), "{:?}", capture.warnings);
 }
 
@@ -305,10 +308,10 @@ fn the_mesh_is_found_or_asked_for() {
     let small = Small::new(false);
     fs::copy(small.path("mesh.obj"), small.path("second.obj")).unwrap();
     assert!(small.error().contains("several meshes") && small.error().contains("--mesh"));
-    let options = ReadOptions { mesh: Some(small.path("second.obj")), ..Default::default() };
+    let options = CaptureReadOptions { mesh: Some(small.path("second.obj")), ..Default::default() };
     assert!(small.read(&options).is_ok());
     fs::remove_file(small.path("mesh.obj")).unwrap();
-    assert!(small.read(&ReadOptions::default()).is_ok());
+    assert!(small.read(&CaptureReadOptions::default()).is_ok());
     fs::remove_file(small.path("second.obj")).unwrap();
     assert!(small.error().contains("no mesh") || small.error().contains("names no mesh"));
 }
@@ -319,17 +322,17 @@ fn distorted_photographs_become_pinhole_ones() {
     small.keys += ", \"camera_model\": \"SIMPLE_RADIAL\", \"k1\": 0.5";
     small.frames[0] += ", \"mask_path\": \"m.png\"";
     small.mask("m.png", 16, 12, true);
-    let capture = small.read(&ReadOptions::default()).unwrap();
+    let capture = small.read(&CaptureReadOptions::default()).unwrap();
     let frame = &capture.frames[0];
     // k1 > 0: the corners of the pinhole picture lie outside the photograph.
-    assert!(frame.photograph.at(0, 0)[0].is_nan() && frame.cross.as_ref().unwrap().at(0, 0)[0].is_nan());
-    assert!(!*frame.mask.as_ref().unwrap().at(0, 0));
+    assert!(frame.photograph.value_at(0, 0)[0].is_nan() && frame.cross.as_ref().unwrap().value_at(0, 0)[0].is_nan());
+    assert!(!*frame.mask.as_ref().unwrap().value_at(0, 0));
     // The picture is a ramp in x: the value tells the source position.
     let ideal = [(12.5 - 8.0) / 20.0, (6.5 - 6.0) / 20.0];
     let bent =
         Lens::Radial { numerator: [0.5, 0.0, 0.0, 0.0], denominator: [0.0; 3], tangential: [0.0; 2] }.distort(ideal);
     let expected = bent[0] * 20.0 + 8.0 - 0.5;
-    assert!((frame.photograph.at(12, 6)[0] as f64 - expected).abs() < 1e-5);
+    assert!((frame.photograph.value_at(12, 6)[0] as f64 - expected).abs() < 1e-5);
     assert_eq!(capture.missing_pixels, 0);
 }
 
@@ -339,17 +342,18 @@ fn display_referred_photographs_with_alpha() {
     let picture = image::RgbaImage::from_fn(16, 12, |x, _| image::Rgba([188, 188, 188, if x < 4 { 0 } else { 255 }]));
     picture.save(small.path("p.png")).unwrap();
     small.frames = vec![format!("\"file_path\": \"p\", \"transform_matrix\": {POSE}")];
-    let capture = small.read(&ReadOptions::default()).unwrap();
-    assert!((capture.frames[0].photograph.at(9, 9)[0] - 0.502_886_5).abs() < 1e-5);
+    let capture = small.read(&CaptureReadOptions::default()).unwrap();
+    assert!((capture.frames[0].photograph.value_at(9, 9)[0] - 0.502_886_5).abs() < 1e-5);
     assert_eq!(capture.frames[0].mask.as_ref().unwrap().count(), 12 * 12);
-    let linear = small.read(&ReadOptions { color_space: Some("linear-rec709".into()), ..Default::default() }).unwrap();
-    assert_eq!(linear.frames[0].photograph.at(9, 9)[0], (188.0f64 * 257.0 / 65535.0) as f32);
+    let linear =
+        small.read(&CaptureReadOptions { color_space: Some("linear-rec709".into()), ..Default::default() }).unwrap();
+    assert_eq!(linear.frames[0].photograph.value_at(9, 9)[0], (188.0f64 * 257.0 / 65535.0) as f32);
 }
 
 #[test]
 fn alignment_of_the_sample_from_a_points_file() {
     let description = describe(sample(), &FileAccess::default()).unwrap();
-    let capture = read(sample(), &ReadOptions::default()).unwrap();
+    let capture = read(sample(), &CaptureReadOptions::default()).unwrap();
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("points.json");
     // The scan in millimetres, turned: x' = 1000 y, y' = -1000 x.
@@ -364,7 +368,7 @@ fn alignment_of_the_sample_from_a_points_file() {
     }
     fs::write(&path, format!("{{\"points\": [\n{}]}}", points.join(",\n"))).unwrap();
     // Names that are not unique must be whole.
-    let points = align::read_points(&path, &description, &FileAccess::default()).unwrap();
+    let points = align::read_correspondences(&path, &description, &FileAccess::default()).unwrap();
     let cameras: Vec<_> = description.frames.iter().map(|f| f.view.camera).collect();
     let found = align::align(&cameras, &points, true).unwrap();
     assert!((found.scale - 0.001).abs() < 1e-9 && found.max_pixels < 1e-6, "{found:?}");
@@ -375,7 +379,7 @@ fn alignment_of_the_sample_from_a_points_file() {
 
     let fault = |text: &str| {
         fs::write(&path, text).unwrap();
-        align::read_points(&path, &description, &FileAccess::default()).unwrap_err().to_string()
+        align::read_correspondences(&path, &description, &FileAccess::default()).unwrap_err().to_string()
     };
     let unknown = fault("{\"points\": [\n{\"frame\": \"off/999.exr\", \"pixel\": [1, 1], \"mesh\": [0, 0, 0]}]}");
     assert!(unknown.contains("line 2, points[0].frame: the capture has no frame \"off/999.exr\""), "{unknown}");

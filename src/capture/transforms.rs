@@ -1,40 +1,42 @@
 //! Captures described by `transforms.json`: nerfstudio's keys and our own for polarised photographs, lights and the white board.
 
-use super::description::{Description, FrameDescription, WhiteReference, camera_fault, capture_folder, folder_name};
-use super::json::{Document, Node};
+use super::description::{
+    CaptureDescription, FrameDescription, WhiteReference, camera_fault, capture_folder, folder_name,
+};
+use super::json::{JsonDocument, JsonNode};
 use super::lens::Lens;
 use super::view_names::view_names;
 use crate::error::Result;
-use crate::input::{FileAccess, Folder, plain, quoted};
+use crate::input::{FileAccess, Folder, escaped, quoted};
 use crate::views::{Camera, PointLight, View};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-pub(super) fn describe(path: &Path, access: &FileAccess) -> Result<Description> {
-    let document = Document::read(path, access)?;
+pub(super) fn describe(path: &Path, access: &FileAccess) -> Result<CaptureDescription> {
+    let document = JsonDocument::read(path, access)?;
     let root = document.root();
     let folder = Folder::new(capture_folder(path), path, access.allows_outside());
     let mut lights = LightWarnings::default();
     let mut frames = Vec::new();
-    let list = root.need("frames")?.items(access.budget().limits().frames as usize)?;
-    let paths: Vec<&str> = list.iter().map(|frame| frame.need("file_path")?.text()).collect::<Result<_>>()?;
+    let list = root.required("frames")?.items(access.budget().limits().views as usize)?;
+    let paths: Vec<&str> = list.iter().map(|frame| frame.required("file_path")?.text()).collect::<Result<_>>()?;
     let names = view_names(&folder, &paths);
     for (frame, name) in list.iter().zip(names) {
         frames.push(read_frame(&root, frame, name, &folder, &mut lights)?);
     }
-    let file = |node: &Node| folder.resolve(node.text()?);
+    let file = |node: &JsonNode| folder.resolve(node.text()?);
     let white_reference = root.optional("white_reference", |node| {
         Ok(WhiteReference {
-            photograph: file(&node.need("file_path")?)?,
+            photograph: file(&node.required("file_path")?)?,
             cross: node.optional("cross_file_path", file)?,
         })
     })?;
-    Ok(Description {
+    Ok(CaptureDescription {
         path: path.to_owned(),
         name: folder_name(folder.path()),
         frames,
         mesh_file: root.optional("mesh_file", file)?,
-        mesh_pose: root.optional("mesh_transform", Node::matrix)?,
+        mesh_pose: root.optional("mesh_transform", JsonNode::matrix)?,
         white_reference,
         color_space: root.optional("color_space", |node| Ok(node.text()?.to_owned()))?,
         warnings: lights.sentences(),
@@ -42,20 +44,20 @@ pub(super) fn describe(path: &Path, access: &FileAccess) -> Result<Description> 
 }
 
 fn read_frame(
-    root: &Node,
-    frame: &Node,
+    root: &JsonNode,
+    frame: &JsonNode,
     name: String,
     folder: &Folder,
     lights: &mut LightWarnings,
 ) -> Result<FrameDescription> {
-    let file_path = frame.need("file_path")?;
+    let file_path = frame.required("file_path")?;
     let (mut camera, lens) = read_intrinsics(root, frame)?;
-    (camera.rotation, camera.translation) = read_pose(&frame.need("transform_matrix")?)?;
+    (camera.rotation, camera.translation) = read_pose(&frame.required("transform_matrix")?)?;
     if let Some(fault) = camera_fault(&camera) {
         return Err(frame.error(format!("the camera has {fault}")));
     }
     let light = read_light(root, frame, lights)?;
-    let file = |node: &Node| find_picture(folder, node.text()?);
+    let file = |node: &JsonNode| find_picture(folder, node.text()?);
     Ok(FrameDescription {
         photograph: file(&file_path)?,
         cross: frame.optional("cross_file_path", file)?,
@@ -80,7 +82,7 @@ fn find_picture(folder: &Folder, name: &str) -> Result<PathBuf> {
 }
 
 /// Camera and lens from the frame's own keys, else the capture's. Needed: `w`, `h`, `fl_x` (or `camera_angle_x`).
-pub(super) fn read_intrinsics(root: &Node, frame: &Node) -> Result<(Camera, Lens)> {
+pub(super) fn read_intrinsics(root: &JsonNode, frame: &JsonNode) -> Result<(Camera, Lens)> {
     let find = |key: &str| frame.get(key).or_else(|| root.get(key));
     let number = |key: &str| find(key).map(|node| node.number()).transpose();
     let missing = |key: &str| frame.error(format!("key \"{key}\" is missing, here and at the top level"));
@@ -116,7 +118,7 @@ pub(super) fn read_intrinsics(root: &Node, frame: &Node) -> Result<(Camera, Lens
             let message = format!(
                 "camera model {} is not supported; known: PINHOLE, SIMPLE_PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV, \
                  OPENCV_FISHEYE",
-                plain(other)
+                escaped(other)
             );
             return Err(model.map_or_else(|| frame.error(&message), |node| node.error(&message)));
         }
@@ -125,7 +127,7 @@ pub(super) fn read_intrinsics(root: &Node, frame: &Node) -> Result<(Camera, Lens
 }
 
 /// Camera to world with OpenGL's axes (x right, y up, z backward) into world to camera with OpenCV's.
-fn read_pose(node: &Node) -> Result<([[f64; 3]; 3], [f64; 3])> {
+fn read_pose(node: &JsonNode) -> Result<([[f64; 3]; 3], [f64; 3])> {
     let matrix = node.matrix()?;
     // Columns of camera to world are rows of world to camera; y and z change sides.
     let signs = [1.0, -1.0, -1.0];
@@ -198,7 +200,7 @@ impl LightWarnings {
 }
 
 /// The frame's point light: position and intensity from the frame's own keys, else the capture's.
-fn read_light(root: &Node, frame: &Node, warnings: &mut LightWarnings) -> Result<Option<PointLight>> {
+fn read_light(root: &JsonNode, frame: &JsonNode, warnings: &mut LightWarnings) -> Result<Option<PointLight>> {
     let lights = [frame.get("light"), root.get("light")];
     let find = |key: &str| lights.iter().flatten().find_map(|light| light.get(key));
     if let Some(kind) = find("type")
@@ -229,7 +231,7 @@ fn read_light(root: &Node, frame: &Node, warnings: &mut LightWarnings) -> Result
 mod tests {
     use super::*;
 
-    fn describe_text(text: &str) -> Result<Description> {
+    fn describe_text(text: &str) -> Result<CaptureDescription> {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("transforms.json");
         std::fs::write(&path, text).unwrap();

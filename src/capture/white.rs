@@ -3,7 +3,7 @@
 use super::description::WhiteReference;
 use crate::error::{Error, Result};
 use crate::image::RgbImage;
-use crate::image::read::{ColorSpace, read_picture};
+use crate::image::read::{ColorSpace, read_radiance_image};
 use crate::input::FileAccess;
 use std::path::Path;
 
@@ -15,7 +15,7 @@ pub(super) fn calibrate(
     space: &ColorSpace,
 ) -> Result<([f64; 3], Option<[f64; 3]>)> {
     let read = |path: &Path| -> Result<[f64; 3]> {
-        let picture = read_picture(path, access, space, None)?;
+        let picture = read_radiance_image(path, access, space, None)?;
         let mean = middle_mean(&picture.colour);
         let bright = mean.iter().all(|m| m.is_finite() && *m > 0.0);
         let message =

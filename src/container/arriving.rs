@@ -1,6 +1,6 @@
 //! A file whose bytes arrive piece by piece, from its start or in ranges that were asked for.
 
-use super::reader::{directory_place, parse_directory};
+use super::reader::{directory_offset, parse_directory};
 use super::section::{Section, SectionCodec, directory_length};
 use super::{
     DIRECTORY_TAG, FILE_HEADER_BYTES, MAX_SECTIONS, SECTION_HEADER_BYTES, TRAILER_BYTES, Tag, check_file_header,
@@ -13,21 +13,21 @@ use std::sync::Arc;
 
 /// Something that is there, or the bytes of the file that it still takes.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Arrival<T> {
+pub enum Poll<T> {
     /// It is there.
-    Here(T),
+    Ready(T),
     /// Ranges of the file, in bytes, that must arrive first; more may be needed once these are there. A range may end beyond the end of
     /// a file whose length is not known yet.
-    Missing(Vec<Range<u64>>),
+    NeedRanges(Vec<Range<u64>>),
 }
 
-/// Takes what is there out of an [`Arrival`], or returns what is missing.
+/// Takes what is there out of an [`Poll`], or returns what is missing.
 macro_rules! here {
     ($arrival:expr) => {
         match $arrival {
-            $crate::container::Arrival::Here(value) => value,
-            $crate::container::Arrival::Missing(ranges) => {
-                return Ok($crate::container::Arrival::Missing(ranges));
+            $crate::container::Poll::Ready(value) => value,
+            $crate::container::Poll::NeedRanges(ranges) => {
+                return Ok($crate::container::Poll::NeedRanges(ranges));
             }
         }
     };
@@ -36,7 +36,7 @@ pub(crate) use here;
 
 /// A file of which some bytes are there.
 #[derive(Debug)]
-pub struct Arriving {
+pub struct IncrementalReader {
     /// Pieces by where they begin; they neither touch nor overlap.
     pieces: BTreeMap<u64, Vec<u8>>,
     length: Option<u64>,
@@ -47,11 +47,11 @@ pub struct Arriving {
     budget: Arc<Budget>,
 }
 
-impl Arriving {
+impl IncrementalReader {
     /// A file of which nothing is there yet. `is_seekable` says that any range can be asked for; then the directory is read, else the
     /// sections are found one after the other as they arrive.
     pub fn new(length: Option<u64>, is_seekable: bool, limits: Limits) -> Self {
-        Arriving {
+        IncrementalReader {
             pieces: BTreeMap::new(),
             length,
             is_seekable,
@@ -65,7 +65,7 @@ impl Arriving {
     /// Takes bytes that have arrived; what was there before is left as it is.
     /// # Errors
     /// [`Error::Limits`] where the memory is not there; [`Error::Parameter`] for bytes beyond the file's length.
-    pub fn give(&mut self, offset: u64, bytes: &[u8]) -> Result<()> {
+    pub fn feed(&mut self, offset: u64, bytes: &[u8]) -> Result<()> {
         let end = offset.checked_add(bytes.len() as u64).filter(|end| self.length.is_none_or(|length| *end <= length));
         let Some(end) = end else {
             return Err(Error::parameter("bytes arrived beyond the end of the file"));
@@ -98,7 +98,7 @@ impl Arriving {
     }
 
     /// Says where the file ends, when that is known at last.
-    pub fn end(&mut self, length: u64) {
+    pub fn set_length(&mut self, length: u64) {
         self.length = Some(length);
     }
     /// Length of the file, where it is known.
@@ -117,12 +117,12 @@ impl Arriving {
     /// The bytes of a range.
     /// # Errors
     /// [`Error::Format`] where the file ends before.
-    pub fn bytes(&self, range: Range<u64>) -> Result<Arrival<&[u8]>> {
+    pub fn bytes(&self, range: Range<u64>) -> Result<Poll<&[u8]>> {
         if let Some(length) = self.length.filter(|length| range.end > *length) {
             return Err(Error::format("file", length, format!("ends early: byte {} is needed", range.end)));
         }
         if range.start >= range.end {
-            return Ok(Arrival::Here(&[]));
+            return Ok(Poll::Ready(&[]));
         }
         let piece = self.pieces.range(..=range.start).next_back();
         let found = piece.and_then(|(start, piece)| {
@@ -130,24 +130,24 @@ impl Arriving {
             piece.get(skip..)?.get(..usize::try_from(range.end - range.start).ok()?)
         });
         Ok(match found {
-            Some(bytes) => Arrival::Here(bytes),
-            None => Arrival::Missing(self.gaps(range)),
+            Some(bytes) => Poll::Ready(bytes),
+            None => Poll::NeedRanges(self.missing_ranges(range)),
         })
     }
 
     /// Whether all of some ranges are there.
-    pub fn all(&self, ranges: &[Range<u64>]) -> Result<Arrival<()>> {
+    pub fn require(&self, ranges: &[Range<u64>]) -> Result<Poll<()>> {
         let mut missing = Vec::new();
         for range in ranges {
-            if let Arrival::Missing(gaps) = self.bytes(range.clone())? {
+            if let Poll::NeedRanges(gaps) = self.bytes(range.clone())? {
                 missing.extend(gaps);
             }
         }
-        Ok(if missing.is_empty() { Arrival::Here(()) } else { Arrival::Missing(missing) })
+        Ok(if missing.is_empty() { Poll::Ready(()) } else { Poll::NeedRanges(missing) })
     }
 
     /// What of a range is not there.
-    fn gaps(&self, range: Range<u64>) -> Vec<Range<u64>> {
+    fn missing_ranges(&self, range: Range<u64>) -> Vec<Range<u64>> {
         let mut gaps = Vec::new();
         let mut at = range.start;
         let before = self.pieces.range(..=at).next_back().map(|(start, _)| *start).unwrap_or(at);
@@ -164,18 +164,18 @@ impl Arriving {
     }
 
     /// The first section with a tag, `None` where the file has none.
-    pub fn find(&mut self, tag: Tag) -> Result<Arrival<Option<Section>>> {
+    pub fn find(&mut self, tag: Tag) -> Result<Poll<Option<Section>>> {
         loop {
             let found = self.sections.iter().find(|section| section.tag == tag).copied();
             if found.is_some() || self.is_complete {
-                return Ok(Arrival::Here(found));
+                return Ok(Poll::Ready(found));
             }
             here!(self.advance()?);
         }
     }
 
     /// Learns of all sections from the directory, or else of one more.
-    fn advance(&mut self) -> Result<Arrival<()>> {
+    fn advance(&mut self) -> Result<Poll<()>> {
         let head = match self.head {
             Some(head) => head,
             None => {
@@ -190,23 +190,23 @@ impl Arriving {
         };
         match self.length.filter(|_| self.is_seekable) {
             Some(length) => self.read_directory(&head, length),
-            None => self.walk(&head),
+            None => self.read_next_header(&head),
         }
     }
 
-    fn read_directory(&mut self, head: &[u8; FILE_HEADER_BYTES], length: u64) -> Result<Arrival<()>> {
+    fn read_directory(&mut self, head: &[u8; FILE_HEADER_BYTES], length: u64) -> Result<Poll<()>> {
         let trailer_at = length.saturating_sub(TRAILER_BYTES as u64);
         let trailer = here!(self.bytes(trailer_at..length)?);
-        let directory_at = directory_place(trailer, length)?;
+        let directory_at = directory_offset(trailer, length)?;
         let directory = here!(self.bytes(directory_at..trailer_at)?);
         self.budget.charge("directory", directory.len() as u64)?;
         self.sections = parse_directory(head, directory, directory_at)?;
         self.is_complete = true;
-        Ok(Arrival::Here(()))
+        Ok(Poll::Ready(()))
     }
 
     /// The header after the last known section; where the directory stands instead, it is read and compared.
-    fn walk(&mut self, head: &[u8; FILE_HEADER_BYTES]) -> Result<Arrival<()>> {
+    fn read_next_header(&mut self, head: &[u8; FILE_HEADER_BYTES]) -> Result<Poll<()>> {
         let offset = match self.sections.last() {
             Some(last) => last.end().ok_or_else(|| Error::format(last.tag, 5u8, "ends beyond 64 bits"))?,
             None => FILE_HEADER_BYTES as u64,
@@ -224,7 +224,7 @@ impl Arriving {
                 return Err(Error::format("directory", offset, "differs from the sections before it"));
             }
             self.is_complete = true;
-            return Ok(Arrival::Here(()));
+            return Ok(Poll::Ready(()));
         }
         check("sections", self.sections.len() as u64 + 1, MAX_SECTIONS)?;
         let section = Section::parse(Tag(*tag), offset, || match rest.split_first() {
@@ -236,19 +236,19 @@ impl Arriving {
         })?;
         section.check_repetition(&self.sections)?;
         self.sections.push(section);
-        Ok(Arrival::Here(()))
+        Ok(Poll::Ready(()))
     }
 
     /// The content of the first section with a tag: checksum compared, decompressed. `None` where the file has none.
-    pub fn read(&mut self, tag: Tag) -> Result<Arrival<Option<Vec<u8>>>> {
-        let Some(section) = here!(self.find(tag)?) else { return Ok(Arrival::Here(None)) };
+    pub fn content(&mut self, tag: Tag) -> Result<Poll<Option<Vec<u8>>>> {
+        let Some(section) = here!(self.find(tag)?) else { return Ok(Poll::Ready(None)) };
         let stored = here!(self.stored(&section)?).to_vec();
         self.budget.charge("section", section.stored)?;
-        Ok(Arrival::Here(Some(section.decode(stored, &self.budget)?)))
+        Ok(Poll::Ready(Some(section.decode(stored, &self.budget)?)))
     }
 
     /// What is stored of a section: its header and checksum are compared.
-    fn stored(&self, section: &Section) -> Result<Arrival<&[u8]>> {
+    fn stored(&self, section: &Section) -> Result<Poll<&[u8]>> {
         let header = section.to_bytes();
         let end = section.offset + header.len() as u64 + section.stored;
         let (stored_header, stored) = here!(self.bytes(section.offset..end)?).split_at(header.len());
@@ -258,13 +258,13 @@ impl Arriving {
         let mut hasher = section.hasher();
         hasher.update(stored);
         section.check_crc(hasher)?;
-        Ok(Arrival::Here(stored))
+        Ok(Poll::Ready(stored))
     }
 
     /// Compares the checksum of every section, and the directory.
     /// # Errors
     /// [`Error::Format`] for the first that does not match.
-    pub fn verify(&mut self) -> Result<Arrival<()>> {
+    pub fn verify(&mut self) -> Result<Poll<()>> {
         while !self.is_complete {
             here!(self.advance()?);
         }
@@ -273,7 +273,7 @@ impl Arriving {
         let length = directory_at.saturating_add(directory_length(sections) + TRAILER_BYTES as u64);
         here!(self.bytes(0..length)?);
         let trailer = here!(self.bytes(length - TRAILER_BYTES as u64..length)?);
-        if directory_place(trailer, length)? != directory_at {
+        if directory_offset(trailer, length)? != directory_at {
             return Err(Error::format("file", length - TRAILER_BYTES as u64, "trailer is wrong"));
         }
         if let Some(end) = self.length.filter(|end| *end != length) {
@@ -282,11 +282,11 @@ impl Arriving {
         for section in sections {
             here!(self.stored(section)?);
         }
-        Ok(Arrival::Here(()))
+        Ok(Poll::Ready(()))
     }
 
     /// Where in the file a part of a section lies that is not compressed as a whole.
-    pub fn place(&self, section: &Section, part: Range<u64>) -> Result<Range<u64>> {
+    pub fn file_range(&self, section: &Section, part: Range<u64>) -> Result<Range<u64>> {
         if section.codec == SectionCodec::Zstd {
             return Err(Error::format(section.tag, 4u8, "compressed as a whole, can't be read in parts"));
         }

@@ -1,6 +1,6 @@
 //! Sections added to a file, the others kept.
 
-use super::{Container, SectionCodec, Tag, Writer};
+use super::{Container, ContainerWriter, SectionCodec, Tag};
 use crate::Result;
 use crate::limits::Limits;
 
@@ -8,16 +8,16 @@ use crate::limits::Limits;
 /// this build doesn't know: the critical sections do not change.
 pub fn with_sections(file: &[u8], sections: &[(Tag, SectionCodec, Vec<u8>)], limits: Limits) -> Result<Vec<u8>> {
     let mut old = Container::open_slice(file, limits)?;
-    let mut writer = Writer::new(Vec::with_capacity(file.len()))?;
+    let mut writer = ContainerWriter::new(Vec::with_capacity(file.len()))?;
     for section in old.sections().to_vec() {
         if sections.iter().all(|(tag, ..)| *tag != section.tag) {
-            let content = old.read(&section)?;
+            let content = old.read_content(&section)?;
             old.budget().release(section.decoded);
-            writer.section(section.tag, section.codec, &content)?;
+            writer.write_section(section.tag, section.codec, &content)?;
         }
     }
     for (tag, codec, content) in sections {
-        writer.section(*tag, *codec, content)?;
+        writer.write_section(*tag, *codec, content)?;
     }
     writer.finish()
 }

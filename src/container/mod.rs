@@ -18,15 +18,15 @@ pub mod thumbnail;
 mod writer;
 mod zstd_frame;
 
-pub use arriving::{Arrival, Arriving};
+pub use arriving::{IncrementalReader, Poll};
 pub use reader::Container;
 #[cfg(feature = "encode")]
 pub(crate) use section::push_number;
 pub use section::{Section, SectionCodec};
-pub use stream::{Prefix, SectionStream, read_prefix, read_stream, verify};
-pub use tags::{Known, Tag, bounds, known};
+pub use stream::{FilePrefix, SectionStream, read_prefix, read_stream, verify};
+pub use tags::{SectionRule, Tag, known_rule, section_rule};
 #[cfg(feature = "encode")]
-pub use writer::Writer;
+pub use writer::ContainerWriter;
 
 /// First bytes of every file: a byte that is not ASCII, three letters, and both line endings around the end-of-file character, so
 /// that damage by text-mode transfers shows at once. Part of the format.

@@ -57,7 +57,7 @@ impl<R: Read + Seek> Container<R> {
         check_file_header(&head)?;
         let trailer_at = length.saturating_sub(TRAILER_BYTES as u64);
         let trailer = container.read_at(trailer_at, length - trailer_at)?;
-        let directory_at = directory_place(&trailer, length)?;
+        let directory_at = directory_offset(&trailer, length)?;
         let directory_length = trailer_at - directory_at;
         container.budget.charge("directory", directory_length)?;
         let directory = container.read_at(directory_at, directory_length)?;
@@ -108,15 +108,15 @@ impl<R: Read + Seek> Container<R> {
     /// The content of the first section with a tag: checksum compared, decompressed.
     pub fn read_section(&mut self, tag: Tag) -> Result<Vec<u8>> {
         let section = self.need(tag)?;
-        self.read(&section)
+        self.read_content(&section)
     }
     /// The content of that section, `None` where the file has none.
     pub fn read_optional(&mut self, tag: Tag) -> Result<Option<Vec<u8>>> {
         let section = self.find(tag).copied();
-        section.map(|section| self.read(&section)).transpose()
+        section.map(|section| self.read_content(&section)).transpose()
     }
     /// The content of a section out of [`Container::sections`].
-    pub fn read(&mut self, section: &Section) -> Result<Vec<u8>> {
+    pub fn read_content(&mut self, section: &Section) -> Result<Vec<u8>> {
         let header = section.to_bytes();
         self.budget.charge("section", section.stored)?;
         if self.read_at(section.offset, header.len() as u64)? != header {
@@ -146,7 +146,7 @@ impl<R: Read + Seek> Container<R> {
 }
 
 /// Where the directory begins in a file of `length` bytes that ends in `trailer`.
-pub(super) fn directory_place(trailer: &[u8], length: u64) -> Result<u64> {
+pub(super) fn directory_offset(trailer: &[u8], length: u64) -> Result<u64> {
     let trailer_at = length.checked_sub(TRAILER_BYTES as u64).filter(|at| *at >= FILE_HEADER_BYTES as u64);
     let Some((trailer_at, (directory_length, end_signature))) = trailer_at.zip(trailer.split_first_chunk::<4>()) else {
         return Err(Error::format("file", length, "ends before its directory"));

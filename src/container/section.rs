@@ -1,7 +1,7 @@
 //! Section headers: the same bytes before the section and in the directory.
 
-use super::tags::{Tag, bounds, known};
-use super::zstd_frame::{Refusal, decompress};
+use super::tags::{Tag, known_rule, section_rule};
+use super::zstd_frame::{ZstdRefusal, decompress};
 use crate::limits::Budget;
 use crate::{Error, Result};
 
@@ -82,15 +82,15 @@ impl Section {
     }
     /// Codec and lengths against the table.
     pub(crate) fn check_bounds(&self) -> Result<()> {
-        if self.tag.is_critical() && known(self.tag).is_none() {
+        if self.tag.is_critical() && known_rule(self.tag).is_none() {
             return Err(Error::Unsupported(format!("critical section {}, which this build does not know", self.tag)));
         }
-        let bounds = bounds(self.tag);
+        let bounds = section_rule(self.tag);
         if !bounds.codecs.contains(&self.codec) {
             return Err(Error::format(self.tag, 4u8, format!("codec {:?} is not allowed here", self.codec)));
         }
-        if !(bounds.shortest..=bounds.longest).contains(&self.decoded) || self.stored > bounds.longest {
-            let (shortest, longest) = (bounds.shortest, bounds.longest);
+        if !(bounds.min_bytes..=bounds.max_bytes).contains(&self.decoded) || self.stored > bounds.max_bytes {
+            let (shortest, longest) = (bounds.min_bytes, bounds.max_bytes);
             return Err(Error::format(
                 self.tag,
                 5u8,
@@ -101,7 +101,7 @@ impl Section {
     }
     /// A tag that may come once came before.
     pub(crate) fn check_repetition(&self, before: &[Section]) -> Result<()> {
-        if !bounds(self.tag).repeats && before.iter().any(|other| other.tag == self.tag) {
+        if !section_rule(self.tag).repeats && before.iter().any(|other| other.tag == self.tag) {
             return Err(Error::format(self.tag, 0u8, "comes twice, may come once"));
         }
         Ok(())
@@ -129,10 +129,10 @@ impl Section {
         budget.charge("decompressed section", self.decoded)?;
         let length = usize::try_from(self.decoded).map_err(|_| wrong("longer than this machine's memory"))?;
         let decoded = decompress(&stored, length).map_err(|refusal| match refusal {
-            Refusal::NotOneFrame => wrong("must be exactly one zstd frame"),
-            Refusal::Length => wrong("does not decompress to as many bytes as its header says"),
-            Refusal::Damaged(message) => wrong(&format!("zstd: {message}")),
-            Refusal::Memory => Error::Limits { what: "decompressed section", asked: self.decoded, allowed: 0 },
+            ZstdRefusal::NotOneFrame => wrong("must be exactly one zstd frame"),
+            ZstdRefusal::Length => wrong("does not decompress to as many bytes as its header says"),
+            ZstdRefusal::Damaged(message) => wrong(&format!("zstd: {message}")),
+            ZstdRefusal::Memory => Error::Limits { what: "decompressed section", asked: self.decoded, allowed: 0 },
         })?;
         budget.release(stored.len() as u64);
         Ok(decoded)

@@ -9,7 +9,7 @@ use std::io::Read;
 use std::sync::Arc;
 
 /// Largest step in which a section's bytes are taken from a stream, so that memory grows with what arrives.
-const CHUNK: u64 = 1 << 16;
+const CHUNK_BYTES: u64 = 1 << 16;
 
 /// Sections of a stream, one after the other. At the end the directory is compared with what came.
 #[derive(Debug)]
@@ -79,10 +79,10 @@ impl<R: Read> SectionStream<R> {
         let keep = keep || section.codec == SectionCodec::Zstd;
         let mut hasher = section.hasher();
         let mut stored = Vec::new();
-        let mut chunk = vec![0; section.stored.min(CHUNK) as usize];
+        let mut chunk = vec![0; section.stored.min(CHUNK_BYTES) as usize];
         let mut left = section.stored;
         while left > 0 {
-            let step = left.min(CHUNK) as usize;
+            let step = left.min(CHUNK_BYTES) as usize;
             let part = &mut chunk[..step];
             self.fill(part)?;
             hasher.update(part);
@@ -139,7 +139,7 @@ pub fn read_stream(source: impl Read, limits: Limits) -> Result<Vec<(Section, Ve
 
 /// What could be saved of a file that may be cut or damaged.
 #[derive(Debug)]
-pub struct Prefix {
+pub struct FilePrefix {
     /// The whole, undamaged sections before the damage.
     pub sections: Vec<(Section, Vec<u8>)>,
     /// Why it ends there; `None` when the file is whole.
@@ -147,7 +147,7 @@ pub struct Prefix {
 }
 
 /// The whole sections of a file that may be cut. An error only where not even the file's head is right.
-pub fn read_prefix(source: impl Read, limits: Limits) -> Result<Prefix> {
+pub fn read_prefix(source: impl Read, limits: Limits) -> Result<FilePrefix> {
     let mut stream = SectionStream::new(source, limits)?;
     let mut sections = Vec::new();
     let damage = loop {
@@ -157,7 +157,7 @@ pub fn read_prefix(source: impl Read, limits: Limits) -> Result<Prefix> {
             Err(error) => break Some(error),
         }
     };
-    Ok(Prefix { sections, damage })
+    Ok(FilePrefix { sections, damage })
 }
 
 /// Checks every byte of a file: signature, version, headers, checksums, directory, trailer and length, and that what is

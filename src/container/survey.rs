@@ -6,7 +6,7 @@
 use super::section::{Section, SectionCodec, read_number};
 use super::{
     DIRECTORY_TAG, END_SIGNATURE, FILE_HEADER_BYTES, MAX_SECTIONS, SIGNATURE, Tag, check_file_header, file_header,
-    known,
+    known_rule,
 };
 use crate::{Error, Result};
 use std::ops::Range;
@@ -18,7 +18,7 @@ const MAX_WORK: u64 = 16;
 #[derive(Debug, Clone, PartialEq)]
 pub struct Survey {
     /// Sections whose checksums are right, in file order; `offset` is where their headers are or would be.
-    pub whole: Vec<Whole>,
+    pub whole: Vec<WholeSection>,
     /// Sections that are not whole, with the bytes of the file that may hold what is left of their contents.
     pub damaged: Vec<(Section, Range<usize>)>,
     /// Bytes of the file between what was found, longest first.
@@ -31,7 +31,7 @@ pub struct Survey {
 
 /// A whole section.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Whole {
+pub struct WholeSection {
     /// Its header.
     pub section: Section,
     /// Where its stored bytes are.
@@ -62,7 +62,7 @@ pub fn survey(bytes: &[u8]) -> Result<Survey> {
         Some(_) if !is_at_end => faults.push("the end of the file is damaged".into()),
         Some(_) => {}
     }
-    let mut search = Search { bytes, work: 0, whole: Vec::new(), headers: Vec::new() };
+    let mut search = SectionSearch { bytes, work: 0, whole: Vec::new(), headers: Vec::new() };
     let stated = directory.as_ref().map(|(sections, _)| &sections[..]);
     search.scan(stated.unwrap_or_default());
     let mut damaged = Vec::new();
@@ -147,16 +147,16 @@ fn find_directory(bytes: &[u8]) -> Option<(Vec<Section>, Range<usize>)> {
     })
 }
 
-struct Search<'a> {
+struct SectionSearch<'a> {
     bytes: &'a [u8],
     /// Bytes that went into checksums.
     work: u64,
-    whole: Vec<Whole>,
+    whole: Vec<WholeSection>,
     /// Headers that look right before contents that are not whole.
     headers: Vec<Section>,
 }
 
-impl Search<'_> {
+impl SectionSearch<'_> {
     /// Whether the bytes from `start` on are the section's.
     fn is_content(&mut self, section: &Section, start: usize) -> bool {
         let stored =
@@ -176,9 +176,9 @@ impl Search<'_> {
     }
 
     fn add(&mut self, section: Section, start: usize) {
-        let tag_may_repeat = super::bounds(section.tag).repeats;
+        let tag_may_repeat = super::section_rule(section.tag).repeats;
         if tag_may_repeat || !self.whole.iter().any(|whole| whole.section.tag == section.tag) {
-            self.whole.push(Whole { section, stored: start..start + section.stored as usize });
+            self.whole.push(WholeSection { section, stored: start..start + section.stored as usize });
         }
     }
 
@@ -192,7 +192,7 @@ impl Search<'_> {
             // Of the other tags, a thousandth of all positions look like one.
             let is_stated = || stated.iter().any(|section| section.offset == at as u64 && section.tag == tag);
             let is_other = || tag.is_valid() && tag != DIRECTORY_TAG && (at == expected || is_stated());
-            if known(tag).is_none() && !is_other() {
+            if known_rule(tag).is_none() && !is_other() {
                 at += 1;
                 continue;
             }
@@ -266,7 +266,7 @@ impl Search<'_> {
     }
 }
 
-impl Whole {
+impl WholeSection {
     /// The section's stored bytes in the file.
     pub fn bytes<'a>(&self, file: &'a [u8]) -> &'a [u8] {
         &file[self.stored.clone()]

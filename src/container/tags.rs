@@ -25,7 +25,7 @@ impl Tag {
     /// Residual planes of the `tuned` profile.
     pub const PLANES: Tag = Tag(*b"PLAN");
     /// Residual volumes of the `paper` profile.
-    pub const PAPER: Tag = Tag(*b"PAPR");
+    pub const WAVELET_TEXTURE: Tag = Tag(*b"PAPR");
     /// Fitted materials by name.
     pub const MATERIALS: Tag = Tag(*b"mATl");
     /// Visibility of the vertices; holds for the MESH beside it only.
@@ -71,13 +71,13 @@ impl From<Tag> for String {
 
 /// What this build knows about a section.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Known {
+pub struct SectionRule {
     /// Its tag.
     pub tag: Tag,
     /// Fewest decoded bytes.
-    pub shortest: u64,
+    pub min_bytes: u64,
     /// Most decoded bytes (also the most stored bytes).
-    pub longest: u64,
+    pub max_bytes: u64,
     /// Codecs it may be stored with.
     pub codecs: &'static [SectionCodec],
     /// Whether it may come more than once.
@@ -89,32 +89,38 @@ const OWN: &[SectionCodec] = &[SectionCodec::Own];
 const ANY: &[SectionCodec] = &[SectionCodec::None, SectionCodec::Zstd, SectionCodec::Own];
 
 /// All known sections, in the order in which writers put them. Part of the format.
-const TABLE: [Known; 11] = [
-    entry(Tag::METADATA, 2, 1 << 20, GENERAL),
-    entry(Tag::THUMBNAIL, 57, 1 << 20, &[SectionCodec::None]),
-    entry(Tag::MESH, 4, 1 << 32, OWN),
-    entry(Tag::VIEWS, 4, 1 << 26, OWN),
-    entry(Tag::CHARTS, 1, 1 << 30, ANY),
-    entry(Tag::REFLECTANCE, 1, 1 << 40, ANY),
-    entry(Tag::PLANES, 1, 1 << 40, ANY),
-    entry(Tag::PAPER, 1, 1 << 40, ANY),
-    entry(Tag::MATERIALS, 5, 1 << 32, OWN),
-    entry(Tag::VISIBILITY, 21, 1 << 36, OWN),
-    entry(Tag::LIGHT, 4, 1 << 32, OWN),
+const SECTION_RULES: [SectionRule; 11] = [
+    rule(Tag::METADATA, 2, 1 << 20, GENERAL),
+    rule(Tag::THUMBNAIL, 57, 1 << 20, &[SectionCodec::None]),
+    rule(Tag::MESH, 4, 1 << 32, OWN),
+    rule(Tag::VIEWS, 4, 1 << 26, OWN),
+    rule(Tag::CHARTS, 1, 1 << 30, ANY),
+    rule(Tag::REFLECTANCE, 1, 1 << 40, ANY),
+    rule(Tag::PLANES, 1, 1 << 40, ANY),
+    rule(Tag::WAVELET_TEXTURE, 1, 1 << 40, ANY),
+    rule(Tag::MATERIALS, 5, 1 << 32, OWN),
+    rule(Tag::VISIBILITY, 21, 1 << 36, OWN),
+    rule(Tag::LIGHT, 4, 1 << 32, OWN),
 ];
 /// What holds for sections that this build doesn't know. Part of the format.
-const UNKNOWN_LONGEST: u64 = 1 << 40;
+const MAX_UNKNOWN_BYTES: u64 = 1 << 40;
 
-const fn entry(tag: Tag, shortest: u64, longest: u64, codecs: &'static [SectionCodec]) -> Known {
-    Known { tag, shortest, longest, codecs, repeats: false }
+const fn rule(tag: Tag, shortest: u64, longest: u64, codecs: &'static [SectionCodec]) -> SectionRule {
+    SectionRule { tag, min_bytes: shortest, max_bytes: longest, codecs, repeats: false }
 }
 
 /// What this build knows about a tag.
-pub fn known(tag: Tag) -> Option<Known> {
-    TABLE.iter().find(|known| known.tag == tag).copied()
+pub fn known_rule(tag: Tag) -> Option<SectionRule> {
+    SECTION_RULES.iter().find(|known| known.tag == tag).copied()
 }
 
 /// Bounds of a section: those of the table, or the general ones for a tag that is not in it.
-pub fn bounds(tag: Tag) -> Known {
-    known(tag).unwrap_or(Known { tag, shortest: 0, longest: UNKNOWN_LONGEST, codecs: ANY, repeats: true })
+pub fn section_rule(tag: Tag) -> SectionRule {
+    known_rule(tag).unwrap_or(SectionRule {
+        tag,
+        min_bytes: 0,
+        max_bytes: MAX_UNKNOWN_BYTES,
+        codecs: ANY,
+        repeats: true,
+    })
 }

@@ -20,12 +20,12 @@ fn sample() -> Vec<u8> {
     data.set_provenance(
         "made by a test, made by a test, made by a test, made by a test, made by a test, made by a test",
     );
-    let mut writer = Writer::new(Vec::new()).unwrap();
-    writer.section(Tag::METADATA, SectionCodec::Zstd, &metadata::encode(&data).unwrap()).unwrap();
-    writer.section(Tag::THUMBNAIL, SectionCodec::None, &thumbnail::encode(&thumbnail_bytes()).unwrap()).unwrap();
-    writer.section(Tag::MESH, SectionCodec::Own, b"own bytes").unwrap();
-    writer.section(Tag(*b"zzZz"), SectionCodec::None, b"").unwrap();
-    writer.section(Tag(*b"zzZz"), SectionCodec::None, b"again").unwrap();
+    let mut writer = ContainerWriter::new(Vec::new()).unwrap();
+    writer.write_section(Tag::METADATA, SectionCodec::Zstd, &metadata::encode(&data).unwrap()).unwrap();
+    writer.write_section(Tag::THUMBNAIL, SectionCodec::None, &thumbnail::encode(&thumbnail_bytes()).unwrap()).unwrap();
+    writer.write_section(Tag::MESH, SectionCodec::Own, b"own bytes").unwrap();
+    writer.write_section(Tag(*b"zzZz"), SectionCodec::None, b"").unwrap();
+    writer.write_section(Tag(*b"zzZz"), SectionCodec::None, b"again").unwrap();
     writer.finish().unwrap()
 }
 
@@ -51,10 +51,10 @@ fn sections_come_back_by_directory_and_in_order() {
     assert_eq!((thumbnail.width, thumbnail.height), (16, 8));
     assert!(container.read_optional(Tag::PLANES).unwrap().is_none());
     let again = container.sections()[4];
-    assert_eq!(container.read(&again).unwrap(), b"again");
+    assert_eq!(container.read_content(&again).unwrap(), b"again");
     let streamed = read_stream(&bytes[..], limits()).unwrap();
     for (section, content) in &streamed {
-        assert_eq!(&container.read(section).unwrap(), content);
+        assert_eq!(&container.read_content(section).unwrap(), content);
     }
     assert_eq!(verify(&bytes[..], limits()).unwrap(), container.sections());
 }
@@ -62,11 +62,11 @@ fn sections_come_back_by_directory_and_in_order() {
 #[test]
 fn overhead_is_small() {
     let one = |length: usize| {
-        let mut writer = Writer::new(Vec::new()).unwrap();
-        writer.section(Tag::MESH, SectionCodec::Own, &vec![1; length]).unwrap();
+        let mut writer = ContainerWriter::new(Vec::new()).unwrap();
+        writer.write_section(Tag::MESH, SectionCodec::Own, &vec![1; length]).unwrap();
         writer.finish().unwrap().len() - length
     };
-    let empty = Writer::new(Vec::new()).unwrap().finish().unwrap().len();
+    let empty = ContainerWriter::new(Vec::new()).unwrap().finish().unwrap().len();
     assert_eq!(empty, 12 + 9 + 8);
     assert_eq!((one(100) - empty, one(60_000) - empty), (20, 24));
 }
@@ -124,7 +124,7 @@ fn random_damage_never_panics() {
         let _ = read_prefix(&damaged[..], limits());
         if let Ok(mut container) = open(&damaged) {
             for section in container.sections().to_vec() {
-                let _ = container.read(&section);
+                let _ = container.read_content(&section);
             }
         }
     }
@@ -143,13 +143,13 @@ fn versions_signatures_and_tags_are_told_apart() {
     let message = open(&as_text).unwrap_err().to_string();
     assert!(message.contains("text mode"), "{message}");
     assert!(matches!(open(b""), Err(Error::Format { .. })));
-    let mut writer = Writer::new(Vec::new()).unwrap();
-    assert!(writer.section(Tag(*b"MESh"), SectionCodec::Own, b"abcd").is_err(), "unknown critical section");
-    assert!(writer.section(Tag(*b"zzzz"), SectionCodec::Own, b"abcd").is_err(), "reserved letter");
-    assert!(writer.section(Tag::MESH, SectionCodec::Zstd, b"abcd").is_err(), "codec not in the table");
-    assert!(writer.section(Tag::MESH, SectionCodec::Own, b"abc").is_err(), "too short");
-    writer.section(Tag::MESH, SectionCodec::Own, b"abcd").unwrap();
-    assert!(writer.section(Tag::MESH, SectionCodec::Own, b"abcd").is_err(), "repeated");
+    let mut writer = ContainerWriter::new(Vec::new()).unwrap();
+    assert!(writer.write_section(Tag(*b"MESh"), SectionCodec::Own, b"abcd").is_err(), "unknown critical section");
+    assert!(writer.write_section(Tag(*b"zzzz"), SectionCodec::Own, b"abcd").is_err(), "reserved letter");
+    assert!(writer.write_section(Tag::MESH, SectionCodec::Zstd, b"abcd").is_err(), "codec not in the table");
+    assert!(writer.write_section(Tag::MESH, SectionCodec::Own, b"abc").is_err(), "too short");
+    writer.write_section(Tag::MESH, SectionCodec::Own, b"abcd").unwrap();
+    assert!(writer.write_section(Tag::MESH, SectionCodec::Own, b"abcd").is_err(), "repeated");
     assert!(!Tag(*b"aBCd").is_critical() && Tag(*b"abCd").is_private() && Tag(*b"aBCd").is_safe_to_copy());
 }
 
@@ -230,26 +230,26 @@ fn thumbnails_have_bounded_sides() {
 
 /// Gives what is asked for, in small and overlapping pieces, until an operation has it.
 fn arrive<T>(
-    file: &mut Arriving,
+    file: &mut IncrementalReader,
     bytes: &[u8],
-    mut what: impl FnMut(&mut Arriving) -> Result<Arrival<T>>,
+    mut what: impl FnMut(&mut IncrementalReader) -> Result<Poll<T>>,
 ) -> (T, usize) {
     let mut given = 0;
     loop {
         let ranges = match what(file).unwrap() {
-            Arrival::Here(value) => return (value, given),
-            Arrival::Missing(ranges) => ranges,
+            Poll::Ready(value) => return (value, given),
+            Poll::NeedRanges(ranges) => ranges,
         };
         assert!(!ranges.is_empty());
         for range in ranges {
             let end = (range.end as usize).min(bytes.len());
             let middle = (range.start as usize + end) / 2;
             for part in [middle.saturating_sub(3)..end, range.start as usize..middle] {
-                file.give(part.start as u64, &bytes[part.clone()]).unwrap();
+                file.feed(part.start as u64, &bytes[part.clone()]).unwrap();
                 given += part.len();
             }
             if range.end as usize > bytes.len() {
-                file.end(bytes.len() as u64);
+                file.set_length(bytes.len() as u64);
             }
         }
     }
@@ -261,40 +261,40 @@ fn a_file_arrives_in_ranges_or_from_its_start() {
     let whole = read_stream(&bytes[..], limits()).unwrap();
     // By the directory, and where the length is not known yet from one section to the next.
     for (length, is_seekable) in [(Some(bytes.len() as u64), true), (Some(bytes.len() as u64), false), (None, false)] {
-        let mut file = Arriving::new(length, is_seekable, limits());
-        let (mesh, given) = arrive(&mut file, &bytes, |file| file.read(Tag::MESH));
+        let mut file = IncrementalReader::new(length, is_seekable, limits());
+        let (mesh, given) = arrive(&mut file, &bytes, |file| file.content(Tag::MESH));
         assert_eq!(mesh.unwrap(), b"own bytes");
         assert!(given < bytes.len(), "{given} of {}", bytes.len());
         assert_eq!(file.sections().1, is_seekable);
-        let (data, _) = arrive(&mut file, &bytes, |file| file.read(Tag::METADATA));
+        let (data, _) = arrive(&mut file, &bytes, |file| file.content(Tag::METADATA));
         assert_eq!(data.as_ref(), Some(&whole[0].1));
-        assert_eq!(arrive(&mut file, &bytes, |file| file.read(Tag::LIGHT)).0, None);
+        assert_eq!(arrive(&mut file, &bytes, |file| file.content(Tag::LIGHT)).0, None);
         let (sections, is_complete) = file.sections();
         assert!(is_complete && sections.iter().eq(whole.iter().map(|(section, _)| section)));
         arrive(&mut file, &bytes, |file| file.verify());
-        assert_eq!(file.give(bytes.len() as u64, b"x").is_err(), length.is_some());
+        assert_eq!(file.feed(bytes.len() as u64, b"x").is_err(), length.is_some());
     }
     // One byte at a time from the start: never a wrong answer, and right as soon as all is there.
-    let mut file = Arriving::new(None, false, limits());
+    let mut file = IncrementalReader::new(None, false, limits());
     for (at, byte) in bytes.iter().enumerate() {
-        match file.read(Tag::MESH).unwrap() {
-            Arrival::Here(content) => assert_eq!(content.unwrap(), b"own bytes"),
-            Arrival::Missing(ranges) => assert!(ranges.iter().all(|range| range.start >= at as u64)),
+        match file.content(Tag::MESH).unwrap() {
+            Poll::Ready(content) => assert_eq!(content.unwrap(), b"own bytes"),
+            Poll::NeedRanges(ranges) => assert!(ranges.iter().all(|range| range.start >= at as u64)),
         }
-        file.give(at as u64, &[*byte]).unwrap();
+        file.feed(at as u64, &[*byte]).unwrap();
     }
-    assert_eq!(file.read(Tag::MESH).unwrap(), Arrival::Here(Some(b"own bytes".to_vec())));
+    assert_eq!(file.content(Tag::MESH).unwrap(), Poll::Ready(Some(b"own bytes".to_vec())));
 }
 
 #[test]
 fn an_arriving_file_that_is_wrong_says_so() {
     let bytes = sample();
     let complaint = |bytes: &[u8], is_seekable: bool| {
-        let mut file = Arriving::new(Some(bytes.len() as u64), is_seekable, limits());
-        file.give(0, bytes).unwrap();
+        let mut file = IncrementalReader::new(Some(bytes.len() as u64), is_seekable, limits());
+        file.feed(0, bytes).unwrap();
         match file.verify() {
-            Ok(Arrival::Here(())) => None,
-            Ok(Arrival::Missing(ranges)) => panic!("all is there, yet {ranges:?} are asked for"),
+            Ok(Poll::Ready(())) => None,
+            Ok(Poll::NeedRanges(ranges)) => panic!("all is there, yet {ranges:?} are asked for"),
             Err(error) => Some(error),
         }
     };
@@ -311,6 +311,6 @@ fn an_arriving_file_that_is_wrong_says_so() {
             }
         }
     }
-    let mut small = Arriving::new(None, true, Limits { memory_bytes: 100, ..Limits::default() });
-    assert!(matches!(small.give(0, &bytes[..101]), Err(Error::Limits { .. })));
+    let mut small = IncrementalReader::new(None, true, Limits { memory_bytes: 100, ..Limits::default() });
+    assert!(matches!(small.feed(0, &bytes[..101]), Err(Error::Limits { .. })));
 }

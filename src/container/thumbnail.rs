@@ -4,7 +4,7 @@ use super::Tag;
 use crate::{Error, Result};
 
 /// Largest width and height in pixels. Part of the format.
-pub const LARGEST_SIDE: u32 = 1024;
+pub const MAX_SIDE: u32 = 1024;
 const PNG_HEAD: [u8; 16] = *b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR";
 
 /// A small picture of the object.
@@ -31,7 +31,7 @@ pub fn decode(content: Vec<u8>) -> Result<Thumbnail> {
     let Some((width, rest)) = rest.split_first_chunk::<4>() else { return wrong(16, "ends early") };
     let Some((height, _)) = rest.split_first_chunk::<4>() else { return wrong(20, "ends early") };
     let (width, height) = (u32::from_be_bytes(*width), u32::from_be_bytes(*height));
-    if !(1..=LARGEST_SIDE).contains(&width) || !(1..=LARGEST_SIDE).contains(&height) {
+    if !(1..=MAX_SIDE).contains(&width) || !(1..=MAX_SIDE).contains(&height) {
         return wrong(16, "width and height must be 1 to 1024 pixels");
     }
     Ok(Thumbnail { width, height, png: content })

@@ -11,31 +11,31 @@ const ZSTD_LEVEL: i32 = 19;
 
 /// Writes a file from start to end.
 #[derive(Debug)]
-pub struct Writer<W: Write> {
+pub struct ContainerWriter<W: Write> {
     inner: W,
     path: PathBuf,
     sections: Vec<Section>,
     offset: u64,
 }
 
-impl<W: Write> Writer<W> {
+impl<W: Write> ContainerWriter<W> {
     /// Writes signature and version.
     pub fn new(inner: W) -> Result<Self> {
         Self::with_path(inner, "-")
     }
     /// The same; errors will name `path`.
     pub fn with_path(inner: W, path: impl Into<PathBuf>) -> Result<Self> {
-        let mut writer = Writer { inner, path: path.into(), sections: Vec::new(), offset: 0 };
-        writer.put(&file_header())?;
+        let mut writer = ContainerWriter { inner, path: path.into(), sections: Vec::new(), offset: 0 };
+        writer.write_bytes(&file_header())?;
         Ok(writer)
     }
-    fn put(&mut self, bytes: &[u8]) -> Result<()> {
+    fn write_bytes(&mut self, bytes: &[u8]) -> Result<()> {
         self.inner.write_all(bytes).map_err(|e| Error::io(&self.path, e))?;
         self.offset += bytes.len() as u64;
         Ok(())
     }
     /// Writes one section. With [`SectionCodec::Zstd`] the bytes are stored as they are where that is no longer.
-    pub fn section(&mut self, tag: Tag, codec: SectionCodec, content: &[u8]) -> Result<Section> {
+    pub fn write_section(&mut self, tag: Tag, codec: SectionCodec, content: &[u8]) -> Result<Section> {
         if !tag.is_valid() || tag == DIRECTORY_TAG {
             return Err(Error::parameter(format!("'{tag}' can't be the tag of a section")));
         }
@@ -56,8 +56,8 @@ impl<W: Write> Writer<W> {
         let mut hasher = section.hasher();
         hasher.update(stored);
         section.crc = hasher.finalize();
-        self.put(&section.to_bytes())?;
-        self.put(stored)?;
+        self.write_bytes(&section.to_bytes())?;
+        self.write_bytes(stored)?;
         self.sections.push(section);
         Ok(section)
     }
@@ -79,7 +79,7 @@ impl<W: Write> Writer<W> {
         let length = directory.len() as u32;
         directory.extend_from_slice(&length.to_le_bytes());
         directory.extend_from_slice(&END_SIGNATURE);
-        self.put(&directory)?;
+        self.write_bytes(&directory)?;
         self.inner.flush().map_err(|e| Error::io(&self.path, e))?;
         Ok(self.inner)
     }

@@ -7,11 +7,11 @@ pub(super) use by_zstd::decompress;
 
 /// Largest window that every decoder should support (RFC 8878, 3.1.1.1.2).
 #[cfg(any(test, target_arch = "wasm32"))]
-const WINDOW: u64 = 8 << 20;
+const MAX_WINDOW_BYTES: u64 = 8 << 20;
 
 /// Why a frame can't be decompressed.
 #[derive(Debug, PartialEq)]
-pub(super) enum Refusal {
+pub(super) enum ZstdRefusal {
     /// Not one whole frame, or bytes after it.
     NotOneFrame,
     /// Another length than expected.
@@ -23,61 +23,61 @@ pub(super) enum Refusal {
 }
 
 /// Room for exactly `length` bytes.
-fn room(length: usize) -> Result<Vec<u8>, Refusal> {
+fn reserved(length: usize) -> Result<Vec<u8>, ZstdRefusal> {
     let mut bytes = Vec::new();
-    bytes.try_reserve_exact(length).map_err(|_| Refusal::Memory)?;
+    bytes.try_reserve_exact(length).map_err(|_| ZstdRefusal::Memory)?;
     Ok(bytes)
 }
 
 #[cfg(not(target_arch = "wasm32"))]
 mod by_zstd {
-    use super::{Refusal, room};
+    use super::{ZstdRefusal, reserved};
 
     /// The content of exactly one frame that decompresses to exactly `length` bytes.
-    pub fn decompress(stored: &[u8], length: usize) -> Result<Vec<u8>, Refusal> {
+    pub fn decompress(stored: &[u8], length: usize) -> Result<Vec<u8>, ZstdRefusal> {
         match zstd::zstd_safe::find_frame_compressed_size(stored) {
             Ok(size) if size == stored.len() => {}
-            _ => return Err(Refusal::NotOneFrame),
+            _ => return Err(ZstdRefusal::NotOneFrame),
         }
-        let mut decoded = room(length)?;
-        let damaged = |error: std::io::Error| Refusal::Damaged(error.to_string());
+        let mut decoded = reserved(length)?;
+        let damaged = |error: std::io::Error| ZstdRefusal::Damaged(error.to_string());
         let mut decompressor = zstd::bulk::Decompressor::new().map_err(damaged)?;
         match decompressor.decompress_to_buffer(stored, &mut decoded).map_err(damaged)? {
             produced if produced == length => Ok(decoded),
-            _ => Err(Refusal::Length),
+            _ => Err(ZstdRefusal::Length),
         }
     }
 }
 
 #[cfg(any(test, target_arch = "wasm32"))]
 mod by_ruzstd {
-    use super::{Refusal, WINDOW, room};
+    use super::{MAX_WINDOW_BYTES, ZstdRefusal, reserved};
     use ruzstd::decoding::{BlockDecodingStrategy, FrameDecoder, errors::FrameDecoderError};
     use std::io::Read;
 
     /// The content of exactly one frame that decompresses to exactly `length` bytes.
-    pub fn decompress(stored: &[u8], length: usize) -> Result<Vec<u8>, Refusal> {
-        let damaged = |error: FrameDecoderError| Refusal::Damaged(error.to_string());
+    pub fn decompress(stored: &[u8], length: usize) -> Result<Vec<u8>, ZstdRefusal> {
+        let damaged = |error: FrameDecoderError| ZstdRefusal::Damaged(error.to_string());
         let mut rest = stored;
         let mut decoder = FrameDecoder::new();
         // What the decoder keeps is bounded by the window, whatever the frame's blocks repeat.
-        decoder.set_max_window_size(WINDOW.max(length as u64));
+        decoder.set_max_window_size(MAX_WINDOW_BYTES.max(length as u64));
         decoder.init(&mut rest).map_err(damaged)?;
-        let mut decoded = room(length)?;
+        let mut decoded = reserved(length)?;
         while !decoder.is_finished() {
             decoder.decode_blocks(&mut rest, BlockDecodingStrategy::UptoBlocks(1)).map_err(damaged)?;
             let left = (length - decoded.len()) as u64;
             if decoder.can_collect() as u64 > left {
-                return Err(Refusal::Length);
+                return Err(ZstdRefusal::Length);
             }
             let drained = decoder.by_ref().take(left).read_to_end(&mut decoded);
-            drained.map_err(|error| Refusal::Damaged(error.to_string()))?;
+            drained.map_err(|error| ZstdRefusal::Damaged(error.to_string()))?;
         }
         if !rest.is_empty() {
-            return Err(Refusal::NotOneFrame);
+            return Err(ZstdRefusal::NotOneFrame);
         }
         if decoded.len() != length || decoder.can_collect() > 0 {
-            return Err(Refusal::Length);
+            return Err(ZstdRefusal::Length);
         }
         Ok(decoded)
     }
@@ -98,11 +98,11 @@ mod tests {
             assert_eq!(by_ruzstd::decompress(&frame, content.len()).unwrap(), content);
             for wrong in [content.len() - 1, content.len() + 1] {
                 assert!(by_zstd::decompress(&frame, wrong).is_err());
-                assert_eq!(by_ruzstd::decompress(&frame, wrong), Err(Refusal::Length));
+                assert_eq!(by_ruzstd::decompress(&frame, wrong), Err(ZstdRefusal::Length));
             }
             let extended = [&frame[..], b"x"].concat();
-            assert_eq!(by_zstd::decompress(&extended, content.len()), Err(Refusal::NotOneFrame));
-            assert_eq!(by_ruzstd::decompress(&extended, content.len()), Err(Refusal::NotOneFrame));
+            assert_eq!(by_zstd::decompress(&extended, content.len()), Err(ZstdRefusal::NotOneFrame));
+            assert_eq!(by_ruzstd::decompress(&extended, content.len()), Err(ZstdRefusal::NotOneFrame));
             for cut in (0..frame.len()).step_by(1 + frame.len() / 200) {
                 assert!(by_zstd::decompress(&frame[..cut], content.len()).is_err());
                 assert!(by_ruzstd::decompress(&frame[..cut], content.len()).is_err(), "{cut} of {}", frame.len());

@@ -3,27 +3,27 @@
 //! Normative text: `spec/entropy.md`.
 
 use super::BitCoder;
-use super::slot::Slot;
+use super::slot::ProbabilitySlot;
 
-/// See [`Slot::update`]. Part of the format.
+/// See [`ProbabilitySlot::update`]. Part of the format.
 const SLOWEST: u32 = 120;
 
 /// Mean of two probabilities, in 1/65536.
 #[inline(always)]
-fn average(a: Slot, b: Slot) -> u32 {
+fn average(a: ProbabilitySlot, b: ProbabilitySlot) -> u32 {
     ((a.probability::<22>() + b.probability::<22>()) >> 7).clamp(16, 65520)
 }
 
 /// Predicts bits of one kind from two contexts.
 #[derive(Debug, Clone)]
-pub struct Average {
-    slots: [Vec<Slot>; 2],
+pub struct AverageModel {
+    slots: [Vec<ProbabilitySlot>; 2],
 }
 
-impl Average {
+impl AverageModel {
     /// For contexts below `contexts[k]`.
     pub fn new(contexts: [usize; 2]) -> Self {
-        Average { slots: contexts.map(Slot::fresh) }
+        AverageModel { slots: contexts.map(ProbabilitySlot::fresh) }
     }
     /// Codes one bit and learns from it.
     #[inline(always)]
@@ -58,12 +58,12 @@ mod tests {
             .collect();
         let cost = |keep: [u32; 2]| {
             let used = |context: &[u32; 2]| [context[0] * keep[0], context[1] * keep[1]];
-            let (mut encoder, mut model) = (RangeEncoder::new(), Average::new([4, 4]));
+            let (mut encoder, mut model) = (RangeEncoder::new(), AverageModel::new([4, 4]));
             for (context, bit) in &bits {
                 model.code(&mut encoder, &used(context), *bit);
             }
             let bytes = encoder.finish();
-            let (mut decoder, mut model) = (RangeDecoder::new(&bytes), Average::new([4, 4]));
+            let (mut decoder, mut model) = (RangeDecoder::new(&bytes), AverageModel::new([4, 4]));
             for (context, bit) in &bits {
                 assert_eq!(model.code(&mut decoder, &used(context), false), *bit);
             }

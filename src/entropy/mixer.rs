@@ -4,7 +4,7 @@
 //! the order written, so every platform reaches the same probabilities (normative, `spec/entropy.md`).
 
 use super::BitCoder;
-use super::slot::Slot;
+use super::slot::ProbabilitySlot;
 use glam::Vec4;
 use std::sync::LazyLock;
 
@@ -16,22 +16,22 @@ const LOGISTIC: [u32; 49] = [
     1048498, 1048515, 1048528, 1048539, 1048547, 1048554, 1048558, 1048562, 1048565, 1048568, 1048570,
 ];
 /// Log-odds are counted in 1/256; this is the largest.
-const LARGEST: i32 = 3071;
+const MAX_LOG_ODDS: i32 = 3071;
 
 /// The tables between probabilities and log-odds.
-struct Tables {
+struct MixerTables {
     /// Probability in 1/65536 at log-odds `index - LARGEST`.
     squash: Vec<u16>,
     /// Log-odds of the probability `(index + 0.5) / 4096`.
     stretch: Vec<f32>,
 }
 
-static TABLES: LazyLock<Tables> = LazyLock::new(|| {
+static TABLES: LazyLock<MixerTables> = LazyLock::new(|| {
     let positive = |x: i32| {
         let (knot, part) = ((x / 64) as usize, (x % 64) as u32);
         (LOGISTIC[knot] * (64 - part) + LOGISTIC[(knot + 1).min(48)] * part) >> 10
     };
-    let squash: Vec<u16> = (-LARGEST..=LARGEST)
+    let squash: Vec<u16> = (-MAX_LOG_ODDS..=MAX_LOG_ODDS)
         .map(|x| if x >= 0 { positive(x) } else { 65536 - positive(-x) }.clamp(2, 65534) as u16)
         .collect();
     let mut stretch = Vec::with_capacity(4096);
@@ -40,21 +40,21 @@ static TABLES: LazyLock<Tables> = LazyLock::new(|| {
         while x + 1 < squash.len() && (squash[x] as u32) < index * 16 + 8 {
             x += 1;
         }
-        stretch.push((x as i32 - LARGEST) as f32 / 256.0);
+        stretch.push((x as i32 - MAX_LOG_ODDS) as f32 / 256.0);
     }
-    Tables { squash, stretch }
+    MixerTables { squash, stretch }
 });
 
 /// Number of predictions that are mixed. Part of the format.
 pub const INPUTS: usize = 8;
 /// Number of weight vectors, each chosen by a context of its own, whose results are averaged.
 pub const SELECTORS: usize = 2;
-/// See [`Slot::update`].
+/// See [`ProbabilitySlot::update`].
 const SLOWEST: u32 = 250;
 
 /// Contexts of one decision.
 #[derive(Debug, Clone, Copy)]
-pub struct Context {
+pub struct MixerContext {
     /// One below each of the mixer's slot counts.
     pub slots: [u32; INPUTS],
     /// One below each of its selector counts.
@@ -64,7 +64,7 @@ pub struct Context {
 /// Predicts bits of one kind from [`INPUTS`] contexts and [`SELECTORS`] weight choices.
 #[derive(Debug, Clone)]
 pub struct Mixer {
-    slots: [Vec<Slot>; INPUTS],
+    slots: [Vec<ProbabilitySlot>; INPUTS],
     weights: [Vec<[f32; INPUTS]>; SELECTORS],
     rates: [Vec<f32>; SELECTORS],
 }
@@ -78,7 +78,7 @@ impl Mixer {
     /// A mixer for contexts below `contexts[k]` and weight choices below `selectors[k]`.
     pub fn new(contexts: [usize; INPUTS], selectors: [usize; SELECTORS]) -> Self {
         Mixer {
-            slots: contexts.map(Slot::fresh),
+            slots: contexts.map(ProbabilitySlot::fresh),
             weights: selectors.map(|n| vec![[0.3; INPUTS]; n]),
             rates: selectors.map(|n| vec![FAST; n]),
         }
@@ -86,13 +86,13 @@ impl Mixer {
 
     /// Log-odds that each context predicts.
     #[inline(always)]
-    fn inputs(&self, tables: &Tables, contexts: &[u32; INPUTS]) -> [Vec4; 2] {
+    fn inputs(&self, tables: &MixerTables, contexts: &[u32; INPUTS]) -> [Vec4; 2] {
         let input = |k: usize| tables.stretch[self.slots[k][contexts[k] as usize].probability::<12>() as usize];
         [Vec4::new(input(0), input(1), input(2), input(3)), Vec4::new(input(4), input(5), input(6), input(7))]
     }
 
     #[inline(always)]
-    fn mix(&self, tables: &Tables, inputs: [Vec4; 2], selectors: &[u32; SELECTORS]) -> (u32, [u32; SELECTORS]) {
+    fn mix(&self, tables: &MixerTables, inputs: [Vec4; 2], selectors: &[u32; SELECTORS]) -> (u32, [u32; SELECTORS]) {
         let mut sum = 0.0;
         let mut each = [0; SELECTORS];
         for s in 0..SELECTORS {
@@ -107,15 +107,15 @@ impl Mixer {
 
     /// Probability of a 1 in 1/65536, without learning.
     #[inline(always)]
-    pub fn probability(&self, Context { slots, selectors }: &Context) -> u32 {
+    pub fn probability(&self, MixerContext { slots, selectors }: &MixerContext) -> u32 {
         let tables = &*TABLES;
         self.mix(tables, self.inputs(tables, slots), selectors).0
     }
 
     /// Codes one bit and learns from it.
     #[inline(always)]
-    pub fn code<C: BitCoder>(&mut self, coder: &mut C, context: &Context, bit: bool) -> bool {
-        let Context { slots: contexts, selectors } = context;
+    pub fn code<C: BitCoder>(&mut self, coder: &mut C, context: &MixerContext, bit: bool) -> bool {
+        let MixerContext { slots: contexts, selectors } = context;
         let tables = &*TABLES;
         let inputs = self.inputs(tables, contexts);
         let (probability, each) = self.mix(tables, inputs, selectors);
@@ -138,13 +138,13 @@ impl Mixer {
 }
 
 #[inline(always)]
-fn squash(tables: &Tables, odds: f32) -> u32 {
+fn squash(tables: &MixerTables, odds: f32) -> u32 {
     let x = (odds * 256.0) as i32;
-    tables.squash[(x.clamp(-LARGEST, LARGEST) + LARGEST) as usize] as u32
+    tables.squash[(x.clamp(-MAX_LOG_ODDS, MAX_LOG_ODDS) + MAX_LOG_ODDS) as usize] as u32
 }
 
 /// What a bit costs, in 1/256 bit, given the probability of a 1 in 1/65536. Only the encoder's choices use it.
-pub fn cost(probability_of_one: u32, bit: bool) -> f32 {
+pub fn bit_cost(probability_of_one: u32, bit: bool) -> f32 {
     let p = if bit { probability_of_one } else { 65536 - probability_of_one };
     COSTS[(p >> 4).min(4095) as usize]
 }
@@ -174,7 +174,7 @@ mod tests {
             })
             .collect();
         let mixer = || Mixer::new([8, 8, 1, 1, 1, 1, 1, 1], [1, 1]);
-        let contexts = |a, b| Context { slots: [a, b, 0, 0, 0, 0, 0, 0], selectors: [0, 0] };
+        let contexts = |a, b| MixerContext { slots: [a, b, 0, 0, 0, 0, 0, 0], selectors: [0, 0] };
         let mut encoder = RangeEncoder::new();
         let mut model = mixer();
         for &(a, b, bit) in &bits {

@@ -8,7 +8,7 @@ pub mod rans;
 mod slot;
 pub mod symbol;
 
-pub use model::{BitModel, Number, code_end, code_raw};
+pub use model::{BitModel, NumberModel, code_end, code_raw};
 pub use range_coder::{RangeDecoder, RangeEncoder};
 pub use rans::{RansDecoder, RansEncoder};
 
@@ -29,7 +29,7 @@ pub trait BitCoder {
 /// A coder that takes symbols of 16 values, too.
 pub trait SymbolCoder: BitCoder {
     /// Codes a symbol.
-    fn symbol(&mut self, starts: &symbol::Starts, symbol: usize) -> usize;
+    fn symbol(&mut self, starts: &symbol::SymbolStarts, symbol: usize) -> usize;
     /// Codes the lowest `count` (at most 16) bits of a number as equiprobable.
     fn equiprobable(&mut self, count: u32, value: u32) -> u32;
 }

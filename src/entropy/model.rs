@@ -49,12 +49,12 @@ impl BitModel {
 /// An unsigned number up to 2^32 - 2 as an adaptive Elias-gamma code: the length of `value + 1` in unary, then its lower bits.
 /// The two highest lower bits are modelled, the others are equiprobable.
 #[derive(Debug, Clone, Default)]
-pub struct Number {
+pub struct NumberModel {
     length: [BitModel; 32],
     bits: [[BitModel; 3]; 32],
 }
 
-impl Number {
+impl NumberModel {
     /// Codes a number in `0..=2^32 - 2`. In decoding `value` is ignored.
     pub fn code<C: BitCoder>(&mut self, coder: &mut C, value: u32) -> u32 {
         let plus = value as u64 + 1;
@@ -108,14 +108,14 @@ mod tests {
     fn numbers_come_back_and_cost_little() {
         let values: Vec<i32> = (0..20_000).map(|i| (i * i % 7 - 3) * if i % 500 == 0 { 70_000 } else { 1 }).collect();
         let mut encoder = RangeEncoder::new();
-        let mut number = Number::default();
+        let mut number = NumberModel::default();
         for &v in &values {
             number.code_signed(&mut encoder, v);
         }
         let bytes = encoder.finish();
         assert!(bytes.len() < 20_000 * 21 / 80, "{} bytes", bytes.len());
         let mut decoder = RangeDecoder::new(&bytes);
-        let mut number = Number::default();
+        let mut number = NumberModel::default();
         for &v in &values {
             assert_eq!(number.code_signed(&mut decoder, 0), v);
         }
@@ -126,9 +126,9 @@ mod tests {
     fn extremes_come_back() {
         for value in [0, 1, u32::MAX - 1, 1 << 31, 65_535] {
             let mut encoder = RangeEncoder::new();
-            Number::default().code(&mut encoder, value);
+            NumberModel::default().code(&mut encoder, value);
             let bytes = encoder.finish();
-            assert_eq!(Number::default().code(&mut RangeDecoder::new(&bytes), 0), value);
+            assert_eq!(NumberModel::default().code(&mut RangeDecoder::new(&bytes), 0), value);
         }
     }
 }

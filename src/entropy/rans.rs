@@ -3,14 +3,14 @@
 //!
 //! Normative text: `spec/entropy.md`.
 
-use super::symbol::{Starts, interval};
+use super::symbol::{SymbolStarts, interval};
 use super::{BitCoder, SymbolCoder};
 use wide::i16x16;
 
 /// Bits of a probability.
 const SCALE: u32 = 16;
 /// States are at least this; below it 32 bits follow from the stream.
-const LEAST: u64 = 1 << 32;
+const MIN_STATE: u64 = 1 << 32;
 
 /// Collects symbols; they are written from the last one to the first.
 #[derive(Debug, Clone, Default)]
@@ -29,7 +29,7 @@ impl RansEncoder {
         if self.intervals.is_empty() {
             return Vec::new();
         }
-        let mut state = LEAST;
+        let mut state = MIN_STATE;
         let mut words = Vec::new();
         for [start, size] in self.intervals.into_iter().rev().map(|interval| interval.map(u64::from)) {
             if state >= size << (64 - SCALE) {
@@ -55,7 +55,7 @@ impl BitCoder for RansEncoder {
 }
 
 impl SymbolCoder for RansEncoder {
-    fn symbol(&mut self, starts: &Starts, symbol: usize) -> usize {
+    fn symbol(&mut self, starts: &SymbolStarts, symbol: usize) -> usize {
         self.intervals.push(interval(starts, symbol));
         symbol
     }
@@ -80,7 +80,7 @@ pub struct RansDecoder<'a> {
 impl<'a> RansDecoder<'a> {
     /// Starts at the first byte.
     pub fn new(bytes: &'a [u8]) -> Self {
-        let mut decoder = RansDecoder { state: LEAST, bytes, is_exhausted: false };
+        let mut decoder = RansDecoder { state: MIN_STATE, bytes, is_exhausted: false };
         if bytes.is_empty() {
             return decoder;
         }
@@ -102,17 +102,17 @@ impl<'a> RansDecoder<'a> {
     /// one that the encoder began with.
     pub fn ends_as_written(&self) -> bool {
         // In fuzzing only what is missing counts, so that changed streams get past it.
-        !self.is_exhausted && (cfg!(fuzzing) || (self.state == LEAST && self.bytes.is_empty()))
+        !self.is_exhausted && (cfg!(fuzzing) || (self.state == MIN_STATE && self.bytes.is_empty()))
     }
     #[inline(always)]
-    fn place(&self) -> u16 {
+    fn interval_position(&self) -> u16 {
         self.state as u16
     }
     /// Goes on behind a symbol whose interval, which holds the place, starts at `start`.
     #[inline(always)]
     fn advance(&mut self, start: u16, size: u32) {
-        self.state = size as u64 * (self.state >> SCALE) + (self.place() - start) as u64;
-        if self.state < LEAST {
+        self.state = size as u64 * (self.state >> SCALE) + (self.interval_position() - start) as u64;
+        if self.state < MIN_STATE {
             self.state = self.state << 32 | self.word();
         }
     }
@@ -126,7 +126,7 @@ impl BitCoder for RansDecoder<'_> {
     }
     #[inline(always)]
     fn bit(&mut self, probability_of_one: u32, _bit: bool) -> bool {
-        let bit = (self.place() as u32) < probability_of_one;
+        let bit = (self.interval_position() as u32) < probability_of_one;
         let (start, size) =
             if bit { (0, probability_of_one) } else { (probability_of_one, 65536 - probability_of_one) };
         self.advance(start as u16, size);
@@ -136,8 +136,8 @@ impl BitCoder for RansDecoder<'_> {
 
 impl SymbolCoder for RansDecoder<'_> {
     #[inline(always)]
-    fn symbol(&mut self, starts: &Starts, _symbol: usize) -> usize {
-        let place = i16x16::splat((self.place() ^ 0x8000) as i16);
+    fn symbol(&mut self, starts: &SymbolStarts, _symbol: usize) -> usize {
+        let place = i16x16::splat((self.interval_position() ^ 0x8000) as i16);
         // The last whose start is not behind the place.
         let behind = i16x16::new(*starts).simd_gt(place).to_bitmask();
         let symbol = (behind | 1 << 16).trailing_zeros() as usize - 1;
@@ -148,7 +148,7 @@ impl SymbolCoder for RansDecoder<'_> {
     #[inline(always)]
     fn equiprobable(&mut self, count: u32, _value: u32) -> u32 {
         let shift = SCALE - count;
-        let value = self.place() as u32 >> shift;
+        let value = self.interval_position() as u32 >> shift;
         self.advance((value << shift) as u16, 1 << shift);
         value
     }
@@ -157,12 +157,12 @@ impl SymbolCoder for RansDecoder<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::entropy::Number;
-    use crate::entropy::symbol::Symbols;
+    use crate::entropy::NumberModel;
+    use crate::entropy::symbol::SymbolModel;
 
     /// Symbols of a known distribution, numbers and raw bits in turn.
     fn code<C: SymbolCoder>(coder: &mut C, values: &[u32]) -> Vec<u32> {
-        let (mut symbols, mut number) = (Symbols::new([3, 2]), Number::default());
+        let (mut symbols, mut number) = (SymbolModel::new([3, 2]), NumberModel::default());
         let mut before = 0;
         let coded = values.iter().enumerate().map(|(k, &value)| match k % 3 {
             0 => {

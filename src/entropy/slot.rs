@@ -2,7 +2,7 @@
 
 /// An adaptive probability: 22 bits of probability above 10 bits of count.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Slot(u32);
+pub(super) struct ProbabilitySlot(u32);
 
 /// `65536 / (n + 1.5)`, rounded down.
 const RECIPROCAL: [u32; 256] = {
@@ -15,11 +15,11 @@ const RECIPROCAL: [u32; 256] = {
     table
 };
 
-impl Slot {
+impl ProbabilitySlot {
     /// Slots that have seen nothing. Not inlined: there are many calls, and one is not often.
     #[inline(never)]
-    pub(super) fn fresh(count: usize) -> Vec<Slot> {
-        vec![Slot(1 << 31); count]
+    pub(super) fn fresh(count: usize) -> Vec<ProbabilitySlot> {
+        vec![ProbabilitySlot(1 << 31); count]
     }
     /// Probability of a 1 in `1 / 2^BITS`, at most 22 bits.
     #[inline(always)]

@@ -6,24 +6,24 @@ use super::SymbolCoder;
 use wide::i16x16;
 
 /// Number of values.
-pub const VALUES: usize = 16;
+pub const SYMBOL_VALUES: usize = 16;
 
 /// Where the values' intervals start, out of 65536, less 32768: the first one's lies at -32768.
-pub type Starts = [i16; VALUES];
+pub type SymbolStarts = [i16; SYMBOL_VALUES];
 
 /// A distribution's total.
 const TOTAL: usize = 1 << 15;
 /// Least size of an interval.
-const LEAST: usize = 2;
+const MIN_INTERVAL: usize = 2;
 
 /// What the starts, less half of the total, move towards when a value has come: all of the total but the least sizes is its.
-const TARGETS: [Starts; VALUES] = {
-    let mut targets = [[0; VALUES]; VALUES];
+const TARGETS: [SymbolStarts; SYMBOL_VALUES] = {
+    let mut targets = [[0; SYMBOL_VALUES]; SYMBOL_VALUES];
     let mut value = 0;
-    while value < VALUES {
+    while value < SYMBOL_VALUES {
         let mut k = 0;
-        while k < VALUES {
-            let start = if k <= value { k * LEAST } else { TOTAL - (VALUES - k) * LEAST };
+        while k < SYMBOL_VALUES {
+            let start = if k <= value { k * MIN_INTERVAL } else { TOTAL - (SYMBOL_VALUES - k) * MIN_INTERVAL };
             targets[value][k] = (start as i32 - TOTAL as i32 / 2) as i16;
             k += 1;
         }
@@ -54,16 +54,16 @@ const RATES: [u8; 80] = {
 
 /// Adaptive distributions, by context.
 #[derive(Debug, Clone)]
-struct Distributions {
-    starts: Vec<Starts>,
+struct SymbolDistributions {
+    starts: Vec<SymbolStarts>,
     /// How often each has learnt, at most 255.
     counts: Vec<u8>,
 }
 
-impl Distributions {
+impl SymbolDistributions {
     fn new(contexts: usize) -> Self {
-        let even = std::array::from_fn(|k| (k * TOTAL / VALUES) as i16 - (TOTAL / 2) as i16);
-        Distributions { starts: vec![even; contexts], counts: vec![0; contexts] }
+        let even = std::array::from_fn(|k| (k * TOTAL / SYMBOL_VALUES) as i16 - (TOTAL / 2) as i16);
+        SymbolDistributions { starts: vec![even; contexts], counts: vec![0; contexts] }
     }
     #[inline(always)]
     fn update(&mut self, context: usize, value: usize) {
@@ -77,16 +77,16 @@ impl Distributions {
 
 /// Predicts symbols of one kind from two contexts.
 #[derive(Debug, Clone)]
-pub struct Symbols([Distributions; 2]);
+pub struct SymbolModel([SymbolDistributions; 2]);
 
-impl Symbols {
+impl SymbolModel {
     /// For contexts below `contexts[k]`.
     pub fn new(contexts: [usize; 2]) -> Self {
-        Symbols(contexts.map(Distributions::new))
+        SymbolModel(contexts.map(SymbolDistributions::new))
     }
     /// Twice the mean of both distributions.
     #[inline(always)]
-    pub fn starts(&self, context: [u32; 2]) -> Starts {
+    pub fn starts(&self, context: [u32; 2]) -> SymbolStarts {
         let starts = |k: usize| i16x16::new(self.0[k].starts[context[k] as usize]);
         (starts(0) + starts(1)).to_array()
     }
@@ -102,7 +102,7 @@ impl Symbols {
 
 /// A value's interval out of 65536: where it starts, and its size.
 #[inline(always)]
-pub fn interval(starts: &Starts, value: usize) -> [u16; 2] {
+pub fn interval(starts: &SymbolStarts, value: usize) -> [u16; 2] {
     // Behind the last value comes 65536, which is 0 here.
     let [start, end] = [value, value + 1].map(|k| starts[k & 15] as u16);
     [start ^ 0x8000, end.wrapping_sub(start)]
@@ -127,20 +127,20 @@ mod tests {
             let stop = (context[0] + context[1] + 2) as f64 / 10.0;
             let go = |value: usize| stop * (1.0 - stop).powi(value as i32);
             let mut value = 0;
-            while value < VALUES - 1 && random() as f64 / 65536.0 >= stop {
+            while value < SYMBOL_VALUES - 1 && random() as f64 / 65536.0 >= stop {
                 value += 1;
             }
-            let p = if value < VALUES - 1 { go(value) } else { 1.0 - (0..value).map(go).sum::<f64>() };
+            let p = if value < SYMBOL_VALUES - 1 { go(value) } else { 1.0 - (0..value).map(go).sum::<f64>() };
             entropy -= p.log2() / 8.0;
             symbols.push((context, value));
         }
-        let (mut encoder, mut model) = (RansEncoder::new(), Symbols::new([4, 4]));
+        let (mut encoder, mut model) = (RansEncoder::new(), SymbolModel::new([4, 4]));
         for &(context, value) in &symbols {
             model.code(&mut encoder, context, value);
         }
         let bytes = encoder.finish();
         assert!((bytes.len() as f64) < 1.06 * entropy, "{} bytes, entropy {entropy:.0}", bytes.len());
-        let (mut decoder, mut model) = (RansDecoder::new(&bytes), Symbols::new([4, 4]));
+        let (mut decoder, mut model) = (RansDecoder::new(&bytes), SymbolModel::new([4, 4]));
         for &(context, value) in &symbols {
             assert_eq!(model.code(&mut decoder, context, 0), value);
         }
@@ -149,13 +149,13 @@ mod tests {
     #[test]
     fn no_value_becomes_impossible() {
         // What comes again and again leaves the others their least sizes, whatever was before.
-        let mut model = Symbols::new([1, 1]);
+        let mut model = SymbolModel::new([1, 1]);
         for value in [3, 15, 0, 7] {
             for _ in 0..5000 {
                 model.code(&mut RansEncoder::new(), [0, 0], value);
             }
-            let sizes: Vec<u16> = (0..VALUES).map(|k| interval(&model.starts([0, 0]), k)[1]).collect();
-            assert!(sizes.iter().all(|&size| size as usize >= 2 * LEAST), "{sizes:?}");
+            let sizes: Vec<u16> = (0..SYMBOL_VALUES).map(|k| interval(&model.starts([0, 0]), k)[1]).collect();
+            assert!(sizes.iter().all(|&size| size as usize >= 2 * MIN_INTERVAL), "{sizes:?}");
             assert_eq!(sizes.iter().map(|&size| size as u32).sum::<u32>(), 65536);
             assert!(sizes[value] > 65_000, "{sizes:?}");
         }

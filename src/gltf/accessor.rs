@@ -1,15 +1,15 @@
 //! Numbers out of accessors: positions and texture coordinates, quantised ones included.
 
-use super::document::{Document, Files};
+use super::document::{ExternalFiles, GltfDocument};
 use crate::error::Result;
 use crate::limits::Budget;
 use serde_json::Value;
 
 /// The elements of an accessor with `N` components; `None` where it is sparse, compressed, or of a type that is not read here.
-pub(super) fn read<const N: usize>(
-    document: &Document,
+pub(super) fn read_accessor<const N: usize>(
+    document: &GltfDocument,
     index: u64,
-    files: Files<'_>,
+    files: ExternalFiles<'_>,
     budget: &Budget,
 ) -> Result<Option<Vec<[f64; N]>>> {
     let wrong = |message: &str| document.wrong(format!("accessor {index}: {message}"));
@@ -21,7 +21,7 @@ pub(super) fn read<const N: usize>(
         2 => "VEC2",
         _ => "VEC3",
     };
-    let component = accessor.get("componentType").and_then(Value::as_u64).and_then(Number::of);
+    let component = accessor.get("componentType").and_then(Value::as_u64).and_then(ComponentType::of);
     let view_index = accessor.get("bufferView").and_then(Value::as_u64);
     let (Some(component), Some(view_index)) = (component, view_index) else { return Ok(None) };
     if accessor.get("type").and_then(Value::as_str) != Some(kind) || accessor.get("sparse").is_some() {
@@ -58,7 +58,7 @@ pub(super) fn read<const N: usize>(
 
 /// Component types.
 #[derive(Clone, Copy)]
-enum Number {
+enum ComponentType {
     I8,
     U8,
     I16,
@@ -66,23 +66,23 @@ enum Number {
     F32,
 }
 
-impl Number {
+impl ComponentType {
     fn of(code: u64) -> Option<Self> {
         Some(match code {
-            5120 => Number::I8,
-            5121 => Number::U8,
-            5122 => Number::I16,
-            5123 => Number::U16,
-            5126 => Number::F32,
+            5120 => ComponentType::I8,
+            5121 => ComponentType::U8,
+            5122 => ComponentType::I16,
+            5123 => ComponentType::U16,
+            5126 => ComponentType::F32,
             _ => return None,
         })
     }
 
     fn bytes(self) -> usize {
         match self {
-            Number::I8 | Number::U8 => 1,
-            Number::I16 | Number::U16 => 2,
-            Number::F32 => 4,
+            ComponentType::I8 | ComponentType::U8 => 1,
+            ComponentType::I16 | ComponentType::U16 => 2,
+            ComponentType::F32 => 4,
         }
     }
 
@@ -90,11 +90,11 @@ impl Number {
     fn value(self, bytes: &[u8], normalized: bool) -> f64 {
         let two = || bytes.first_chunk().copied().unwrap_or_default();
         let (value, most) = match self {
-            Number::I8 => (bytes.first().map_or(0, |&b| b as i8) as f64, 127.0),
-            Number::U8 => (bytes.first().copied().unwrap_or(0) as f64, 255.0),
-            Number::I16 => (i16::from_le_bytes(two()) as f64, 32767.0),
-            Number::U16 => (u16::from_le_bytes(two()) as f64, 65535.0),
-            Number::F32 => return f32::from_le_bytes(bytes.first_chunk().copied().unwrap_or_default()) as f64,
+            ComponentType::I8 => (bytes.first().map_or(0, |&b| b as i8) as f64, 127.0),
+            ComponentType::U8 => (bytes.first().copied().unwrap_or(0) as f64, 255.0),
+            ComponentType::I16 => (i16::from_le_bytes(two()) as f64, 32767.0),
+            ComponentType::U16 => (u16::from_le_bytes(two()) as f64, 65535.0),
+            ComponentType::F32 => return f32::from_le_bytes(bytes.first_chunk().copied().unwrap_or_default()) as f64,
         };
         if normalized { (value / most).max(-1.0) } else { value }
     }

@@ -1,17 +1,17 @@
 //! The extension's objects: the root's array of appearances and the materials' links to them.
 
-use super::document::Document;
+use super::document::GltfDocument;
 use super::{EXTENSION, EXTENSION_VERSION, MIME_TYPE};
 use crate::error::{Error, Result};
 use crate::limits::check;
 use serde_json::{Map, Value, json};
 
 /// Appearances that a document may have.
-const MOST: u64 = 1024;
+const MAX_APPEARANCES: u64 = 1024;
 
 /// Where a stream lies.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Source {
+pub enum StreamSource {
     /// In a bufferView.
     View(u64),
     /// In a file beside the document: its relative reference, escaped.
@@ -24,7 +24,7 @@ pub enum Source {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Appearance {
     /// Where the stream lies.
-    pub source: Source,
+    pub source: StreamSource,
     /// Lengths of decodable prefixes of the stream, ascending; the last is the whole. Empty where nothing is said.
     pub levels: Vec<u64>,
     /// SHA-256 of the stream, 64 lower-case hexadecimal digits, where it is said.
@@ -36,11 +36,11 @@ impl Appearance {
     pub fn to_json(&self) -> Value {
         let mut object = Map::new();
         match &self.source {
-            Source::View(index) => object.insert("bufferView".into(), json!(index)),
-            Source::Uri(uri) => object.insert("uri".into(), json!(uri)),
-            Source::Foreign(_) => None,
+            StreamSource::View(index) => object.insert("bufferView".into(), json!(index)),
+            StreamSource::Uri(uri) => object.insert("uri".into(), json!(uri)),
+            StreamSource::Foreign(_) => None,
         };
-        let mime = if let Source::Foreign(mime) = &self.source { mime } else { MIME_TYPE };
+        let mime = if let StreamSource::Foreign(mime) = &self.source { mime } else { MIME_TYPE };
         object.insert("mimeType".into(), json!(mime));
         if !self.levels.is_empty() {
             object.insert("levels".into(), json!(self.levels));
@@ -51,19 +51,19 @@ impl Appearance {
         Value::Object(object)
     }
 
-    fn from_json(document: &Document, index: usize, value: &Value) -> Result<Self> {
+    fn from_json(document: &GltfDocument, index: usize, value: &Value) -> Result<Self> {
         let wrong = |message: &str| document.wrong(format!("{EXTENSION}: appearance {index}: {message}"));
         let object = value.as_object().ok_or_else(|| wrong("must be an object"))?;
         let mime = object.get("mimeType").map_or(Some(MIME_TYPE), Value::as_str);
         let mime = mime.ok_or_else(|| wrong("mimeType must be a string"))?;
         if mime != MIME_TYPE {
-            return Ok(Appearance { source: Source::Foreign(mime.into()), levels: Vec::new(), sha256: None });
+            return Ok(Appearance { source: StreamSource::Foreign(mime.into()), levels: Vec::new(), sha256: None });
         }
         let source = match (object.get("bufferView"), object.get("uri")) {
             (Some(view), None) => {
-                Source::View(view.as_u64().ok_or_else(|| wrong("bufferView must be a whole number"))?)
+                StreamSource::View(view.as_u64().ok_or_else(|| wrong("bufferView must be a whole number"))?)
             }
-            (None, Some(uri)) => Source::Uri(uri.as_str().ok_or_else(|| wrong("uri must be a string"))?.into()),
+            (None, Some(uri)) => StreamSource::Uri(uri.as_str().ok_or_else(|| wrong("uri must be a string"))?.into()),
             _ => return Err(wrong("must have either a bufferView or a uri")),
         };
         let levels = match object.get("levels") {
@@ -95,7 +95,7 @@ pub(super) fn extension(of: &Map<String, Value>) -> Option<&Map<String, Value>> 
 }
 
 /// All appearances of a document; empty where it has none. An extension of a later version is `Unsupported`.
-pub fn appearances(document: &Document) -> Result<Vec<Appearance>> {
+pub fn appearances(document: &GltfDocument) -> Result<Vec<Appearance>> {
     let Some(root) = extension(&document.json) else { return Ok(Vec::new()) };
     match root.get("version").map(Value::as_u64) {
         None | Some(Some(EXTENSION_VERSION)) => {}
@@ -108,12 +108,12 @@ pub fn appearances(document: &Document) -> Result<Vec<Appearance>> {
     }
     let list = root.get("appearances").and_then(Value::as_array);
     let list = list.ok_or_else(|| document.wrong(format!("{EXTENSION}: appearances must be an array")))?;
-    check("appearances", list.len() as u64, MOST)?;
+    check("appearances", list.len() as u64, MAX_APPEARANCES)?;
     list.iter().enumerate().map(|(index, value)| Appearance::from_json(document, index, value)).collect()
 }
 
 /// Materials bound to an appearance, by index.
-pub fn bound_materials(document: &Document, appearance: usize) -> Vec<usize> {
+pub fn bound_materials(document: &GltfDocument, appearance: usize) -> Vec<usize> {
     let linked = |material: &Value| {
         material.as_object().and_then(extension).and_then(|link| link.get("appearance")?.as_u64())
             == Some(appearance as u64)

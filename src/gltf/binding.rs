@@ -1,7 +1,7 @@
 //! Whether a document's mesh is the one that a stream was captured with: by texture coordinates, never by the order of vertices.
 
 use super::accessor;
-use super::document::{Document, Files};
+use super::document::{ExternalFiles, GltfDocument};
 use crate::error::Result;
 use crate::limits::Budget;
 use crate::mesh::Mesh;
@@ -17,11 +17,11 @@ const SAMPLES: usize = 4096;
 /// Largest error of the best affine map from the document's vertices to the stream's surface, as a share of the surface's size.
 const TOLERANCE: f64 = 0.02;
 /// Smallest share of vertices whose texture coordinates lie on the surface's atlas.
-const LEAST_ON_ATLAS: f64 = 0.95;
+const MIN_ON_ATLAS: f64 = 0.95;
 
 /// How a document's mesh lies on a stream's.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Fit {
+pub enum MeshFit {
     /// The same mesh, moved or quantised at most: the root mean square distance as a share of the mesh's size.
     Same(f64),
     /// Another mesh.
@@ -33,14 +33,14 @@ pub enum Fit {
 /// Compares the vertices that use `materials` with the surface that the stream has at their texture coordinates. Any affine map between
 /// them is allowed, one for each primitive, since tools move, scale and quantise meshes.
 pub fn compare_mesh(
-    document: &Document,
+    document: &GltfDocument,
     materials: &[usize],
-    binding: &Binding,
+    binding: &MaterialBinding,
     mesh: &Mesh,
     charts: &Charts,
-    files: Files<'_>,
+    files: ExternalFiles<'_>,
     budget: &Budget,
-) -> Result<Fit> {
+) -> Result<MeshFit> {
     let raster = rasterise_atlas_within(mesh, charts, budget)?;
     let (mut seen, mut missed, mut error, mut spread) = (0usize, 0usize, 0.0, 0.0);
     let middle = mean(&mesh.positions.iter().map(|p| DVec3::from_array(p.map(f64::from))).collect::<Vec<_>>());
@@ -52,8 +52,8 @@ pub fn compare_mesh(
         let attribute = |name: &str| primitive.get("attributes")?.get(name)?.as_u64();
         let coordinates = attribute(&format!("TEXCOORD_{}", binding.tex_coord()));
         let (Some(positions), Some(coordinates)) = (attribute("POSITION"), coordinates) else { continue };
-        let positions = accessor::read::<3>(document, positions, files, budget)?;
-        let coordinates = accessor::read::<2>(document, coordinates, files, budget)?;
+        let positions = accessor::read_accessor::<3>(document, positions, files, budget)?;
+        let coordinates = accessor::read_accessor::<2>(document, coordinates, files, budget)?;
         let (Some(positions), Some(coordinates)) = (positions, coordinates) else { continue };
         if positions.len() != coordinates.len() {
             return Err(document.wrong("a primitive's positions and texture coordinates differ in number"));
@@ -61,7 +61,7 @@ pub fn compare_mesh(
         let (mut from, mut to) = (Vec::new(), Vec::new());
         for k in (0..positions.len()).step_by(positions.len().div_ceil(SAMPLES).max(1)) {
             let place = DVec3::from_array(positions[k]);
-            match surface_point(mesh, charts, &raster, binding.transform(coordinates[k])) {
+            match surface_point(mesh, charts, &raster, binding.transform_coordinate(coordinates[k])) {
                 Some(point) if place.is_finite() => {
                     from.push(place);
                     to.push(point);
@@ -74,11 +74,11 @@ pub fn compare_mesh(
         spread += to.iter().map(|p| p.distance_squared(middle)).sum::<f64>();
     }
     if seen + missed == 0 {
-        return Ok(Fit::Unknown);
+        return Ok(MeshFit::Unknown);
     }
     let share = if spread > 0.0 { (error / spread).sqrt() } else { 1.0 };
     let on_atlas = seen as f64 / (seen + missed) as f64;
-    Ok(if on_atlas >= LEAST_ON_ATLAS && share <= TOLERANCE { Fit::Same(share) } else { Fit::Other(share) })
+    Ok(if on_atlas >= MIN_ON_ATLAS && share <= TOLERANCE { MeshFit::Same(share) } else { MeshFit::Other(share) })
 }
 
 /// World position of the surface at a texture coordinate; `None` beside the charts.
@@ -120,14 +120,14 @@ fn affine_residual(from: &[DVec3], to: &[DVec3]) -> f64 {
 
 /// How texture coordinates lead to the atlas: the set and the transform of a `textureInfo` object.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct Binding {
+pub struct MaterialBinding {
     /// `texCoord` and `extensions.KHR_texture_transform`, as in glTF.
     pub(super) info: Map<String, Value>,
 }
 
-impl Binding {
+impl MaterialBinding {
     /// Takes `texCoord` and `KHR_texture_transform` of any `textureInfo` object.
-    pub fn of(info: &Map<String, Value>) -> Self {
+    pub fn from_texture_info(info: &Map<String, Value>) -> Self {
         let mut kept = Map::new();
         if let Some(set) = info.get("texCoord") {
             kept.insert("texCoord".into(), set.clone());
@@ -135,7 +135,7 @@ impl Binding {
         if let Some(transform) = info.get("extensions").and_then(|e| e.get("KHR_texture_transform")) {
             kept.insert("extensions".into(), serde_json::json!({"KHR_texture_transform": transform}));
         }
-        Binding { info: kept }
+        MaterialBinding { info: kept }
     }
 
     pub(super) fn texture_transform(&self) -> Option<&Value> {
@@ -149,7 +149,7 @@ impl Binding {
     }
 
     /// A texture coordinate as `KHR_texture_transform` changes it.
-    pub fn transform(&self, at: [f64; 2]) -> [f64; 2] {
+    pub fn transform_coordinate(&self, at: [f64; 2]) -> [f64; 2] {
         let transform = self.texture_transform();
         let number =
             |key: &str, k: usize, default: f64| transform.and_then(|t| t.get(key)?.get(k)?.as_f64()).unwrap_or(default);

@@ -15,7 +15,7 @@ const MEMORY_PER_BYTE: usize = 128;
 
 /// A glTF document, with its binary chunk where it is a GLB.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Document {
+pub struct GltfDocument {
     /// The JSON object.
     pub json: Map<String, Value>,
     /// The binary chunk of a GLB: buffer 0. `None` for a document that is JSON alone, and a GLB without one.
@@ -29,12 +29,12 @@ pub struct Document {
 }
 
 /// What a document's relative references lead to: the bytes of a file beside it.
-pub type Files<'a> = &'a dyn Fn(&str) -> Result<Vec<u8>>;
+pub type ExternalFiles<'a> = &'a dyn Fn(&str) -> Result<Vec<u8>>;
 
-impl Document {
+impl GltfDocument {
     /// A GLB around a JSON object and the content of its buffer 0.
     pub fn new_glb(json: Map<String, Value>, binary: Vec<u8>) -> Self {
-        Document {
+        GltfDocument {
             json,
             binary: Some(binary),
             others: Vec::new(),
@@ -48,8 +48,12 @@ impl Document {
     pub fn parse(path: impl AsRef<Path>, bytes: &[u8], budget: &Budget) -> Result<Self> {
         let path = path.as_ref();
         let path_of = path.to_owned();
-        let mut document =
-            Document { is_glb: false, path: path_of, binary: None, ..Document::new_glb(Map::new(), Vec::new()) };
+        let mut document = GltfDocument {
+            is_glb: false,
+            path: path_of,
+            binary: None,
+            ..GltfDocument::new_glb(Map::new(), Vec::new())
+        };
         let text = if bytes.starts_with(&MAGIC) {
             document.is_glb = true;
             budget.charge("GLB file", bytes.len() as u64)?;
@@ -167,7 +171,7 @@ impl Document {
     }
 
     /// The bytes of a bufferView.
-    pub fn view(&self, index: u64, files: Files<'_>) -> Result<Cow<'_, [u8]>> {
+    pub fn view(&self, index: u64, files: ExternalFiles<'_>) -> Result<Cow<'_, [u8]>> {
         let wrong = |message: String| self.wrong(format!("bufferView {index}: {message}"));
         let view = usize::try_from(index).ok().and_then(|index| self.list("bufferViews").get(index));
         let view = view.ok_or_else(|| wrong("is not there".into()))?;
@@ -187,7 +191,7 @@ impl Document {
         })
     }
 
-    fn buffer(&self, index: u64, files: Files<'_>) -> Result<Cow<'_, [u8]>> {
+    fn buffer(&self, index: u64, files: ExternalFiles<'_>) -> Result<Cow<'_, [u8]>> {
         let wrong = |message: &str| self.wrong(format!("buffer {index}: {message}"));
         let buffer = usize::try_from(index).ok().and_then(|index| self.list("buffers").get(index));
         let buffer = buffer.ok_or_else(|| wrong("is not there"))?;
@@ -200,7 +204,7 @@ impl Document {
 
     /// The same, whose references may lead out of its folder where `allowed`.
     pub fn allow_outside(self, allowed: bool) -> Self {
-        Document { allow_outside: allowed, ..self }
+        GltfDocument { allow_outside: allowed, ..self }
     }
 
     /// The path that a relative reference means; only files beside the document or below are followed, unless outside is allowed.

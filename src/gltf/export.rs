@@ -1,15 +1,15 @@
 //! A GLB of an asset.
 
-use super::document::{Document, percent_encoded};
-use super::fallback::{Fallback, bake};
+use super::document::{GltfDocument, percent_encoded};
+use super::fallback::{Fallback, bake_fallback};
 use super::geometry::charts;
-use super::levels;
-use super::stream::{push_view, put, sha256};
-use crate::asset::{Asset, metres};
+use super::levels::prefix_lengths;
+use super::stream::{inject, push_view, sha256};
+use crate::asset::{Asset, metres_per_unit};
 use crate::error::{Error, Result};
 use crate::image::Grid;
 use crate::limits::Limits;
-use crate::surface::split::{Geometry, split};
+use crate::surface::split::{RenderMesh, render_mesh_with_atlas};
 use crate::views::upright;
 use serde_json::{Map, Value, json};
 
@@ -23,7 +23,7 @@ const F32: u64 = 5126;
 
 /// Where the stream goes.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
-pub enum Placement {
+pub enum StreamPlacement {
     /// Into the GLB.
     #[default]
     Inside,
@@ -35,7 +35,7 @@ pub enum Placement {
 #[derive(Debug, Clone, PartialEq)]
 pub struct ExportOptions {
     /// Where the stream goes.
-    pub placement: Placement,
+    pub placement: StreamPlacement,
     /// Diffuse albedo of the capture's white board.
     pub white_albedo: f64,
     /// JPEG quality of the colours, 1 to 100; `None` for PNG. Roughness and metalness are always PNG.
@@ -47,7 +47,7 @@ pub struct ExportOptions {
 impl Default for ExportOptions {
     fn default() -> Self {
         ExportOptions {
-            placement: Placement::default(),
+            placement: StreamPlacement::default(),
             white_albedo: 0.95,
             jpeg_quality: None,
             limits: Limits::default(),
@@ -57,9 +57,9 @@ impl Default for ExportOptions {
 
 /// An exported GLB.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Exported {
+pub struct ExportedGltf {
     /// The document.
-    pub document: Document,
+    pub document: GltfDocument,
     /// Its fallback material.
     pub fallback: Fallback,
     /// Vertices after splitting at the borders of charts.
@@ -74,13 +74,13 @@ pub struct Exported {
 
 /// Exports `asset`, which is `stream` decoded (its photographs are not needed). The document's node has the scene upright and, where the
 /// metadata names a metric unit, in metres; positions stay those of the stream.
-pub fn export(stream: &[u8], asset: &Asset, options: &ExportOptions) -> Result<Exported> {
+pub fn export(stream: &[u8], asset: &Asset, options: &ExportOptions) -> Result<ExportedGltf> {
     if !(options.white_albedo > 0.0 && options.white_albedo <= 1.0) {
         return Err(Error::parameter("the white board's albedo lies between 0 and 1"));
     }
     let charts = charts(asset)?;
-    let fallback = bake(asset, options.white_albedo)?;
-    let geometry = split(&asset.mesh, charts);
+    let fallback = bake_fallback(asset, options.white_albedo)?;
+    let geometry = render_mesh_with_atlas(&asset.mesh, charts);
     let title = asset.metadata.get("title").and_then(Value::as_str).unwrap_or("appearance");
     let mut root = json!({
         "asset": {"version": "2.0", "generator": concat!("tsuya ", env!("CARGO_PKG_VERSION"))},
@@ -96,17 +96,17 @@ pub fn export(stream: &[u8], asset: &Asset, options: &ExportOptions) -> Result<E
         Value::Object(root) => root,
         _ => Map::new(),
     };
-    let mut document = Document::new_glb(root, Vec::new());
+    let mut document = GltfDocument::new_glb(root, Vec::new());
     let primitive = write_geometry(&mut document, &geometry)?;
     document.json["meshes"][0]["primitives"][0] = primitive;
     write_material(&mut document, &fallback, title, options.jpeg_quality)?;
-    let levels = levels(stream, options.limits)?;
+    let levels = prefix_lengths(stream, options.limits)?;
     let uri = match &options.placement {
-        Placement::Inside => None,
-        Placement::Beside(name) => Some(percent_encoded(name)),
+        StreamPlacement::Inside => None,
+        StreamPlacement::Beside(name) => Some(percent_encoded(name)),
     };
-    put(&mut document, 0, stream, levels.clone(), uri.as_deref())?;
-    Ok(Exported {
+    inject(&mut document, 0, stream, levels.clone(), uri.as_deref())?;
+    Ok(ExportedGltf {
         document,
         fallback,
         vertices: geometry.positions.len(),
@@ -122,7 +122,7 @@ fn node(asset: &Asset, title: &str) -> Value {
     if let Some(turn) = upright(&asset.views) {
         node["rotation"] = json!(turn);
     }
-    let scale = metres(&asset.metadata);
+    let scale = metres_per_unit(&asset.metadata);
     if scale != 1.0 {
         node["scale"] = json!([scale, scale, scale]);
     }
@@ -130,7 +130,7 @@ fn node(asset: &Asset, title: &str) -> Value {
 }
 
 /// Writes the vertices and triangles; returns the primitive.
-pub(super) fn write_geometry(document: &mut Document, geometry: &Geometry) -> Result<Value> {
+pub(super) fn write_geometry(document: &mut GltfDocument, geometry: &RenderMesh) -> Result<Value> {
     let count = geometry.positions.len();
     let indices = geometry.triangles.iter().flatten();
     // The largest index of a type is kept free by glTF.
@@ -173,7 +173,12 @@ fn floats<const N: usize>(elements: &[[f32; N]]) -> Vec<u8> {
 }
 
 /// Writes the textures and the material.
-fn write_material(document: &mut Document, fallback: &Fallback, name: &str, jpeg_quality: Option<u8>) -> Result<()> {
+fn write_material(
+    document: &mut GltfDocument,
+    fallback: &Fallback,
+    name: &str,
+    jpeg_quality: Option<u8>,
+) -> Result<()> {
     let base = push_texture(document, &fallback.base_colour, "base colour", jpeg_quality)?;
     let mut pbr = json!({"baseColorTexture": {"index": base}, "metallicFactor": 0, "roughnessFactor": 1});
     let mut material = json!({"name": name});
@@ -205,7 +210,7 @@ fn write_material(document: &mut Document, fallback: &Fallback, name: &str, jpeg
 
 /// Writes a texture as PNG or JPEG; returns its index.
 fn push_texture(
-    document: &mut Document,
+    document: &mut GltfDocument,
     texture: &Grid<[u8; 3]>,
     name: &str,
     jpeg_quality: Option<u8>,

@@ -32,7 +32,7 @@ pub struct Fallback {
 
 /// Bakes the material. `white_albedo` is the diffuse albedo of the capture's white board: colours are relative to it, so that the
 /// capture's exposure and the colour of its lights don't matter.
-pub fn bake(asset: &Asset, white_albedo: f64) -> Result<Fallback> {
+pub fn bake_fallback(asset: &Asset, white_albedo: f64) -> Result<Fallback> {
     let charts = charts(asset)?;
     let Some(maps) = &asset.reflectance else {
         return Err(Error::Unsupported("the file has no reflectance, so there is nothing to make textures of".into()));
@@ -65,7 +65,7 @@ pub fn bake(asset: &Asset, white_albedo: f64) -> Result<Fallback> {
     }
     let specular = filled(&maps.specular);
     let sigma = filled(&maps.sigma.map(|&sigma| [sigma; 3]));
-    let lobes = Lobes::new();
+    let lobes = LobeMixture::new();
     let materials: Vec<Microfacets> = (0..texels)
         .map(|k| {
             let (alpha, peak) = lobes.at(sigma.data[k][0] as f64);
@@ -91,7 +91,7 @@ pub fn bake(asset: &Asset, white_albedo: f64) -> Result<Fallback> {
 
 impl Fallback {
     /// The material at an atlas position in texels, as a viewer reads it: bilinear between linear values.
-    pub fn at(&self, position: [f64; 2]) -> Microfacets {
+    pub fn microfacets_at(&self, position: [f64; 2]) -> Microfacets {
         let mut sums = [[0.0; 3]; 3];
         let textures = [Some(&self.base_colour), self.metallic_roughness.as_ref(), self.specular_colour.as_ref()];
         for (index, weight) in bilinear_taps(self.base_colour.width, self.base_colour.height, position) {
@@ -128,13 +128,13 @@ fn unit(asset: &Asset, white_albedo: f64) -> [f64; 3] {
 }
 
 /// [`equivalent_lobe`] of every width that fits give.
-struct Lobes(Vec<(f64, f64)>);
+struct LobeMixture(Vec<(f64, f64)>);
 
-impl Lobes {
+impl LobeMixture {
     fn new() -> Self {
         let (least, most) = (SIGMA_RANGE.0 as f64, SIGMA_RANGE.1 as f64);
         let sigma = |k: usize| least * (most / least).powf(k as f64 / (LOBES - 1) as f64);
-        Lobes((0..LOBES).map(|k| equivalent_lobe(sigma(k))).collect())
+        LobeMixture((0..LOBES).map(|k| equivalent_lobe(sigma(k))).collect())
     }
 
     fn at(&self, sigma: f64) -> (f64, f64) {

@@ -13,7 +13,7 @@ use glam::DVec3;
 
 /// Renders the asset's mesh with the fallback's textures, in the asset's unit of radiance. `light` may be `None` for an unlit fallback only:
 /// anything else is black then.
-pub fn render(asset: &Asset, fallback: &Fallback, camera: &Camera, light: Option<&PointLight>) -> RgbImage {
+pub fn render_fallback(asset: &Asset, fallback: &Fallback, camera: &Camera, light: Option<&PointLight>) -> RgbImage {
     let raster = rasterise(&asset.mesh, camera);
     let normals = vertex_normals(&asset.mesh);
     let centre = camera.centre();
@@ -23,7 +23,7 @@ pub fn render(asset: &Asset, fallback: &Fallback, camera: &Camera, light: Option
         let (ray, depth) = (camera.ray(at), raster.depth[index]);
         let point: [f64; 3] = std::array::from_fn(|k| centre[k] + ray[k] * depth);
         let triangle = raster.triangle[index] as usize;
-        let material = fallback.at(atlas_position(charts, triangle, DVec3::from_array(point)));
+        let material = fallback.microfacets_at(atlas_position(charts, triangle, DVec3::from_array(point)));
         if fallback.is_unlit {
             return std::array::from_fn(|c| (material.base_colour[c] / fallback.unit[c]) as f32);
         }

@@ -7,7 +7,7 @@ use std::f64::consts::{FRAC_PI_2, PI};
 /// Reflectance at normal incidence of every dielectric whose `ior` is not said.
 pub(super) const DIELECTRIC: f64 = 0.04;
 /// Least `alpha = roughness^2`: viewers clamp about here.
-const LEAST_ALPHA: f64 = 0.002;
+const MIN_ALPHA: f64 = 0.002;
 
 /// A glTF material at one point.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -33,7 +33,7 @@ impl Brdf for Microfacets {
         let length = sum.iter().map(|x| x * x).sum::<f64>().sqrt();
         let cos_half = sum[2] / length;
         let out_half = (0..3).map(|k| outgoing[k] * sum[k]).sum::<f64>() / length;
-        let square = (self.roughness * self.roughness).max(LEAST_ALPHA).powi(2);
+        let square = (self.roughness * self.roughness).max(MIN_ALPHA).powi(2);
         let bottom = cos_half * cos_half * (square - 1.0) + 1.0;
         let distribution = square / (PI * bottom * bottom);
         let masking = |one: f64, other: f64| one * (other * other * (1.0 - square) + square).sqrt();
@@ -73,7 +73,7 @@ pub fn equivalent_lobe(sigma: f64) -> (f64, f64) {
     };
     // Golden section over ln(alpha).
     let ratio = 0.5 * (5f64.sqrt() - 1.0);
-    let (mut low, mut high) = ((0.4 * sigma).max(LEAST_ALPHA).ln(), (4.0 * sigma).clamp(2.0 * LEAST_ALPHA, 1.0).ln());
+    let (mut low, mut high) = ((0.4 * sigma).max(MIN_ALPHA).ln(), (4.0 * sigma).clamp(2.0 * MIN_ALPHA, 1.0).ln());
     for _ in 0..40 {
         let (one, two) = (high - ratio * (high - low), low + ratio * (high - low));
         if cost(one.exp()).0 < cost(two.exp()).0 { high = two } else { low = one }

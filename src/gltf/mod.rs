@@ -1,8 +1,8 @@
 //! The glTF bridge: a `.tsuya` stream inside a GLB that every viewer shows. See `spec/gltf/TSUYA_materials_appearance.md`.
 //!
 //! [`export`] makes a GLB of an asset: its mesh, a metallic-roughness material baked from the fitted reflectance, and the stream itself,
-//! bound to the material by [`EXTENSION`]. [`Document`] reads and edits GLB and glTF files as JSON, so that what it does not know
-//! survives; [`take`], [`put`] and [`remove`] move the stream out of a document and into it.
+//! bound to the material by [`EXTENSION`]. [`GltfDocument`] reads and edits GLB and glTF files as JSON, so that what it does not know
+//! survives; [`extract`], [`inject`] and [`strip`] move the stream out of a document and into it.
 
 mod accessor;
 mod appearance;
@@ -17,16 +17,16 @@ mod metallic_roughness;
 mod stream;
 
 pub use crate::input::percent_decoded as path_of;
-pub use appearance::{Appearance, Source, appearances, bound_materials};
-pub use binding::Binding;
-pub use binding::{Fit, compare_mesh};
-pub use document::{Document, Files, percent_encoded as reference};
-pub use export::{ExportOptions, Exported, Placement, export};
-pub use fallback::{Fallback, bake};
-pub use levels::levels;
-pub use look::render;
+pub use appearance::{Appearance, StreamSource, appearances, bound_materials};
+pub use binding::MaterialBinding;
+pub use binding::{MeshFit, compare_mesh};
+pub use document::{ExternalFiles, GltfDocument, percent_encoded as reference};
+pub use export::{ExportOptions, ExportedGltf, StreamPlacement, export};
+pub use fallback::{Fallback, bake_fallback};
+pub use levels::prefix_lengths;
+pub use look::render_fallback;
 pub use metallic_roughness::{Microfacets, equivalent_lobe};
-pub use stream::{Taken, find_material, put, remove, sha256, take};
+pub use stream::{ExtractedStream, extract, find_material, inject, sha256, strip};
 
 /// Name of the extension.
 pub const EXTENSION: &str = "TSUYA_materials_appearance";

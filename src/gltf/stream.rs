@@ -1,8 +1,8 @@
 //! Moving a stream out of a document and into it.
 
-use super::appearance::{Appearance, Source, appearances, bound_materials, extension};
-use super::binding::Binding;
-use super::document::{Document, Files};
+use super::appearance::{Appearance, StreamSource, appearances, bound_materials, extension};
+use super::binding::MaterialBinding;
+use super::document::{ExternalFiles, GltfDocument};
 use super::{EXTENSION, EXTENSION_VERSION, MIME_TYPE};
 use crate::error::{Error, Result};
 use serde_json::{Map, Value, json};
@@ -15,7 +15,7 @@ pub fn sha256(bytes: &[u8]) -> String {
 
 /// A stream that was found in a document.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Taken {
+pub struct ExtractedStream {
     /// The stream.
     pub stream: Vec<u8>,
     /// Its entry in the document.
@@ -23,11 +23,11 @@ pub struct Taken {
     /// Materials that are bound to it.
     pub materials: Vec<usize>,
     /// How the first of them is bound.
-    pub binding: Binding,
+    pub binding: MaterialBinding,
 }
 
 /// Takes the stream of the appearance with this index. Compares length and SHA-256 with what the document says, not the content.
-pub fn take(document: &Document, index: usize, files: Files<'_>) -> Result<Taken> {
+pub fn extract(document: &GltfDocument, index: usize, files: ExternalFiles<'_>) -> Result<ExtractedStream> {
     let mut all = appearances(document)?;
     if all.is_empty() {
         return Err(document.wrong(no_appearance(document)));
@@ -38,9 +38,9 @@ pub fn take(document: &Document, index: usize, files: Files<'_>) -> Result<Taken
     }
     let appearance = all.swap_remove(index);
     let stream = match &appearance.source {
-        Source::View(view) => document.view(*view, files)?.into_owned(),
-        Source::Uri(uri) => files(&document.check_uri(uri)?)?,
-        Source::Foreign(mime) => {
+        StreamSource::View(view) => document.view(*view, files)?.into_owned(),
+        StreamSource::Uri(uri) => files(&document.check_uri(uri)?)?,
+        StreamSource::Foreign(mime) => {
             let message = format!("{}: appearance {index} is of type {mime:?}", document.name());
             return Err(Error::Unsupported(format!("{message}, only {MIME_TYPE} is read")));
         }
@@ -57,12 +57,12 @@ pub fn take(document: &Document, index: usize, files: Files<'_>) -> Result<Taken
     }
     let materials = bound_materials(document, index);
     let link = materials.first().and_then(|&m| extension(document.list("materials").get(m)?.as_object()?));
-    let binding = link.map(Binding::of).unwrap_or_default();
-    Ok(Taken { stream, appearance, materials, binding })
+    let binding = link.map(MaterialBinding::from_texture_info).unwrap_or_default();
+    Ok(ExtractedStream { stream, appearance, materials, binding })
 }
 
 /// What to say of a document without an appearance.
-fn no_appearance(document: &Document) -> String {
+fn no_appearance(document: &GltfDocument) -> String {
     let trace = document.list("materials").iter().any(|m| m.get("extras").is_some_and(|e| e.get(EXTENSION).is_some()));
     if trace {
         format!("the stream of {EXTENSION} was dropped by another program; put it back with tsuya gltf inject")
@@ -73,7 +73,7 @@ fn no_appearance(document: &Document) -> String {
 
 /// The material that a stream belongs to: the one named or numbered by `wanted`; else the one whose `extras` repeat the stream's SHA-256;
 /// else the only one whose `extras` have the extension's trace, or that is still bound; else the only one.
-pub fn find_material(document: &Document, stream_sha256: &str, wanted: Option<&str>) -> Result<usize> {
+pub fn find_material(document: &GltfDocument, stream_sha256: &str, wanted: Option<&str>) -> Result<usize> {
     let materials = document.list("materials");
     let name = |index: &usize| materials[*index].get("name").and_then(Value::as_str);
     let all: Vec<usize> = (0..materials.len()).collect();
@@ -101,7 +101,7 @@ pub fn find_material(document: &Document, stream_sha256: &str, wanted: Option<&s
 }
 
 /// The materials' names for a message.
-fn listed(document: &Document) -> String {
+fn listed(document: &GltfDocument) -> String {
     let materials = document.list("materials");
     if materials.is_empty() {
         return "; the document has no material".into();
@@ -120,19 +120,21 @@ fn listed(document: &Document) -> String {
 /// Binds a stream to a material: in the binary chunk, or by reference where `uri` is given (already escaped). A stream that was bound to
 /// the material before is replaced. Returns the
 /// appearance's index and how the material is bound to it.
-pub fn put(
-    document: &mut Document,
+pub fn inject(
+    document: &mut GltfDocument,
     material: usize,
     stream: &[u8],
     levels: Vec<u64>,
     uri: Option<&str>,
-) -> Result<(usize, Binding)> {
+) -> Result<(usize, MaterialBinding)> {
     if material >= document.list("materials").len() {
         return Err(Error::parameter(format!("material {material} is not there{}", listed(document))));
     }
     appearances(document)?;
     let before = document.list("materials")[material].as_object().and_then(extension);
-    let (place, kept) = match before.and_then(|link| Some((link.get("appearance")?.as_u64()?, Binding::of(link)))) {
+    let (place, kept) = match before
+        .and_then(|link| Some((link.get("appearance")?.as_u64()?, MaterialBinding::from_texture_info(link))))
+    {
         Some((index, binding)) => {
             (usize::try_from(index).ok().filter(|&i| i < appearances(document).map_or(0, |a| a.len())), Some(binding))
         }
@@ -142,14 +144,14 @@ pub fn put(
         drop_view(document, index)?;
     }
     let source = match uri {
-        Some(uri) => Source::Uri(uri.into()),
-        None => Source::View(push_view(document, stream, None)?),
+        Some(uri) => StreamSource::Uri(uri.into()),
+        None => StreamSource::View(push_view(document, stream, None)?),
     };
     let sha256 = sha256(stream);
     let appearance = Appearance { source, levels, sha256: Some(sha256.clone()) }.to_json();
     // The extension's objects may have members of others: only what is ours is set.
     let wrong = document.wrong("extensions and materials must be objects, extensionsUsed an array");
-    let write = |document: &mut Document| -> Option<(usize, Binding)> {
+    let write = |document: &mut GltfDocument| -> Option<(usize, MaterialBinding)> {
         let root = child(&mut document.json, "extensions")?;
         let root = child(root, EXTENSION)?;
         root.insert("version".into(), json!(EXTENSION_VERSION));
@@ -197,16 +199,16 @@ fn child<'a>(object: &'a mut Map<String, Value>, key: &str) -> Option<&'a mut Ma
 }
 
 /// The fallback's textures lie on the stream's atlas: where a tool moved them, the stream moves along.
-fn fallback_binding(material: &Map<String, Value>) -> Binding {
+fn fallback_binding(material: &Map<String, Value>) -> MaterialBinding {
     let pbr = material.get("pbrMetallicRoughness").and_then(Value::as_object);
     let places = [(pbr, "baseColorTexture"), (pbr, "metallicRoughnessTexture"), (Some(material), "emissiveTexture")];
     let info = places.into_iter().find_map(|(of, key)| of?.get(key)?.as_object());
-    info.map(Binding::of).unwrap_or_default()
+    info.map(MaterialBinding::from_texture_info).unwrap_or_default()
 }
 
 /// Takes everything of the extension out of a document, the traces in `extras` too. The stream's bytes go where they lie at the end of
 /// the binary chunk, as this program writes them; elsewhere their bufferView stays, unused, so that nothing else moves.
-pub fn remove(document: &mut Document) -> Result<()> {
+pub fn strip(document: &mut GltfDocument) -> Result<()> {
     for index in (0..appearances(document)?.len()).rev() {
         drop_view(document, index)?;
     }
@@ -235,7 +237,7 @@ pub fn remove(document: &mut Document) -> Result<()> {
 }
 
 /// Appends bytes to the binary chunk and a bufferView for them; returns its index. Aligned to 4 bytes.
-pub(super) fn push_view(document: &mut Document, bytes: &[u8], target: Option<u64>) -> Result<u64> {
+pub(super) fn push_view(document: &mut GltfDocument, bytes: &[u8], target: Option<u64>) -> Result<u64> {
     if !document.is_glb() {
         return Err(Error::parameter("only a GLB holds the stream itself; with .gltf it lies beside the document"));
     }
@@ -271,10 +273,10 @@ pub(super) fn push_view(document: &mut Document, bytes: &[u8], target: Option<u6
 }
 
 /// Removes the bufferView of an appearance if it is the last one, of the last bytes, and of this appearance alone.
-fn drop_view(document: &mut Document, index: usize) -> Result<()> {
+fn drop_view(document: &mut GltfDocument, index: usize) -> Result<()> {
     let all = appearances(document)?;
-    let Some(Source::View(view)) = all.get(index).map(|appearance| &appearance.source) else { return Ok(()) };
-    let shared = all.iter().filter(|other| other.source == Source::View(*view)).count() > 1;
+    let Some(StreamSource::View(view)) = all.get(index).map(|appearance| &appearance.source) else { return Ok(()) };
+    let shared = all.iter().filter(|other| other.source == StreamSource::View(*view)).count() > 1;
     let views = document.list("bufferViews");
     let number = |of: &Value, key: &str| of.get(key).map_or(Some(0), Value::as_u64);
     let range = |view: &Value| {

@@ -1,4 +1,4 @@
-use super::appearance::Source;
+use super::appearance::StreamSource;
 use super::export::write_geometry;
 use super::metallic_roughness::material;
 use super::*;
@@ -8,7 +8,7 @@ use crate::image::Grid;
 use crate::mesh::Mesh;
 use crate::reflectance::maps::ReflectanceMaps;
 use crate::surface::charts::{Chart, Charts};
-use crate::surface::split::split;
+use crate::surface::split::render_mesh_with_atlas;
 use crate::views::{PointLight, View};
 use crate::{Budget, Error, Limits, Result};
 use serde_json::{Value, json};
@@ -33,7 +33,7 @@ fn no_files(name: &str) -> Result<Vec<u8>> {
 }
 
 /// A GLB of the box, with members that nobody knows.
-fn document() -> Document {
+fn document() -> GltfDocument {
     let json = json!({
         "asset": {"version": "2.0", "someone": [1, 0.1, 1e300]},
         "meshes": [{"primitives": [{}]}],
@@ -44,20 +44,21 @@ fn document() -> Document {
         "VENDOR_root": "stays",
     });
     let Value::Object(json) = json else { unreachable!() };
-    let mut document = Document::new_glb(json, Vec::new());
+    let mut document = GltfDocument::new_glb(json, Vec::new());
     let (mesh, charts) = boxed();
-    document.json["meshes"][0]["primitives"][0] = write_geometry(&mut document, &split(&mesh, &charts)).unwrap();
+    document.json["meshes"][0]["primitives"][0] =
+        write_geometry(&mut document, &render_mesh_with_atlas(&mesh, &charts)).unwrap();
     document
 }
 
-fn parse(bytes: &[u8]) -> Result<Document> {
-    Document::parse("box.glb", bytes, &budget())
+fn parse(bytes: &[u8]) -> Result<GltfDocument> {
+    GltfDocument::parse("box.glb", bytes, &budget())
 }
 
 #[test]
 fn vertices_are_split_at_charts_and_have_frames() {
     let (mesh, charts) = boxed();
-    let geometry = split(&mesh, &charts);
+    let geometry = render_mesh_with_atlas(&mesh, &charts);
     assert_eq!((geometry.positions.len(), geometry.triangles.len()), (24, 12));
     for k in 0..24 {
         let (n, t) = (geometry.normals[k], geometry.tangents[k]);
@@ -88,11 +89,11 @@ fn a_stream_goes_in_and_out_and_the_document_survives() {
     let stream: Vec<u8> = (0..1001u32).map(|k| (k * k) as u8).collect();
     let mut bound = original.clone();
     let material = find_material(&bound, &sha256(&stream), Some("lacquer")).unwrap();
-    assert_eq!(put(&mut bound, material, &stream, vec![10, 1001], None).unwrap().0, 0);
+    assert_eq!(inject(&mut bound, material, &stream, vec![10, 1001], None).unwrap().0, 0);
     let bytes = bound.to_bytes().unwrap();
     let read = parse(&bytes).unwrap();
     assert!(read.to_bytes().unwrap() == bytes);
-    let taken = take(&read, 0, &no_files).unwrap();
+    let taken = extract(&read, 0, &no_files).unwrap();
     assert_eq!((&taken.stream, &taken.materials), (&stream, &vec![0]));
     assert_eq!(taken.appearance.levels, [10, 1001]);
     assert_eq!(read.json["VENDOR_root"], "stays");
@@ -102,23 +103,23 @@ fn a_stream_goes_in_and_out_and_the_document_survives() {
     // Found again by its trace; replaced in place, and not twice in the file.
     let mut again = read.clone();
     let material = find_material(&again, &sha256(&stream), None).unwrap();
-    put(&mut again, material, &stream[..500], vec![500], None).unwrap();
+    inject(&mut again, material, &stream[..500], vec![500], None).unwrap();
     assert_eq!(appearances(&again).unwrap().len(), 1);
     let lengths = [&again, &original].map(|document| document.binary.as_ref().unwrap().len());
     assert_eq!(lengths[0], lengths[1] + 500);
-    put(&mut again, material, &stream, vec![10, 1001], None).unwrap();
+    inject(&mut again, material, &stream, vec![10, 1001], None).unwrap();
     assert!(again.to_bytes().unwrap() == bytes);
 
     // A second one beside the document.
     let mut both = read.clone();
-    assert_eq!(put(&mut both, 1, b"second", vec![6], Some("my%20stream.tsuya")).unwrap().0, 1);
+    assert_eq!(inject(&mut both, 1, b"second", vec![6], Some("my%20stream.tsuya")).unwrap().0, 1);
     let beside = |name: &str| if name == "my stream.tsuya" { Ok(b"second".to_vec()) } else { no_files(name) };
-    assert_eq!(take(&both, 1, &beside).unwrap().stream, b"second");
-    assert_eq!(take(&both, 0, &beside).unwrap().stream, stream);
-    assert!(matches!(take(&both, 2, &beside), Err(Error::Parameter(_))));
+    assert_eq!(extract(&both, 1, &beside).unwrap().stream, b"second");
+    assert_eq!(extract(&both, 0, &beside).unwrap().stream, stream);
+    assert!(matches!(extract(&both, 2, &beside), Err(Error::Parameter(_))));
 
     let mut stripped = read;
-    remove(&mut stripped).unwrap();
+    strip(&mut stripped).unwrap();
     assert_eq!(stripped.json, original.json);
     assert!(stripped.to_bytes().unwrap() == original.to_bytes().unwrap());
 }
@@ -126,27 +127,27 @@ fn a_stream_goes_in_and_out_and_the_document_survives() {
 #[test]
 fn a_stream_in_the_middle_leaves_everything_else_where_it_is() {
     let mut edited = document();
-    put(&mut edited, 0, b"the stream", vec![10], None).unwrap();
-    let Some(Source::View(view)) = appearances(&edited).unwrap().pop().map(|a| a.source) else { panic!() };
+    inject(&mut edited, 0, b"the stream", vec![10], None).unwrap();
+    let Some(StreamSource::View(view)) = appearances(&edited).unwrap().pop().map(|a| a.source) else { panic!() };
     stream::push_view(&mut edited, b"later", None).unwrap();
-    remove(&mut edited).unwrap();
+    strip(&mut edited).unwrap();
     assert_eq!(&*edited.view(view + 1, &no_files).unwrap(), b"later");
     assert!(appearances(&edited).unwrap().is_empty());
-    assert!(take(&edited, 0, &no_files).unwrap_err().to_string().contains("has no TSUYA"));
+    assert!(extract(&edited, 0, &no_files).unwrap_err().to_string().contains("has no TSUYA"));
 }
 
 #[test]
 fn what_is_wrong_is_said() {
     let mut good = document();
-    put(&mut good, 0, b"the stream", vec![10], None).unwrap();
-    let fails = |edit: &dyn Fn(&mut Document), words: &str| {
+    inject(&mut good, 0, b"the stream", vec![10], None).unwrap();
+    let fails = |edit: &dyn Fn(&mut GltfDocument), words: &str| {
         let mut document = good.clone();
         edit(&mut document);
-        let error = take(&document, 0, &no_files).unwrap_err();
+        let error = extract(&document, 0, &no_files).unwrap_err();
         assert!(error.to_string().contains(words), "{error}");
         error
     };
-    fn root(document: &mut Document) -> &mut Value {
+    fn root(document: &mut GltfDocument) -> &mut Value {
         &mut document.json["extensions"][EXTENSION]
     }
     fails(&|d| *d.binary.as_mut().unwrap().last_mut().unwrap() ^= 1, "SHA-256");
@@ -158,7 +159,7 @@ fn what_is_wrong_is_said() {
     fails(&|d| root(d)["appearances"] = json!(7), "array");
     fails(&|d| d.json["bufferViews"][5]["byteLength"] = json!(u64::MAX), "beyond the end");
     let external = |uri: &'static str| {
-        move |d: &mut Document| {
+        move |d: &mut GltfDocument| {
             let entry = root(d)["appearances"][0].as_object_mut().unwrap();
             entry.remove("bufferView");
             entry.insert("uri".into(), json!(uri));
@@ -181,15 +182,15 @@ fn what_is_wrong_is_said() {
     let mut unknown = document();
     let error = find_material(&unknown, "", None).unwrap_err().to_string();
     assert!(error.contains("lacquer") && error.contains("other"), "{error}");
-    assert!(put(&mut unknown, 2, b"", vec![], None).is_err());
+    assert!(inject(&mut unknown, 2, b"", vec![], None).is_err());
     unknown.json.insert("extensions".into(), json!([]));
-    assert!(put(&mut unknown, 0, b"", vec![], None).is_err());
+    assert!(inject(&mut unknown, 0, b"", vec![], None).is_err());
 }
 
 #[test]
 fn hostile_bytes_are_refused() {
     let mut whole = document();
-    put(&mut whole, 0, b"the stream", vec![10], None).unwrap();
+    inject(&mut whole, 0, b"the stream", vec![10], None).unwrap();
     let bytes = whole.to_bytes().unwrap();
     for length in 0..bytes.len() {
         assert!(parse(&bytes[..length]).is_err(), "{length} bytes");
@@ -207,7 +208,7 @@ fn hostile_bytes_are_refused() {
     assert!(changed(16, b"BIN\0").is_err());
     // Claims cost nothing: the limit is the bytes that are there.
     let little = Budget::new(Limits { memory_bytes: 100, ..Limits::default() });
-    assert!(matches!(Document::parse("x", &bytes, &little), Err(Error::Limits { .. })));
+    assert!(matches!(GltfDocument::parse("x", &bytes, &little), Err(Error::Limits { .. })));
     for text in ["", "{", "[]", "{}", r#"{"asset":{"version":"1.0"}}"#, r#"{"asset":{"version":2}}"#, "glTF"] {
         assert!(parse(text.as_bytes()).is_err(), "{text}");
     }
@@ -219,11 +220,11 @@ fn hostile_bytes_are_refused() {
 #[test]
 fn the_mesh_is_recognised_by_texture_coordinates() {
     let (mesh, charts) = boxed();
-    let compare = |document: &Document, binding: &Binding| {
+    let compare = |document: &GltfDocument, binding: &MaterialBinding| {
         compare_mesh(document, &[0], binding, &mesh, &charts, &no_files, &budget()).unwrap()
     };
-    let plain = Binding::default();
-    assert!(matches!(compare(&document(), &plain), Fit::Same(share) if share < 1e-6));
+    let plain = MaterialBinding::default();
+    assert!(matches!(compare(&document(), &plain), MeshFit::Same(share) if share < 1e-6));
     // Moved, scaled, quantised, in another order: the same.
     let mut moved = document();
     let accessor = &moved.json["accessors"][1];
@@ -240,32 +241,38 @@ fn the_mesh_is_recognised_by_texture_coordinates() {
     entry.insert("bufferView".into(), json!(view));
     entry.insert("componentType".into(), json!(5122));
     entry.insert("normalized".into(), json!(true));
-    assert!(matches!(compare(&moved, &plain), Fit::Same(share) if share < 1e-3));
+    assert!(matches!(compare(&moved, &plain), MeshFit::Same(share) if share < 1e-3));
     // Another transform of the coordinates is another place.
     let info = json!({"extensions": {"KHR_texture_transform": {"offset": [0.3, 0.0], "scale": [0.5, 1.0]}}});
-    assert!(matches!(compare(&document(), &Binding::of(info.as_object().unwrap())), Fit::Other(_)));
+    assert!(matches!(
+        compare(&document(), &MaterialBinding::from_texture_info(info.as_object().unwrap())),
+        MeshFit::Other(_)
+    ));
     // Another shape.
     let mut bent = document();
     for k in 0..12 {
         bent.binary.as_mut().unwrap()[at + 24 * k + 2] ^= 0x60;
     }
-    assert!(matches!(compare(&bent, &plain), Fit::Other(_)));
+    assert!(matches!(compare(&bent, &plain), MeshFit::Other(_)));
     // Not readable.
     let mut compressed = document();
     compressed.json["bufferViews"][1]["extensions"] = json!({"EXT_meshopt_compression": {}});
-    assert_eq!(compare(&compressed, &plain), Fit::Unknown);
-    assert_eq!(compare_mesh(&document(), &[1], &plain, &mesh, &charts, &no_files, &budget()).unwrap(), Fit::Unknown);
+    assert_eq!(compare(&compressed, &plain), MeshFit::Unknown);
+    assert_eq!(
+        compare_mesh(&document(), &[1], &plain, &mesh, &charts, &no_files, &budget()).unwrap(),
+        MeshFit::Unknown
+    );
 }
 
 #[test]
 fn texture_transforms_follow_the_extension() {
     let info = json!({"texCoord": 1, "extensions": {"KHR_texture_transform": {"offset": [0.5, 0.25], "rotation": 0.5, "scale": [2, 3]}}});
-    let binding = Binding::of(info.as_object().unwrap());
+    let binding = MaterialBinding::from_texture_info(info.as_object().unwrap());
     assert_eq!(binding.tex_coord(), 1);
     let (sin, cos) = 0.5f64.sin_cos();
-    let [u, v] = binding.transform([0.1, 0.2]);
+    let [u, v] = binding.transform_coordinate([0.1, 0.2]);
     assert!((u - (cos * 0.2 + sin * 0.6 + 0.5)).abs() < 1e-12 && (v - (cos * 0.6 - sin * 0.2 + 0.25)).abs() < 1e-12);
-    assert_eq!(Binding::default().transform([0.1, 0.2]), [0.1, 0.2]);
+    assert_eq!(MaterialBinding::default().transform_coordinate([0.1, 0.2]), [0.1, 0.2]);
 }
 
 #[test]
@@ -310,7 +317,7 @@ fn the_fallback_reflects_what_was_fitted() {
         }),
         ..Asset::default()
     };
-    let fallback = bake(&asset, 0.9).unwrap();
+    let fallback = bake_fallback(&asset, 0.9).unwrap();
     assert!(fallback.unit.iter().all(|u| (u - 1.0).abs() < 1e-9), "{:?}", fallback.unit);
 }
 

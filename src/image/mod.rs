@@ -20,11 +20,11 @@ impl<T: Clone> Grid<T> {
         Grid { width, height, data: vec![value; width * height] }
     }
     /// The value at column `x`, row `y`.
-    pub fn at(&self, x: usize, y: usize) -> &T {
+    pub fn value_at(&self, x: usize, y: usize) -> &T {
         &self.data[y * self.width + x]
     }
     /// The value at column `x`, row `y`, to write.
-    pub fn at_mut(&mut self, x: usize, y: usize) -> &mut T {
+    pub fn value_at_mut(&mut self, x: usize, y: usize) -> &mut T {
         &mut self.data[y * self.width + x]
     }
     /// One row.

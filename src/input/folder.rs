@@ -21,7 +21,7 @@ impl Folder {
     }
 
     /// The folder of a file, for the paths in it.
-    pub fn of(file: &Path, allow_outside: bool) -> Self {
+    pub fn containing(file: &Path, allow_outside: bool) -> Self {
         Folder::new(file.parent().unwrap_or(Path::new("")), file, allow_outside)
     }
 
@@ -160,7 +160,7 @@ mod tests {
         std::fs::create_dir_all(root.join("images")).unwrap();
         std::fs::write(root.join("images/a.png"), "a").unwrap();
         std::fs::write(outer.path().join("secret.png"), "s").unwrap();
-        let folder = Folder::of(&root.join("transforms.json"), false);
+        let folder = Folder::containing(&root.join("transforms.json"), false);
         let inside =
             ["images/a.png", "./images/a.png", "images/../images/a.png", "images/missing.png", "ab:c.png", "1:2/c.png"];
         for name in inside {
@@ -200,7 +200,7 @@ mod tests {
             assert!(folder.resolve_uri(uri).unwrap_err().to_string().contains("--allow-outside"), "{uri}");
         }
         assert!(folder.resolve_uri("a%2").unwrap_err().to_string().contains("wrong % escape"));
-        let outside = Folder::of(&root.join("transforms.json"), true);
+        let outside = Folder::containing(&root.join("transforms.json"), true);
         assert_eq!(outside.resolve_uri("file:///etc/pass%77d").unwrap(), Path::new("/etc/passwd"));
         assert_eq!(outside.resolve("../secret.png").unwrap(), root.join("../secret.png"));
         assert_eq!(outside.resolve("/etc/passwd").unwrap(), Path::new("/etc/passwd"));
@@ -224,7 +224,7 @@ mod tests {
         // The capture's own folder may well be a link.
         symlink("capture", outer.path().join("link")).unwrap();
         for root in [root, outer.path().join("link")] {
-            let folder = Folder::of(&root.join("transforms.json"), false);
+            let folder = Folder::containing(&root.join("transforms.json"), false);
             assert!(folder.resolve("inner").is_ok());
             for (name, why) in [
                 ("outer", "leads out of its folder by a link"),

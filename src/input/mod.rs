@@ -8,7 +8,7 @@ mod folder;
 pub use folder::{Folder, percent_decoded};
 
 use crate::error::{Error, Result};
-use crate::limits::{Budget, Held, Limits};
+use crate::limits::{Budget, Limits, Reservation};
 use std::fs::{File, Metadata};
 use std::io::{Error as IoError, ErrorKind, Read};
 use std::ops::Deref;
@@ -49,22 +49,22 @@ impl FileAccess {
     }
 
     /// Charges memory that a file asks for until the result is dropped; the error names the file.
-    pub fn hold(&self, path: &Path, what: &'static str, bytes: u64) -> Result<Held<'_>> {
-        self.budget.hold(what, bytes).map_err(|e| e.in_file(path))
+    pub fn reserve(&self, path: &Path, what: &'static str, bytes: u64) -> Result<Reservation<'_>> {
+        self.budget.reserve(what, bytes).map_err(|e| e.in_file(path))
     }
 
     /// Charges memory that a file asks for and that stays; the error names the file.
     pub fn charge(&self, path: &Path, what: &'static str, bytes: u64) -> Result<()> {
-        self.hold(path, what, bytes).map(Held::keep)
+        self.reserve(path, what, bytes).map(Reservation::keep)
     }
 
     /// The bytes of a regular file of at most `max_bytes`, charged while they are held.
-    pub fn read(&self, path: &Path, what: &'static str, max_bytes: u64) -> Result<FileBytes<'_>> {
+    pub fn read_bytes(&self, path: &Path, what: &'static str, max_bytes: u64) -> Result<FileBytes<'_>> {
         let (mut file, size) = open(path)?;
         if size > max_bytes {
             return Err(Error::input(path, format!("{size} bytes: a {what} has {max_bytes} at most")));
         }
-        let held = self.hold(path, what, size)?;
+        let held = self.reserve(path, what, size)?;
         let mut bytes = Vec::new();
         // The size is the system's word for a file that is there, not a claim of its content.
         bytes.try_reserve_exact(size as usize).map_err(|e| Error::io(path, IoError::new(ErrorKind::OutOfMemory, e)))?;
@@ -78,9 +78,9 @@ impl FileAccess {
         Ok(FileBytes { bytes, held })
     }
 
-    /// As [`FileAccess::read`] for UTF-8 text.
+    /// As [`FileAccess::read_bytes`] for UTF-8 text.
     pub fn read_text(&self, path: &Path, what: &'static str, max_bytes: u64) -> Result<FileText<'_>> {
-        let FileBytes { bytes, held } = self.read(path, what, max_bytes)?;
+        let FileBytes { bytes, held } = self.read_bytes(path, what, max_bytes)?;
         let text = String::from_utf8(bytes).map_err(|e| {
             let at = e.utf8_error().valid_up_to();
             Error::input(path, format!("not UTF-8 text at byte {at}; a {what} is text"))
@@ -96,7 +96,7 @@ impl FileAccess {
         stream: impl Read,
         max_bytes: u64,
     ) -> Result<FileBytes<'_>> {
-        let mut held = self.hold(path, what, 0)?;
+        let mut held = self.reserve(path, what, 0)?;
         let mut bytes = Vec::new();
         let mut stream = stream.take(max_bytes.saturating_add(1));
         loop {
@@ -119,7 +119,7 @@ impl FileAccess {
 #[derive(Debug)]
 pub struct FileBytes<'a> {
     bytes: Vec<u8>,
-    held: Held<'a>,
+    held: Reservation<'a>,
 }
 
 impl FileBytes<'_> {
@@ -141,7 +141,7 @@ impl Deref for FileBytes<'_> {
 #[derive(Debug)]
 pub struct FileText<'a> {
     text: String,
-    _held: Held<'a>,
+    _held: Reservation<'a>,
 }
 
 impl Deref for FileText<'_> {
@@ -175,7 +175,7 @@ fn check_regular(path: &Path, metadata: &Metadata) -> Result<()> {
 }
 
 /// A text out of a file as messages show it: control characters escaped, cut after 80 characters.
-pub fn plain(text: &str) -> String {
+pub fn escaped(text: &str) -> String {
     match text.char_indices().nth(80) {
         Some((end, _)) => format!("{}...", text[..end].escape_debug()),
         None => text.escape_debug().to_string(),
@@ -184,7 +184,7 @@ pub fn plain(text: &str) -> String {
 
 /// The same in quotes.
 pub fn quoted(text: &str) -> String {
-    format!("\"{}\"", plain(text))
+    format!("\"{}\"", escaped(text))
 }
 
 #[cfg(test)]
@@ -197,9 +197,9 @@ mod tests {
         let path = folder.path().join("a");
         std::fs::write(&path, [7; 1000]).unwrap();
         let access = FileAccess::new(Limits { memory_bytes: 1500, ..Limits::default() });
-        let bytes = access.read(&path, "table", 1000).unwrap();
+        let bytes = access.read_bytes(&path, "table", 1000).unwrap();
         assert_eq!((bytes.len(), access.budget().left()), (1000, 500));
-        let error = access.read(&path, "table", 1000).unwrap_err().to_string();
+        let error = access.read_bytes(&path, "table", 1000).unwrap_err().to_string();
         assert!(
             error.ends_with(
                 "a: table: 1000 bytes of memory are asked for, 500 are left; if the file is trusted, raise --max-memory"
@@ -208,9 +208,9 @@ mod tests {
         );
         drop(bytes);
         assert_eq!(access.budget().left(), 1500);
-        let error = access.read(&path, "table", 999).unwrap_err().to_string();
+        let error = access.read_bytes(&path, "table", 999).unwrap_err().to_string();
         assert!(error.ends_with("a: 1000 bytes: a table has 999 at most"), "{error}");
-        assert_eq!(access.read(&path, "table", 1000).unwrap().keep(), [7; 1000]);
+        assert_eq!(access.read_bytes(&path, "table", 1000).unwrap().keep(), [7; 1000]);
         assert_eq!(access.budget().left(), 500);
     }
 

@@ -1,29 +1,29 @@
 //! Section `lIGt`: spherical Gaussians as they are, levels as pictures of logarithms through the wavelet and the coefficient
 //! coder of the photographs. Normative text: `spec/lighting.md`.
 
-use super::{Level, Light, SphericalGaussian};
+use super::{EnvironmentLobes, PrefilteredMap, SphericalGaussian};
 use crate::container::Tag;
 use crate::entropy::{BitCoder, RangeDecoder, code_end};
 use crate::error::{Error, Result};
 use crate::image::Mask;
 use crate::limits::Budget;
-use crate::quantise::bands::{Choice, Quantiser};
+use crate::quantise::bands::{Quantiser, RateDistortion};
 use crate::residual::coefficients;
-use crate::transform::shape_adaptive::{Pixel, Plan};
+use crate::transform::shape_adaptive::{ColourLanes, WaveletPlan};
 
 const VERSION: u8 = 0;
 /// Most lobes and levels. Part of the format.
-const MOST_LOBES: usize = 64;
-const MOST_LEVELS: usize = 16;
+const MAX_LOBES: usize = 64;
+const MAX_MAPS: usize = 16;
 /// Most cells along a side of a level. Part of the format.
-const LARGEST_SIZE: usize = 1024;
+const MAX_SIZE: usize = 1024;
 /// Bytes of a lobe and of a level's head.
 const LOBE_BYTES: usize = 7 * 4;
 const LEVEL_BYTES: usize = 2 + 3 * 4;
 /// Steps of a doubling. Part of the format.
 const STEPS: usize = 64;
 /// Largest integer of a cell. Part of the format.
-const LARGEST: i32 = 48 * STEPS as i32;
+const MAX_INDEX: i32 = 48 * STEPS as i32;
 /// Values stand this far below the middle of their interval, in steps.
 const SHRINK: [f32; 2] = [0.08, 0.02];
 /// Memory that decoding takes for a cell.
@@ -31,19 +31,19 @@ const BYTES_A_CELL: usize = 400;
 
 /// How levels are stored.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct StoreOptions {
+pub struct LightCodingOptions {
     /// Quantiser step, in 1/64 of a doubling: 3 is an error of about 1 %.
     pub step: f32,
 }
 
-impl Default for StoreOptions {
+impl Default for LightCodingOptions {
     fn default() -> Self {
-        StoreOptions { step: 3.0 }
+        LightCodingOptions { step: 3.0 }
     }
 }
 
 /// A level's head.
-struct Head {
+struct LightHeader {
     size: usize,
     sharpness: f32,
     /// Radiance below which integers are linear rather than logarithmic.
@@ -54,35 +54,35 @@ struct Head {
 /// Bytes of the section, and the light as the decoder has it. Lobes become singles; beyond 64 lobes or 16 levels, or with a level
 /// of more than 1024 cells a side, it is an error.
 #[cfg(feature = "encode")]
-pub fn encode(light: &Light, options: &StoreOptions) -> Result<(Vec<u8>, Light)> {
-    if light.diffuse.len() > MOST_LOBES || light.levels.len() > MOST_LEVELS {
-        return Err(Error::parameter(format!("a light has {MOST_LOBES} lobes and {MOST_LEVELS} levels at most")));
+pub fn encode(light: &EnvironmentLobes, options: &LightCodingOptions) -> Result<(Vec<u8>, EnvironmentLobes)> {
+    if light.diffuse.len() > MAX_LOBES || light.prefiltered.len() > MAX_MAPS {
+        return Err(Error::parameter(format!("a light has {MAX_LOBES} lobes and {MAX_MAPS} levels at most")));
     }
-    if light.levels.iter().any(|level| level.size() > LARGEST_SIZE) {
-        return Err(Error::parameter(format!("a level has {LARGEST_SIZE} cells a side at most")));
+    if light.prefiltered.iter().any(|level| level.size() > MAX_SIZE) {
+        return Err(Error::parameter(format!("a level has {MAX_SIZE} cells a side at most")));
     }
     if !(1e-3..=1e6).contains(&options.step) {
         return Err(Error::parameter("the step of the levels must be 0.001 to 1,000,000"));
     }
-    let mut bytes = vec![VERSION, light.diffuse.len() as u8, light.levels.len() as u8];
+    let mut bytes = vec![VERSION, light.diffuse.len() as u8, light.prefiltered.len() as u8];
     for lobe in &light.diffuse {
         for value in lobe.axis.into_iter().chain([lobe.sharpness]).chain(lobe.amplitude) {
             bytes.extend((value as f32).to_le_bytes());
         }
     }
     let mut coder = crate::entropy::RangeEncoder::new();
-    for level in &light.levels {
+    for level in &light.prefiltered {
         let cells = level.cells();
         let mean = cells.iter().flatten().map(|&x| x as f64).sum::<f64>() / (3 * cells.len()) as f64;
         let floor = ((mean / 128.0) as f32).clamp(1e-12, 1e12);
-        let head = Head { size: level.size(), sharpness: level.sharpness() as f32, floor, step: options.step };
+        let head = LightHeader { size: level.size(), sharpness: level.sharpness() as f32, floor, step: options.step };
         bytes.extend((head.size as u16).to_le_bytes());
         [head.sharpness, head.floor, head.step].iter().for_each(|value| bytes.extend(value.to_le_bytes()));
         let integer = |x: f32| {
             let steps = (1.0 + x.max(0.0) as f64 / floor as f64).log2() * STEPS as f64;
-            steps.round().min(LARGEST as f64) as f32
+            steps.round().min(MAX_INDEX as f64) as f32
         };
-        let pixels: Vec<Pixel> = (cells.iter())
+        let pixels: Vec<ColourLanes> = (cells.iter())
             .map(|cell| {
                 let [r, g, b] = cell.map(integer);
                 [g, r - g, b - g, 0.0]
@@ -98,7 +98,7 @@ pub fn encode(light: &Light, options: &StoreOptions) -> Result<(Vec<u8>, Light)>
 }
 
 /// The light of a section.
-pub fn decode(bytes: &[u8], budget: &Budget) -> Result<Light> {
+pub fn decode(bytes: &[u8], budget: &Budget) -> Result<EnvironmentLobes> {
     let wrong = |at: usize, message: String| Error::format(Tag::LIGHT, at as u64, message);
     let Some((&[version, lobes, levels], rest)) = bytes.split_first_chunk::<3>() else {
         return Err(wrong(bytes.len(), "ends within its first 3 bytes".into()));
@@ -107,8 +107,8 @@ pub fn decode(bytes: &[u8], budget: &Budget) -> Result<Light> {
         return Err(Error::Unsupported(format!("section lIGt of version {version}")));
     }
     let (lobes, levels) = (lobes as usize, levels as usize);
-    if lobes > MOST_LOBES || levels > MOST_LEVELS {
-        return Err(wrong(1, format!("{lobes} lobes and {levels} levels; at most {MOST_LOBES} and {MOST_LEVELS}")));
+    if lobes > MAX_LOBES || levels > MAX_MAPS {
+        return Err(wrong(1, format!("{lobes} lobes and {levels} levels; at most {MAX_LOBES} and {MAX_MAPS}")));
     }
     let Some((lobe_bytes, rest)) = rest.split_at_checked(lobes * LOBE_BYTES) else {
         return Err(wrong(bytes.len(), "ends within its lobes".into()));
@@ -116,14 +116,14 @@ pub fn decode(bytes: &[u8], budget: &Budget) -> Result<Light> {
     let Some((level_bytes, stream)) = rest.split_at_checked(levels * LEVEL_BYTES) else {
         return Err(wrong(bytes.len(), "ends within the heads of its levels".into()));
     };
-    let mut light = Light::default();
+    let mut light = EnvironmentLobes::default();
     for (k, lobe) in lobe_bytes.chunks_exact(LOBE_BYTES).enumerate() {
         light.diffuse.push(parse_lobe(lobe).ok_or_else(|| {
             let message = "a lobe needs a unit axis, a sharpness of 1e-3 to 1e6, an amplitude of 0 to 1e30";
             wrong(3 + k * LOBE_BYTES, message.into())
         })?);
     }
-    let mut heads: Vec<Head> = Vec::with_capacity(levels);
+    let mut heads: Vec<LightHeader> = Vec::with_capacity(levels);
     for (k, head) in level_bytes.chunks_exact(LEVEL_BYTES).enumerate() {
         let at = 3 + lobe_bytes.len() + k * LEVEL_BYTES;
         let head = parse_head(head).ok_or_else(|| wrong(at, "no size, sharpness, floor or step of a level".into()))?;
@@ -143,7 +143,7 @@ pub fn decode(bytes: &[u8], budget: &Budget) -> Result<Light> {
             })
             .collect();
         budget.release((head.size * head.size * (BYTES_A_CELL - 12)) as u64);
-        light.levels.extend(Level::new(head.sharpness as f64, head.size, cells));
+        light.prefiltered.extend(PrefilteredMap::new(head.sharpness as f64, head.size, cells));
     }
     if !code_end(&mut coder) || !coder.ends_as_written(0) {
         return Err(wrong(bytes.len() - stream.len(), "the stream does not end with the last level".into()));
@@ -166,22 +166,22 @@ fn parse_lobe(bytes: &[u8]) -> Option<SphericalGaussian> {
     right.then(|| SphericalGaussian { axis: [x / length, y / length, z / length], sharpness, amplitude })
 }
 
-fn parse_head(bytes: &[u8]) -> Option<Head> {
+fn parse_head(bytes: &[u8]) -> Option<LightHeader> {
     let (size, rest) = bytes.split_first_chunk::<2>()?;
     let size = u16::from_le_bytes(*size) as usize;
     let [sharpness, floor, step] = std::array::from_fn(|k| single(rest, k));
-    let right = (4..=LARGEST_SIZE).contains(&size)
+    let right = (4..=MAX_SIZE).contains(&size)
         && (1e-3..=1e6).contains(&sharpness)
         && (1e-13..=1e13).contains(&floor)
         && (1e-3..=1e6).contains(&step);
-    right.then_some(Head { size, sharpness, floor, step })
+    right.then_some(LightHeader { size, sharpness, floor, step })
 }
 
 /// Codes one level: channels green, red - green, blue - green. In decoding there are no `pixels`.
-fn code_level<C: BitCoder>(coder: &mut C, head: &Head, pixels: Option<&[Pixel]>) -> Vec<Pixel> {
-    let plan = Plan::new(&Mask::filled(head.size, head.size, true));
+fn code_level<C: BitCoder>(coder: &mut C, head: &LightHeader, pixels: Option<&[ColourLanes]>) -> Vec<ColourLanes> {
+    let plan = WaveletPlan::new(&Mask::filled(head.size, head.size, true));
     let target = pixels.map(|pixels| plan.forward(pixels.to_vec()));
-    let target = target.as_ref().map(|target| (&target[..], Choice { lambda: LAMBDA }));
+    let target = target.as_ref().map(|target| (&target[..], RateDistortion { lambda: LAMBDA }));
     let quantiser = Quantiser { step: head.step, shrink: SHRINK };
     let coefficients = coefficients::code_alone(coder, &plan, &quantiser, target);
     plan.inverse(&coefficients)
@@ -206,7 +206,7 @@ fn powers() -> [f64; STEPS] {
 
 /// `floor (2^(steps / 64) - 1)`.
 fn radiance(steps: i32, floor: f32, powers: &[f64; STEPS]) -> f32 {
-    let steps = steps.clamp(0, LARGEST) as usize;
+    let steps = steps.clamp(0, MAX_INDEX) as usize;
     let whole = (1u64 << (steps / STEPS)) as f64;
     (floor as f64 * (whole * powers[steps % STEPS] - 1.0)) as f32
 }
@@ -215,20 +215,20 @@ fn radiance(steps: i32, floor: f32, powers: &[f64; STEPS]) -> f32 {
 mod tests {
     use crate::lighting::codec::*;
 
-    fn light() -> Light {
+    fn light() -> EnvironmentLobes {
         let level = |sharpness: f64, size: usize| {
             let cells = (0..size * size).map(|k| [0.2 + 0.01 * (k % size) as f32, (k / size) as f32, 40.0]).collect();
-            Level::new(sharpness, size, cells).unwrap()
+            PrefilteredMap::new(sharpness, size, cells).unwrap()
         };
         let lobe = |x: f64| SphericalGaussian {
             axis: [x, (1.0 - x * x).sqrt(), 0.0],
             sharpness: 3.5,
             amplitude: [1.0, 0.0, 2e4],
         };
-        Light { diffuse: vec![lobe(0.5), lobe(-1.0)], levels: vec![level(80.0, 24), level(5.0, 16)] }
+        EnvironmentLobes { diffuse: vec![lobe(0.5), lobe(-1.0)], prefiltered: vec![level(80.0, 24), level(5.0, 16)] }
     }
 
-    fn read(bytes: &[u8]) -> Result<Light> {
+    fn read(bytes: &[u8]) -> Result<EnvironmentLobes> {
         decode(bytes, &Budget::new(crate::limits::Limits { memory_bytes: 1 << 22, ..Default::default() }))
     }
 
@@ -243,22 +243,25 @@ mod tests {
     #[test]
     fn light_comes_back() {
         let light = light();
-        let (bytes, decoded) = encode(&light, &StoreOptions { step: 1.0 }).unwrap();
+        let (bytes, decoded) = encode(&light, &LightCodingOptions { step: 1.0 }).unwrap();
         assert_eq!(read(&bytes).unwrap(), decoded);
         assert!((decoded.diffuse[0].axis[1] - light.diffuse[0].axis[1]).abs() < 1e-7);
-        for (a, b) in light.levels.iter().zip(&decoded.levels) {
+        for (a, b) in light.prefiltered.iter().zip(&decoded.prefiltered) {
             assert_eq!(a.sharpness(), b.sharpness());
             for (x, y) in a.cells().iter().flatten().zip(b.cells().iter().flatten()) {
                 assert!((x - y).abs() < 0.03 * x + 0.12, "{x} {y}");
             }
         }
-        let empty = encode(&Light::default(), &StoreOptions::default()).unwrap();
-        assert_eq!((empty.1.clone(), read(&empty.0).unwrap()), (Light::default(), Light::default()));
+        let empty = encode(&EnvironmentLobes::default(), &LightCodingOptions::default()).unwrap();
+        assert_eq!(
+            (empty.1.clone(), read(&empty.0).unwrap()),
+            (EnvironmentLobes::default(), EnvironmentLobes::default())
+        );
     }
 
     #[test]
     fn damage_is_an_error() {
-        let (bytes, _) = encode(&light(), &StoreOptions::default()).unwrap();
+        let (bytes, _) = encode(&light(), &LightCodingOptions::default()).unwrap();
         for length in 0..bytes.len() {
             assert!(read(&bytes[..length]).is_err(), "{length}");
         }
@@ -279,7 +282,11 @@ mod tests {
             damaged[at] ^= 1 << (at % 8);
             if let Ok(light) = read(&damaged) {
                 assert!(
-                    light.levels.iter().all(|level| level.cells().iter().flatten().all(|x| x.is_finite() && *x >= 0.0))
+                    light.prefiltered.iter().all(|level| level
+                        .cells()
+                        .iter()
+                        .flatten()
+                        .all(|x| x.is_finite() && *x >= 0.0))
                 );
             }
         }

@@ -11,22 +11,22 @@ use std::f64::consts::PI;
 
 /// Radiance from all around.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Environment {
+pub struct EnvironmentMap {
     image: RgbImage,
 }
 
 /// Pixels that were no light and had to be replaced.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Cleaned {
+pub struct CleanedPixels {
     /// Pixels with a negative colour, which became 0.
     pub negative: usize,
     /// Pixels that were not finite: the mean of their finite neighbours, or 0.
     pub not_finite: usize,
 }
 
-/// Cleans a picture: see [`Cleaned`].
-pub fn clean(image: &mut RgbImage) -> Cleaned {
-    let mut cleaned = Cleaned::default();
+/// Cleans a picture: see [`CleanedPixels`].
+pub fn clean(image: &mut RgbImage) -> CleanedPixels {
+    let mut cleaned = CleanedPixels::default();
     let finite = |p: &[f32; 3]| p.iter().all(|c| c.is_finite());
     let holes: Vec<usize> = (0..image.data.len()).filter(|&k| !finite(&image.data[k])).collect();
     for pixel in image.data.iter_mut().filter(|p| finite(p)) {
@@ -42,7 +42,7 @@ pub fn clean(image: &mut RgbImage) -> Cleaned {
             let (mut sum, mut count) = ([0.0f64; 3], 0.0f64);
             for ny in y.saturating_sub(1)..(y + 2).min(height) {
                 for nx in [(x + width - 1) % width, x, (x + 1) % width] {
-                    let pixel = image.at(nx, ny);
+                    let pixel = image.value_at(nx, ny);
                     if finite(pixel) {
                         (0..3).for_each(|c| sum[c] += pixel[c] as f64);
                         count += 1.0;
@@ -57,14 +57,14 @@ pub fn clean(image: &mut RgbImage) -> Cleaned {
     cleaned
 }
 
-impl Environment {
+impl EnvironmentMap {
     /// An environment from a latitude-longitude picture of at least 2 x 1 pixels, cleaned.
-    pub fn new(mut image: RgbImage) -> Result<(Self, Cleaned)> {
+    pub fn new(mut image: RgbImage) -> Result<(Self, CleanedPixels)> {
         if image.width < 2 || image.height < 1 || image.data.len() != image.width * image.height {
             return Err(Error::parameter("an environment needs 2 x 1 pixels at least"));
         }
         let cleaned = clean(&mut image);
-        Ok((Environment { image }, cleaned))
+        Ok((EnvironmentMap { image }, cleaned))
     }
     /// An environment from a function of the direction, `width` x `width / 2` pixels (`width` at least 2), negative and not finite
     /// values cleaned.
@@ -73,11 +73,11 @@ impl Environment {
         let mut image = RgbImage::filled(width, height, [0.0; 3]);
         for y in 0..height {
             for x in 0..width {
-                *image.at_mut(x, y) = radiance(direction_at(width, height, x as f64 + 0.5, y as f64 + 0.5));
+                *image.value_at_mut(x, y) = radiance(direction_at(width, height, x as f64 + 0.5, y as f64 + 0.5));
             }
         }
         clean(&mut image);
-        Environment { image }
+        EnvironmentMap { image }
     }
     /// The picture, row by row, all finite and not negative.
     pub fn image(&self) -> &RgbImage {
@@ -88,14 +88,14 @@ impl Environment {
         direction_at(self.image.width, self.image.height, x, y)
     }
     /// Place in the picture, in pixels, of a unit direction.
-    pub fn place(&self, direction: [f64; 3]) -> [f64; 2] {
+    pub fn pixel_at(&self, direction: [f64; 3]) -> [f64; 2] {
         let u = direction[0].atan2(-direction[2]) / (2.0 * PI);
         let v = direction[1].clamp(-1.0, 1.0).acos() / PI;
         [(u - u.floor()) * self.image.width as f64, v * self.image.height as f64]
     }
     /// Radiance from a unit direction, bilinear between pixels.
     pub fn radiance(&self, direction: [f64; 3]) -> [f32; 3] {
-        let [x, y] = self.place(direction);
+        let [x, y] = self.pixel_at(direction);
         let (width, height) = (self.image.width, self.image.height);
         let (x, y) = (x - 0.5, y - 0.5);
         let (a, b) = ((x - x.floor()) as f32, (y - y.floor()) as f32);
@@ -103,8 +103,8 @@ impl Environment {
         let row = |y: f64| (y as isize).clamp(0, height as isize - 1) as usize;
         let (left, right) = (column(x.floor()), column(x.floor() + 1.0));
         let (top, bottom) = (row(y.floor()), row(y.floor() + 1.0));
-        let (p, q) = (self.image.at(left, top), self.image.at(right, top));
-        let (r, s) = (self.image.at(left, bottom), self.image.at(right, bottom));
+        let (p, q) = (self.image.value_at(left, top), self.image.value_at(right, top));
+        let (r, s) = (self.image.value_at(left, bottom), self.image.value_at(right, bottom));
         std::array::from_fn(|c| (1.0 - b) * ((1.0 - a) * p[c] + a * q[c]) + b * ((1.0 - a) * r[c] + a * s[c]))
     }
     /// Solid angle of a pixel of a row.
@@ -125,7 +125,7 @@ impl Environment {
     }
     /// With all radiance times `scale`.
     pub fn scaled(&self, scale: f32) -> Self {
-        Environment { image: self.image.map(|p| p.map(|c| (c * scale).clamp(0.0, f32::MAX))) }
+        EnvironmentMap { image: self.image.map(|p| p.map(|c| (c * scale).clamp(0.0, f32::MAX))) }
     }
     /// Turned about +Y: what came from `d` comes from [`turn_y`]`(d, degrees)`, as Mitsuba's `rotate(y, degrees)` does.
     pub fn rotated_y(&self, degrees: f64) -> Self {
@@ -139,16 +139,16 @@ impl Environment {
             for x in 0..width {
                 let at = |step: f64| source[((x as f64 - whole - step).rem_euclid(width as f64)) as usize % width];
                 let (near, far) = (at(0.0), at(1.0));
-                *image.at_mut(x, y) = std::array::from_fn(|c| (1.0 - part) * near[c] + part * far[c]);
+                *image.value_at_mut(x, y) = std::array::from_fn(|c| (1.0 - part) * near[c] + part * far[c]);
             }
         }
-        Environment { image }
+        EnvironmentMap { image }
     }
     /// Resampled to another size: means over the area of the new pixels where those are larger, bilinear where they are smaller.
     pub fn resized(&self, width: usize, height: usize) -> Self {
         let (width, height) = (width.max(2), height.max(1));
         if width > self.image.width || height > self.image.height {
-            return Environment { image: self.enlarged(width, height) };
+            return EnvironmentMap { image: self.enlarged(width, height) };
         }
         let columns = overlaps(self.image.width, width);
         let rows = overlaps(self.image.height, height);
@@ -169,10 +169,10 @@ impl Environment {
                 }
             }
             for (x, (sum, total)) in sums.iter().enumerate() {
-                *image.at_mut(x, y) = sum.map(|s| (s / total) as f32);
+                *image.value_at_mut(x, y) = sum.map(|s| (s / total) as f32);
             }
         }
-        Environment { image }
+        EnvironmentMap { image }
     }
     fn enlarged(&self, width: usize, height: usize) -> RgbImage {
         let (w, h) = (self.image.width, self.image.height);
@@ -188,7 +188,7 @@ impl Environment {
                 let a = (u - u.floor()) as f32;
                 let left = (u.floor() as isize).rem_euclid(w as isize) as usize;
                 let right = if left + 1 == w { 0 } else { left + 1 };
-                *image.at_mut(x, y) = std::array::from_fn(|c| {
+                *image.value_at_mut(x, y) = std::array::from_fn(|c| {
                     (1.0 - b) * ((1.0 - a) * top[left][c] + a * top[right][c])
                         + b * ((1.0 - a) * bottom[left][c] + a * bottom[right][c])
                 });
@@ -231,10 +231,10 @@ fn overlaps(old: usize, new: usize) -> Vec<Vec<(usize, f64)>> {
 mod tests {
     use super::*;
 
-    fn ramp() -> Environment {
+    fn ramp() -> EnvironmentMap {
         let mut image = RgbImage::filled(32, 16, [0.0; 3]);
         (0..512).for_each(|k| image.data[k] = [(k % 32) as f32, (k / 32) as f32, 1.0]);
-        Environment::new(image).unwrap().0
+        EnvironmentMap::new(image).unwrap().0
     }
 
     #[test]
@@ -254,7 +254,7 @@ mod tests {
         let moved = ramp.rotated_y(33.75).radiance(turn_y(d, 33.75));
         assert!((0..3).all(|c| (moved[c] - ramp.radiance(d)[c]).abs() < 1e-4));
         for (x, y) in [(0.2, 0.7), (31.9, 15.0), (12.5, 3.5)] {
-            let [px, py] = ramp.place(ramp.direction(x, y));
+            let [px, py] = ramp.pixel_at(ramp.direction(x, y));
             assert!((px - x).abs() < 1e-9 && (py - y).abs() < 1e-9);
         }
     }
@@ -265,16 +265,16 @@ mod tests {
         image.data[3] = [-0.5, 2.0, 1.0];
         image.data[12] = [f32::NAN, 0.0, 0.0];
         image.data[13] = [f32::INFINITY, 0.0, 0.0];
-        let (environment, cleaned) = Environment::new(image).unwrap();
-        assert_eq!(cleaned, Cleaned { negative: 1, not_finite: 2 });
+        let (environment, cleaned) = EnvironmentMap::new(image).unwrap();
+        assert_eq!(cleaned, CleanedPixels { negative: 1, not_finite: 2 });
         assert_eq!(environment.image().data[3], [0.0, 2.0, 1.0]);
         assert!((environment.image().data[13][0] - 1.0).abs() < 0.2);
-        assert!(Environment::new(RgbImage::filled(1, 1, [0.0; 3])).is_err());
+        assert!(EnvironmentMap::new(RgbImage::filled(1, 1, [0.0; 3])).is_err());
     }
 
     #[test]
     fn size_does_not_change_the_light() {
-        let environment = Environment::from_fn(96, |d| [1.0 + d[1] as f32, (d[0].max(0.0) * 3.0) as f32, 0.5]);
+        let environment = EnvironmentMap::from_fn(96, |d| [1.0 + d[1] as f32, (d[0].max(0.0) * 3.0) as f32, 0.5]);
         let whole = environment.integral();
         assert!((whole[2] - 2.0 * PI).abs() < 1e-9 && (whole[0] - 4.0 * PI).abs() < 0.02);
         for (width, height) in [(32, 16), (20, 11), (48, 24)] {

@@ -4,28 +4,28 @@
 //! with the lobes are known in closed form. The sum of the squared differences is minimised over axes, sharpness and flux. The
 //! test lobes are a little narrower than the cosine: shadows cut parts out of it.
 
-use super::{Environment, SphericalGaussian};
-use crate::optimise::lbfgs::{Stop, minimise};
+use super::{EnvironmentMap, SphericalGaussian};
+use crate::optimise::lbfgs::{StopCriterion, minimise};
 use crate::sphere::gaussian::sphere_integral;
 use crate::vector::dot;
 
 /// How the fit is done.
 #[derive(Debug, Clone, PartialEq)]
-pub struct FitOptions {
+pub struct LobeFitOptions {
     /// Lobes, 1 to 64.
     pub lobes: usize,
     /// Evaluations of the sum of squares and its gradient, at most.
     pub evaluations: usize,
 }
 
-impl Default for FitOptions {
+impl Default for LobeFitOptions {
     fn default() -> Self {
-        FitOptions { lobes: 10, evaluations: 150 }
+        LobeFitOptions { lobes: 10, evaluations: 150 }
     }
 }
 
 /// Most lobes of a light.
-pub const MOST_LOBES: usize = 64;
+pub const MAX_LOBES: usize = 64;
 /// Sharpness of the test lobes and their number.
 const TEST_SHARPNESS: f64 = 8.0;
 const TESTS: usize = 160;
@@ -40,37 +40,37 @@ const NUMBERS: usize = 7;
 
 /// Fits lobes to an environment. An update starts from `previous`, where that has as many lobes.
 pub fn fit(
-    environment: &Environment,
-    options: &FitOptions,
+    environment: &EnvironmentMap,
+    options: &LobeFitOptions,
     previous: Option<&[SphericalGaussian]>,
 ) -> Vec<SphericalGaussian> {
-    let cells = Cell::of(environment);
-    fit_cells(&cells, &Tests::through(&cells), options, previous)
+    let cells = EnvironmentCell::of(environment);
+    fit_cells(&cells, &TestLobes::through(&cells), options, previous)
 }
 
 /// For environments of one size: how their pixels are seen through the test lobes.
-pub(super) struct Projection {
+pub(super) struct TestLobeProjection {
     directions: Vec<[f64; 3]>,
     /// For each test lobe the weight of each cell.
     weights: Vec<Vec<f32>>,
 }
 
-impl Projection {
-    pub(super) fn new(environment: &Environment) -> Self {
-        let (cells, directions) = (Cell::of(environment), Tests::directions());
-        let scale = Tests::scale();
+impl TestLobeProjection {
+    pub(super) fn new(environment: &EnvironmentMap) -> Self {
+        let (cells, directions) = (EnvironmentCell::of(environment), TestLobes::directions());
+        let scale = TestLobes::scale();
         let weights = directions.iter().map(|&test| cells.iter().map(|c| (scale * c.seen(test)) as f32).collect());
-        Projection { weights: weights.collect(), directions }
+        TestLobeProjection { weights: weights.collect(), directions }
     }
 
     /// As [`fit`], for an environment of the same size.
     pub(super) fn fit(
         &self,
-        environment: &Environment,
+        environment: &EnvironmentMap,
         lobes: usize,
         previous: Option<&[SphericalGaussian]>,
     ) -> Vec<SphericalGaussian> {
-        let cells = Cell::of(environment);
+        let cells = EnvironmentCell::of(environment);
         let fluxes: [Vec<f32>; 3] = std::array::from_fn(|c| cells.iter().map(|cell| cell.flux[c] as f32).collect());
         let sum = |weights: &[f32], flux: &[f32]| {
             let (weights, flux) = (weights.as_chunks::<8>().0, flux.as_chunks::<8>().0);
@@ -79,19 +79,19 @@ impl Projection {
             sums.iter().sum::<f32>() as f64
         };
         let targets = self.weights.iter().map(|weights| fluxes.each_ref().map(|flux| sum(weights, flux))).collect();
-        let tests = Tests { directions: self.directions.clone(), targets };
-        fit_cells(&cells, &tests, &FitOptions { lobes, ..FitOptions::default() }, previous)
+        let tests = TestLobes { directions: self.directions.clone(), targets };
+        fit_cells(&cells, &tests, &LobeFitOptions { lobes, ..LobeFitOptions::default() }, previous)
     }
 }
 
 fn fit_cells(
-    cells: &[Cell],
-    tests: &Tests,
-    options: &FitOptions,
+    cells: &[EnvironmentCell],
+    tests: &TestLobes,
+    options: &LobeFitOptions,
     previous: Option<&[SphericalGaussian]>,
 ) -> Vec<SphericalGaussian> {
-    let count = options.lobes.clamp(1, MOST_LOBES);
-    let total: f64 = cells.iter().map(Cell::energy).sum();
+    let count = options.lobes.clamp(1, MAX_LOBES);
+    let total: f64 = cells.iter().map(EnvironmentCell::energy).sum();
     if total <= 0.0 {
         return Vec::new();
     }
@@ -106,7 +106,7 @@ fn fit_cells(
     }
     let evaluations =
         if previous.is_some() { UPDATE_EVALUATIONS.min(options.evaluations) } else { options.evaluations };
-    let stop = Stop { evaluations, decrease: 1e-5 };
+    let stop = StopCriterion { evaluations, decrease: 1e-5 };
     minimise(&mut x, &lower, &upper, stop, |x, gradient| tests.difference(x, total, gradient));
     let mut lobes: Vec<SphericalGaussian> =
         x.chunks_exact(NUMBERS).map(|numbers| from_numbers(numbers, total)).collect();
@@ -133,14 +133,14 @@ fn unit(v: [f64; 3]) -> ([f64; 3], f64) {
 }
 
 /// A part of the sphere and the light that comes from it.
-struct Cell {
+struct EnvironmentCell {
     direction: [f64; 3],
     /// Radiance times solid angle.
     flux: [f64; 3],
 }
 
-impl Cell {
-    fn of(environment: &Environment) -> Vec<Cell> {
+impl EnvironmentCell {
+    fn of(environment: &EnvironmentMap) -> Vec<EnvironmentCell> {
         let columns = COLUMNS.min(environment.image().width);
         let small = environment.resized(columns, (columns / 2).max(1));
         let image = small.image();
@@ -148,7 +148,7 @@ impl Cell {
             .map(|k| {
                 let (x, y) = (k % image.width, k / image.width);
                 let angle = small.solid_angle(y);
-                Cell {
+                EnvironmentCell {
                     direction: small.direction(x as f64 + 0.5, y as f64 + 0.5),
                     flux: image.data[k].map(|c| c as f64 * angle),
                 }
@@ -165,15 +165,15 @@ impl Cell {
 }
 
 /// The environment through the test lobes.
-struct Tests {
+struct TestLobes {
     directions: Vec<[f64; 3]>,
     /// Mean radiance, weighted by the test lobe.
     targets: Vec<[f64; 3]>,
 }
 
-impl Tests {
+impl TestLobes {
     fn directions() -> Vec<[f64; 3]> {
-        spread(TESTS).collect()
+        spread_directions(TESTS).collect()
     }
 
     /// Makes the test lobes' integrals 1.
@@ -181,7 +181,7 @@ impl Tests {
         1.0 / sphere_integral(TEST_SHARPNESS)
     }
 
-    fn through(cells: &[Cell]) -> Self {
+    fn through(cells: &[EnvironmentCell]) -> Self {
         let (directions, scale) = (Self::directions(), Self::scale());
         let targets = crate::parallel::map(directions.len(), |k| {
             let mut sum = [0.0; 3];
@@ -191,7 +191,7 @@ impl Tests {
             }
             sum
         });
-        Tests { directions, targets }
+        TestLobes { directions, targets }
     }
 
     /// Mean of the squared differences over the mean radiance squared, and its gradient.
@@ -249,7 +249,7 @@ impl Tests {
 }
 
 /// Directions spread evenly over the sphere (a Fibonacci spiral).
-pub(super) fn spread(count: usize) -> impl Iterator<Item = [f64; 3]> {
+pub(super) fn spread_directions(count: usize) -> impl Iterator<Item = [f64; 3]> {
     let turn = std::f64::consts::PI * (3.0 - 5f64.sqrt());
     (0..count).map(move |k| {
         let y = 1.0 - (2.0 * k as f64 + 1.0) / count as f64;
@@ -260,7 +260,7 @@ pub(super) fn spread(count: usize) -> impl Iterator<Item = [f64; 3]> {
 }
 
 /// Starts: clusters of the light, one lobe each (k-means on the sphere).
-fn cluster(cells: &[Cell], count: usize) -> Vec<SphericalGaussian> {
+fn cluster(cells: &[EnvironmentCell], count: usize) -> Vec<SphericalGaussian> {
     // Each next centre is where most light is farthest from the centres so far.
     let mut centres: Vec<[f64; 3]> = Vec::with_capacity(count);
     let mut far = vec![1.0f64; cells.len()];
@@ -302,7 +302,7 @@ fn cluster(cells: &[Cell], count: usize) -> Vec<SphericalGaussian> {
 }
 
 /// Irradiance of an environment on a surface, by summing all its pixels.
-pub fn irradiance(environment: &Environment, normal: [f64; 3]) -> [f64; 3] {
+pub fn irradiance(environment: &EnvironmentMap, normal: [f64; 3]) -> [f64; 3] {
     let image = environment.image();
     let mut sum = [0.0; 3];
     for y in 0..image.height {
@@ -319,10 +319,10 @@ pub fn irradiance(environment: &Environment, normal: [f64; 3]) -> [f64; 3] {
 
 /// Root mean square error of the lobes' irradiance over the root mean square irradiance, on 60 normals, against the sum over all
 /// pixels.
-pub fn relative_error(environment: &Environment, lobes: &[SphericalGaussian]) -> f64 {
+pub fn relative_error(environment: &EnvironmentMap, lobes: &[SphericalGaussian]) -> f64 {
     const NORMALS: usize = 60;
-    let normals: Vec<[f64; 3]> = spread(NORMALS).collect();
-    let light = super::Light { diffuse: lobes.to_vec(), levels: Vec::new() };
+    let normals: Vec<[f64; 3]> = spread_directions(NORMALS).collect();
+    let light = super::EnvironmentLobes { diffuse: lobes.to_vec(), prefiltered: Vec::new() };
     let sums = crate::parallel::map(NORMALS, |k| {
         let (exact, found) = (irradiance(environment, normals[k]), light.irradiance(normals[k]));
         let squared = |v: [f64; 3]| v.iter().map(|x| x * x).sum::<f64>();
@@ -336,13 +336,13 @@ pub fn relative_error(environment: &Environment, lobes: &[SphericalGaussian]) ->
 mod tests {
     use super::*;
 
-    fn scene() -> Environment {
+    fn scene() -> EnvironmentMap {
         let lobes = [
             ([0.6, 0.8, 0.0], 40.0, [9.0, 8.0, 6.0]),
             ([0.0, 1.0, 0.0], 1.5, [0.4, 0.6, 1.0]),
             ([0.0, -0.6, 0.8], 5.0, [0.5, 0.2, 0.1]),
         ];
-        Environment::from_fn(128, |d| {
+        EnvironmentMap::from_fn(128, |d| {
             let sum = lobes.iter().fold([0.0; 3], |sum, &(axis, sharpness, amplitude)| {
                 let value = SphericalGaussian { axis, sharpness, amplitude }.evaluate(d);
                 std::array::from_fn(|c| sum[c] + value[c])
@@ -353,9 +353,9 @@ mod tests {
 
     #[test]
     fn the_gradient_is_the_slope() {
-        let cells = Cell::of(&scene());
-        let tests = Tests::through(&cells);
-        let total: f64 = cells.iter().map(Cell::energy).sum();
+        let cells = EnvironmentCell::of(&scene());
+        let tests = TestLobes::through(&cells);
+        let total: f64 = cells.iter().map(EnvironmentCell::energy).sum();
         let x: Vec<f64> = cluster(&cells, 3).iter().flat_map(|lobe| to_numbers(lobe, total)).collect();
         let mut gradient = vec![0.0; x.len()];
         tests.difference(&x, total, &mut gradient);
@@ -374,13 +374,13 @@ mod tests {
     #[test]
     fn lobes_are_found_again_and_follow() {
         let environment = scene();
-        let options = FitOptions { lobes: 3, evaluations: 300 };
+        let options = LobeFitOptions { lobes: 3, evaluations: 300 };
         let lobes = fit(&environment, &options, None);
         assert!(relative_error(&environment, &lobes) < 4e-3, "{lobes:?}");
         let turned = environment.rotated_y(4.0);
         let before = relative_error(&turned, &lobes);
         let after = relative_error(&turned, &fit(&turned, &options, Some(&lobes)));
         assert!(after < 0.01 && after < 0.5 * before, "{before} {after}");
-        assert!(fit(&Environment::from_fn(8, |_| [0.0; 3]), &options, None).is_empty());
+        assert!(fit(&EnvironmentMap::from_fn(8, |_| [0.0; 3]), &options, None).is_empty());
     }
 }

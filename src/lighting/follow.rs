@@ -6,10 +6,10 @@
 //! `sin t'`. Around the poles, where that fails, and for wide lobes all pixels of a small picture are summed, with weights that depend on its
 //! size alone.
 
-use super::Environment;
+use super::EnvironmentMap;
 use super::environment::direction_at;
-use super::fit::Projection;
-use super::prefiltered::{Level, Light, SHARPNESS};
+use super::fit::TestLobeProjection;
+use super::prefiltered::{EnvironmentLobes, PrefilteredMap, SHARPNESS};
 use crate::image::RgbImage;
 use crate::sphere::octahedral::directions;
 use crate::vector::dot;
@@ -47,17 +47,17 @@ fn size(columns: usize, level: usize) -> usize {
 }
 
 /// Follows an environment from frame to frame.
-pub struct Follower {
+pub struct LightFollower {
     /// Lobes of the fit.
     lobes: usize,
-    plans: Vec<Plan>,
-    wide: Vec<Sums>,
-    projection: Option<Projection>,
-    light: Light,
+    plans: Vec<BlurPlan>,
+    wide: Vec<WideBlur>,
+    projection: Option<TestLobeProjection>,
+    light: EnvironmentLobes,
 }
 
 /// The sums of a wide level, which depend on the size of the picture alone.
-struct Sums {
+struct WideBlur {
     size: usize,
     /// For each cell where its pixels begin, and at last their number.
     starts: Vec<u32>,
@@ -65,7 +65,7 @@ struct Sums {
     pixels: Vec<(u32, f32)>,
 }
 
-impl Sums {
+impl WideBlur {
     /// Of a level of `size` cells along a side and a picture of `width` x `width / 2` pixels.
     fn new(width: usize, number: usize, size: usize) -> Self {
         use std::f64::consts::PI;
@@ -95,24 +95,24 @@ impl Sums {
             pixels[first..].iter_mut().for_each(|(_, weight)| *weight /= total as f32);
             starts.push(pixels.len() as u32);
         }
-        Sums { size, starts, pixels }
+        WideBlur { size, starts, pixels }
     }
 
-    fn level(&self, picture: &Planes, number: usize) -> Option<Level> {
+    fn level(&self, picture: &ColourPlanes, number: usize) -> Option<PrefilteredMap> {
         let size = self.size;
         let picture = picture.pixels();
         let mut cells = vec![[0.0; 3]; size * size];
-        crate::parallel::parts(&mut cells, size, |row, cells| {
+        crate::parallel::for_each_chunk(&mut cells, size, |row, cells| {
             for (cell, ends) in cells.iter_mut().zip(self.starts[row * size..].windows(2)) {
                 *cell = sum(picture, &self.pixels[ends[0] as usize..ends[1] as usize]);
             }
         });
-        Level::new(SHARPNESS[number], size, cells)
+        PrefilteredMap::new(SHARPNESS[number], size, cells)
     }
 }
 
 /// What of a sharp level depends on the size of the picture alone.
-struct Plan {
+struct BlurPlan {
     size: usize,
     width: usize,
     height: usize,
@@ -120,38 +120,44 @@ struct Plan {
     along: Vec<Vec<f32>>,
     /// For each row the first row that it takes and the weights of those.
     down: Vec<(usize, Vec<f32>)>,
-    places: Vec<Place>,
+    places: Vec<CellSource>,
     /// Pixels and their weights, of all cells around the poles.
     polar: Vec<(u32, f32)>,
 }
 
 /// Where a cell's value is found.
 #[derive(Clone, Copy)]
-enum Place {
+enum CellSource {
     /// In the blurred picture, whose rows are one pixel longer: the upper left pixel and the place between that and the next.
     Between(u32, f32, f32),
-    /// Around a pole: a sum over a part of [`Plan::polar`].
+    /// Around a pole: a sum over a part of [`BlurPlan::polar`].
     Polar(u32, u32),
 }
 
-impl Follower {
+impl LightFollower {
     /// For environments of up to 512 columns (larger ones are reduced) and lights of `lobes` lobes, 1 to 64.
     pub fn new(lobes: usize) -> Self {
-        Follower { lobes, plans: Vec::new(), wide: Vec::new(), projection: None, light: Light::default() }
+        LightFollower {
+            lobes,
+            plans: Vec::new(),
+            wide: Vec::new(),
+            projection: None,
+            light: EnvironmentLobes::default(),
+        }
     }
 
     /// The last light.
-    pub fn light(&self) -> &Light {
+    pub fn light(&self) -> &EnvironmentLobes {
         &self.light
     }
 
     /// Starts from a light known from elsewhere.
-    pub fn start(&mut self, light: Light) {
+    pub fn start(&mut self, light: EnvironmentLobes) {
         self.light = light;
     }
 
     /// The light of the next environment.
-    pub fn update(&mut self, environment: &Environment) -> &Light {
+    pub fn update(&mut self, environment: &EnvironmentMap) -> &EnvironmentLobes {
         let image = environment.image();
         let columns = COLUMNS.min(image.width).next_multiple_of(128);
         let reduced;
@@ -163,12 +169,12 @@ impl Follower {
         };
         let halved = |level: usize| if level < SHARP { halvings(level) } else { wide_halvings(columns, level) };
         if self.plans.first().is_none_or(|plan| plan.width != columns) {
-            self.plans = (0..SHARP).map(|k| Plan::new(columns >> halved(k), k, size(columns, k))).collect();
+            self.plans = (0..SHARP).map(|k| BlurPlan::new(columns >> halved(k), k, size(columns, k))).collect();
             self.wide =
-                (SHARP..SHARPNESS.len()).map(|k| Sums::new(columns >> halved(k), k, size(columns, k))).collect();
+                (SHARP..SHARPNESS.len()).map(|k| WideBlur::new(columns >> halved(k), k, size(columns, k))).collect();
             self.projection = None;
         }
-        let mut pictures = vec![Planes::of(image)];
+        let mut pictures = vec![ColourPlanes::of(image)];
         for k in 1..=(0..SHARPNESS.len()).map(halved).max().unwrap_or(0) {
             let next = pictures[k - 1].halved();
             pictures.push(next);
@@ -176,23 +182,23 @@ impl Follower {
         let Some(coarse) = pictures[halved(SHARP - 1)].environment() else { return &self.light };
         let before = std::mem::take(&mut self.light.diffuse);
         let before = (before.len() == self.lobes).then_some(before);
-        let Follower { lobes, plans, wide, projection, .. } = self;
-        let projection = projection.get_or_insert_with(|| Projection::new(&coarse));
+        let LightFollower { lobes, plans, wide, projection, .. } = self;
+        let projection = projection.get_or_insert_with(|| TestLobeProjection::new(&coarse));
         let (diffuse, levels) = crate::parallel::join(
             || projection.fit(&coarse, *lobes, before.as_deref()),
             || {
                 let sharp = plans.iter().enumerate().filter_map(|(k, plan)| plan.level(&pictures[halved(k)], k));
                 let wide = wide.iter().zip(SHARP..).filter_map(|(sums, k)| sums.level(&pictures[halved(k)], k));
-                sharp.chain(wide).collect::<Vec<Level>>()
+                sharp.chain(wide).collect::<Vec<PrefilteredMap>>()
             },
         );
-        self.light = Light { diffuse, levels };
+        self.light = EnvironmentLobes { diffuse, prefiltered: levels };
         &self.light
     }
 }
 
 /// A picture as three lists.
-struct Planes {
+struct ColourPlanes {
     width: usize,
     height: usize,
     lists: [Vec<f32>; 3],
@@ -200,10 +206,10 @@ struct Planes {
     pixels: OnceLock<Vec<Vec3A>>,
 }
 
-impl Planes {
+impl ColourPlanes {
     fn of(image: &RgbImage) -> Self {
         let lists = std::array::from_fn(|c| image.data.iter().map(|p| p[c]).collect());
-        Planes { width: image.width, height: image.height, lists, pixels: OnceLock::new() }
+        ColourPlanes { width: image.width, height: image.height, lists, pixels: OnceLock::new() }
     }
 
     /// Colours side by side.
@@ -227,16 +233,16 @@ impl Planes {
             }
             out
         });
-        Planes { width, height, lists, pixels: OnceLock::new() }
+        ColourPlanes { width, height, lists, pixels: OnceLock::new() }
     }
 
-    fn environment(&self) -> Option<Environment> {
+    fn environment(&self) -> Option<EnvironmentMap> {
         let data = (0..self.width * self.height).map(|k| std::array::from_fn(|c| self.lists[c][k])).collect();
-        Environment::new(RgbImage { width: self.width, height: self.height, data }).ok().map(|(e, _)| e)
+        EnvironmentMap::new(RgbImage { width: self.width, height: self.height, data }).ok().map(|(e, _)| e)
     }
 }
 
-impl Plan {
+impl BlurPlan {
     /// Of a level of `size` cells along a side and a picture of `width` x `width / 2` pixels.
     fn new(width: usize, number: usize, size: usize) -> Self {
         use std::f64::consts::PI;
@@ -272,27 +278,31 @@ impl Plan {
                 if (d[0] * d[0] + d[2] * d[2]).sqrt() < around {
                     let first = polar.len();
                     sum_around([theta, phi], direct, width, &mut polar);
-                    return Place::Polar(first as u32, polar.len() as u32);
+                    return CellSource::Polar(first as u32, polar.len() as u32);
                 }
                 let u = (phi / (2.0 * PI)).rem_euclid(1.0) * width as f64 - 0.5;
                 let v = (theta / PI * height as f64 - 0.5).clamp(0.0, height as f64 - 1.001);
                 let column = (u.floor() as isize).rem_euclid(width as isize) as usize;
                 let row = v as usize;
                 // Rows have their first pixel once more at the end.
-                Place::Between((row * (width + 1) + column) as u32, (u - u.floor()) as f32, (v - row as f64) as f32)
+                CellSource::Between(
+                    (row * (width + 1) + column) as u32,
+                    (u - u.floor()) as f32,
+                    (v - row as f64) as f32,
+                )
             })
             .collect();
-        Plan { size, width, height, along, down, places, polar }
+        BlurPlan { size, width, height, along, down, places, polar }
     }
 
-    fn level(&self, picture: &Planes, number: usize) -> Option<Level> {
+    fn level(&self, picture: &ColourPlanes, number: usize) -> Option<PrefilteredMap> {
         let (width, size) = (self.width, self.size);
         let blurred: Vec<[Vec<f32>; 3]> = crate::parallel::map(self.height, |y| {
             picture.lists.each_ref().map(|list| blur(&list[y * width..][..width], &self.along[y]))
         });
         // Each row with its first pixel once more at the end.
         let mut rows = vec![[0.0f32; 3]; self.height * (width + 1)];
-        crate::parallel::parts(&mut rows, width + 1, |y, sums| {
+        crate::parallel::for_each_chunk(&mut rows, width + 1, |y, sums| {
             let (first, weights) = &self.down[y];
             let mut lists = [0, 1, 2].map(|_| vec![0.0f32; width]);
             for (row, &weight) in blurred[*first..].iter().zip(weights) {
@@ -308,8 +318,8 @@ impl Plan {
         let pixels = picture.pixels();
         let cells = crate::parallel::map(size, |row| {
             let cells = (row * size..(row + 1) * size).map(|k| match self.places[k] {
-                Place::Polar(first, end) => sum(pixels, &self.polar[first as usize..end as usize]),
-                Place::Between(at, s, t) => {
+                CellSource::Polar(first, end) => sum(pixels, &self.polar[first as usize..end as usize]),
+                CellSource::Between(at, s, t) => {
                     let at = at as usize;
                     let (upper, lower) = (&rows[at..at + 2], &rows[at + width + 1..at + width + 3]);
                     std::array::from_fn(|c| {
@@ -321,7 +331,7 @@ impl Plan {
             });
             cells.collect::<Vec<[f32; 3]>>()
         });
-        Level::new(SHARPNESS[number], size, cells.concat())
+        PrefilteredMap::new(SHARPNESS[number], size, cells.concat())
     }
 }
 
@@ -393,19 +403,19 @@ mod tests {
     #[test]
     fn a_turning_environment_is_followed() {
         let scene = |turn: f64| {
-            Environment::from_fn(512, |d| {
+            EnvironmentMap::from_fn(512, |d| {
                 let d = super::super::environment::turn_y(d, turn);
                 let sun = (300.0 * (d[0] * 0.6 + d[1] * 0.8 - 1.0)).exp() as f32;
                 [0.2 + 20.0 * sun, 0.3 + d[1].max(0.0) as f32, if d[2] > 0.3 { 1.0 } else { 0.1 }]
             })
         };
-        let mut follower = Follower::new(6);
+        let mut follower = LightFollower::new(6);
         follower.update(&scene(0.0));
         for turn in [4.0, 8.0] {
             let environment = scene(turn);
             let light = follower.update(&environment).clone();
             assert!(relative_error(&environment, &light.diffuse) < 0.02);
-            let errors = relative_errors(&environment, &light.levels, 40);
+            let errors = relative_errors(&environment, &light.prefiltered, 40);
             println!("{errors:?}");
             assert!(errors.len() == 7 && errors.iter().all(|&e| e < 0.03), "{errors:?}");
         }

@@ -4,8 +4,8 @@
 //! columns; then every cell of the level sums the pixels about its direction. Averaging pixels before blurs by their own width,
 //! interpolating between cells after by that of a cell: both are taken off the lobe's.
 
-use super::prefiltered::{Level, SHARPNESS};
-use super::{Environment, fit::spread};
+use super::prefiltered::{PrefilteredMap, SHARPNESS};
+use super::{EnvironmentMap, fit::spread_directions};
 use crate::sphere::octahedral::{directions, solid_angles};
 
 /// Pixels for the standard deviation of a lobe, `1 / sqrt(sharpness)`.
@@ -16,36 +16,39 @@ const REACH: f64 = 7.0;
 const LANES: usize = 8;
 
 /// Cells along a side of the level of a sharpness: some three for a standard deviation, `largest` at most.
-pub fn level_size(sharpness: f64, largest: usize) -> usize {
+pub fn map_size(sharpness: f64, largest: usize) -> usize {
     let wanted = 10.1 * sharpness.sqrt();
     (wanted.min(8192.0) as usize).next_multiple_of(8).min(largest.max(8))
 }
 
 /// All levels of [`SHARPNESS`], the sharpest with `largest` cells a side at most (512 is a good number for environments of
 /// 512 x 256 pixels).
-pub fn levels(environment: &Environment, largest: usize) -> Vec<Level> {
-    SHARPNESS.iter().filter_map(|&sharpness| level(environment, sharpness, level_size(sharpness, largest))).collect()
+pub fn prefiltered_maps(environment: &EnvironmentMap, largest: usize) -> Vec<PrefilteredMap> {
+    SHARPNESS
+        .iter()
+        .filter_map(|&sharpness| prefiltered_map(environment, sharpness, map_size(sharpness, largest)))
+        .collect()
 }
 
 /// One level.
-pub fn level(environment: &Environment, sharpness: f64, size: usize) -> Option<Level> {
-    let rows = Rows::new(environment, sharpness);
+pub fn prefiltered_map(environment: &EnvironmentMap, sharpness: f64, size: usize) -> Option<PrefilteredMap> {
+    let rows = EnvironmentRows::new(environment, sharpness);
     let (directions, angles) = (directions(size), solid_angles(size));
     let cells = crate::parallel::map(size, |row| {
         let cells = directions.iter().zip(&angles).skip(row * size).take(size);
         cells.map(|(&d, &angle)| rows.mean(d, angle / 6.0)).collect::<Vec<_>>()
     });
-    Level::new(sharpness, size, cells.concat())
+    PrefilteredMap::new(sharpness, size, cells.concat())
 }
 
 /// The resampled environment.
-struct Rows {
+struct EnvironmentRows {
     /// `1 / sharpness` of the lobe less the pixels' own blur.
     variance: f64,
-    rows: Vec<Row>,
+    rows: Vec<EnvironmentRow>,
 }
 
-struct Row {
+struct EnvironmentRow {
     /// Angle from +Y, its cosine and sine.
     theta: f64,
     cosine: f64,
@@ -57,7 +60,7 @@ struct Row {
     lists: [Vec<f32>; 5],
 }
 
-impl Row {
+impl EnvironmentRow {
     /// Sum of the weighted radiance and of the weights of some pixels. The weight is `exp(-x)`, `x = constant - a . (x, z)`, as
     /// `(1 - x / 1024)^1024`, which is 0.2 % less at `x = 2` and costs a few products of whole lanes.
     #[inline]
@@ -89,8 +92,8 @@ impl Row {
     }
 }
 
-impl Rows {
-    fn new(environment: &Environment, sharpness: f64) -> Self {
+impl EnvironmentRows {
+    fn new(environment: &EnvironmentMap, sharpness: f64) -> Self {
         let width = (2.0 * std::f64::consts::PI * PIXELS * sharpness.sqrt()).ceil() as usize;
         // Even the sharpest lobe sees no more than what lies between pixels, which is bilinear.
         let width = width.clamp(32, (4 * environment.image().width).max(32)).next_multiple_of(32);
@@ -116,10 +119,10 @@ impl Rows {
                     lists.iter_mut().zip(values).for_each(|(list, value): (&mut Vec<f32>, f32)| list.push(value));
                 }
                 let solid_angle = (small.solid_angle(y) * group as f64) as f32;
-                Row { theta, cosine, sine, solid_angle, count: lists[0].len(), lists }
+                EnvironmentRow { theta, cosine, sine, solid_angle, count: lists[0].len(), lists }
             })
             .collect();
-        Rows { variance: 1.0 / sharpness - own_blur, rows }
+        EnvironmentRows { variance: 1.0 / sharpness - own_blur, rows }
     }
 
     /// Mean radiance about a direction, where interpolation will add `blur` to the variance.
@@ -172,21 +175,21 @@ impl Rows {
 }
 
 /// The environment between pixels, for sums over all of it.
-struct Fine {
+struct FineEnvironment {
     /// Directions, by row, and radiance times the sine of the row's angle.
-    environment: Environment,
+    environment: EnvironmentMap,
     turns: Vec<[f64; 2]>,
 }
 
-impl Fine {
-    fn new(environment: &Environment) -> Self {
+impl FineEnvironment {
+    fn new(environment: &EnvironmentMap) -> Self {
         let image = environment.image();
         let parts = 1024usize.div_ceil(image.width).clamp(1, 4);
         let environment = environment.resized(image.width * parts, image.height * parts);
         let width = environment.image().width;
         let turn = |x: usize| (2.0 * std::f64::consts::PI * (x as f64 + 0.5) / width as f64).sin_cos();
         let turns = (0..width).map(|x| turn(x).into()).collect();
-        Fine { environment, turns }
+        FineEnvironment { environment, turns }
     }
     /// Mean radiance weighted by a lobe: the sum over all points.
     fn mean(&self, direction: [f64; 3], sharpness: f64) -> [f64; 3] {
@@ -211,15 +214,15 @@ impl Fine {
 
 /// For each level the root mean square error over the root mean square, in `count` directions between its cells, against
 /// the sum over all points of the environment.
-pub fn relative_errors(environment: &Environment, levels: &[Level], count: usize) -> Vec<f64> {
-    let directions: Vec<[f64; 3]> = spread(count).collect();
-    let fine = Fine::new(environment);
+pub fn relative_errors(environment: &EnvironmentMap, levels: &[PrefilteredMap], count: usize) -> Vec<f64> {
+    let directions: Vec<[f64; 3]> = spread_directions(count).collect();
+    let fine = FineEnvironment::new(environment);
     levels
         .iter()
         .map(|level| {
             let sums = crate::parallel::map(count, |k| {
                 let exact = fine.mean(directions[k], level.sharpness());
-                let found = level.mean(directions[k]);
+                let found = level.mean_radiance(directions[k]);
                 let squared = |v: [f64; 3]| v.iter().map(|x| x * x).sum::<f64>();
                 (squared(std::array::from_fn(|c| found[c] as f64 - exact[c])), squared(exact))
             });
@@ -235,18 +238,18 @@ mod tests {
 
     #[test]
     fn sizes() {
-        let sizes: Vec<usize> = SHARPNESS.iter().map(|&sharpness| level_size(sharpness, 512)).collect();
+        let sizes: Vec<usize> = SHARPNESS.iter().map(|&sharpness| map_size(sharpness, 512)).collect();
         assert_eq!(sizes, [512, 512, 368, 184, 96, 48, 24]);
     }
 
     #[test]
     fn levels_agree_with_sums_over_all_pixels() {
-        let environment = Environment::from_fn(64, |d| {
+        let environment = EnvironmentMap::from_fn(64, |d| {
             let sun = (60.0 * (d[0] * 0.6 + d[1] * 0.8 - 1.0)).exp() as f32;
             [0.2 + 20.0 * sun, 0.3 + d[1].max(0.0) as f32, if d[2] > 0.3 { 1.0 } else { 0.1 }]
         });
         for (sharpness, bound) in [(1312.0, 0.02), (82.0, 0.02), (5.0, 0.01)] {
-            let level = level(&environment, sharpness, level_size(sharpness, 256)).unwrap();
+            let level = prefiltered_map(&environment, sharpness, map_size(sharpness, 256)).unwrap();
             let error = relative_errors(&environment, &[level], 24)[0];
             assert!(error < bound, "{sharpness}: {error}");
         }

@@ -15,5 +15,5 @@ pub mod projection;
 pub mod read;
 
 pub use crate::sphere::gaussian::SphericalGaussian;
-pub use environment::Environment;
-pub use prefiltered::{Level, Light};
+pub use environment::EnvironmentMap;
+pub use prefiltered::{EnvironmentLobes, PrefilteredMap};

@@ -1,14 +1,14 @@
 //! How pictures show the sphere: latitude and longitude, cube, mirror ball and fisheye lens, and environments made of them.
 
-use super::environment::{Environment, direction_at};
+use super::environment::{EnvironmentMap, direction_at};
 use crate::error::{Error, Result};
 use crate::image::RgbImage;
 use std::f64::consts::PI;
 
 /// How a picture shows the sphere.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Projection {
-    /// Latitude and longitude, as [`Environment`] has them.
+pub enum EnvironmentProjection {
+    /// Latitude and longitude, as [`EnvironmentMap`] has them.
     LatLong,
     /// Six squares: a cross 4 x 3 or 3 x 4 of them, or a strip of +X, -X, +Y, -Y, +Z, -Z. In the horizontal cross the middle row is
     /// -X, +Z, +X, -Z with +Y above and -Y below +Z; in the vertical cross -Z stands upside down below -Y. Seen from inside, as in
@@ -19,17 +19,17 @@ pub enum Projection {
     /// Fisheye whose image circle touches the shorter sides.
     Fisheye {
         /// How the angle from the axis becomes the distance from the middle.
-        model: Fisheye,
+        model: FisheyeModel,
         /// Angle from edge to edge, degrees, up to 360.
         field_degrees: f64,
         /// Where the lens looks.
-        looks: Looks,
+        looks: FisheyeAxis,
     },
 }
 
 /// A fisheye lens's law.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Fisheye {
+pub enum FisheyeModel {
     /// Distance proportional to the angle.
     Equidistant,
     /// Distance proportional to the sine of half the angle: equal areas for equal solid angles.
@@ -38,52 +38,52 @@ pub enum Fisheye {
 
 /// Where a fisheye lens looks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Looks {
+pub enum FisheyeAxis {
     /// To +Z, the middle of a latitude-longitude picture, with +Y up in the picture.
     Ahead,
-    /// To +Y, the zenith, with +Z at the lower edge: the camera was tilted up from [`Looks::Ahead`].
+    /// To +Y, the zenith, with +Z at the lower edge: the camera was tilted up from [`FisheyeAxis::Ahead`].
     Up,
 }
 
-impl Projection {
+impl EnvironmentProjection {
     /// By the picture's shape: 2:1 latitude-longitude, 4:3, 3:4, 6:1 and 1:6 cube.
     pub fn guess(image: &RgbImage) -> Option<Self> {
         let (w, h) = (image.width, image.height);
         if w == 2 * h {
-            return Some(Projection::LatLong);
+            return Some(EnvironmentProjection::LatLong);
         }
         let cube = (w * 3 == h * 4) || (w * 4 == h * 3) || w == 6 * h || h == 6 * w;
-        cube.then_some(Projection::Cube)
+        cube.then_some(EnvironmentProjection::Cube)
     }
 }
 
 /// The environment that a picture shows, `width` columns wide, or as many as keep its detail.
 pub(super) fn unwrap(
     image: RgbImage,
-    projection: Projection,
+    projection: EnvironmentProjection,
     width: Option<usize>,
-) -> std::result::Result<Environment, String> {
+) -> std::result::Result<EnvironmentMap, String> {
     if image.width.min(image.height) == 0 {
         return Err("has no pixels".into());
     }
     let make = |natural: usize, f: &dyn Fn([f64; 3]) -> [f32; 3]| {
         let width = width.unwrap_or(natural.next_multiple_of(2)).clamp(4, 8192);
-        Environment::from_fn(width, f)
+        EnvironmentMap::from_fn(width, f)
     };
     Ok(match projection {
-        Projection::LatLong => {
-            let environment = Environment::new(image).map_err(|e| e.to_string())?.0;
+        EnvironmentProjection::LatLong => {
+            let environment = EnvironmentMap::new(image).map_err(|e| e.to_string())?.0;
             match width {
                 Some(width) => environment.resized(width, width / 2),
                 None => environment,
             }
         }
-        Projection::Cube => {
-            let faces = Faces::of(&image)?;
+        EnvironmentProjection::Cube => {
+            let faces = CubeFaces::of(&image)?;
             make(4 * faces.side, &|d| faces.radiance(&image, d))
         }
-        Projection::MirrorBall | Projection::Fisheye { .. } => {
-            let lens = Lens::new([image.width, image.height], projection)?;
+        EnvironmentProjection::MirrorBall | EnvironmentProjection::Fisheye { .. } => {
+            let lens = ProbeLens::new([image.width, image.height], projection)?;
             make(lens.columns(), &|d| lens.tap(d).map_or([0.0; 3], |tap| tap.read(&image)))
         }
     })
@@ -94,7 +94,7 @@ pub struct Unwrapper {
     size: [usize; 2],
     columns: usize,
     /// For each pixel of the environment; none where the picture shows nothing.
-    taps: Vec<Option<Tap>>,
+    taps: Vec<Option<PixelTap>>,
 }
 
 impl Unwrapper {
@@ -104,7 +104,7 @@ impl Unwrapper {
     /// Errors: a cube, which is not read this way; a fisheye's field out of range; no pixels.
     pub fn new(
         size: [usize; 2],
-        projection: Projection,
+        projection: EnvironmentProjection,
         columns: usize,
         turn: impl Fn([f64; 3]) -> [f64; 3] + Sync + Send,
     ) -> Result<Self> {
@@ -113,10 +113,10 @@ impl Unwrapper {
                 "an environment is made of pictures of 2 x 2 pixels at least, 4 to 8192 columns wide",
             ));
         }
-        if projection == Projection::Cube {
+        if projection == EnvironmentProjection::Cube {
             return Err(Error::Unsupported("a sequence of cube pictures; 2:1 and fisheye ones are".into()));
         }
-        let lens = Lens::new(size, projection).map_err(Error::parameter)?;
+        let lens = ProbeLens::new(size, projection).map_err(Error::parameter)?;
         let rows = columns / 2;
         let taps = crate::parallel::map(columns * rows, |k| {
             let (x, y) = ((k % columns) as f64 + 0.5, (k / columns) as f64 + 0.5);
@@ -126,7 +126,7 @@ impl Unwrapper {
     }
 
     /// The environment of a picture of the size said before, linear radiance.
-    pub fn environment(&self, picture: &RgbImage) -> Result<Environment> {
+    pub fn environment(&self, picture: &RgbImage) -> Result<EnvironmentMap> {
         if [picture.width, picture.height] != self.size {
             let [width, height] = self.size;
             let message = format!(
@@ -137,17 +137,17 @@ impl Unwrapper {
         }
         let (width, height) = (self.columns, self.columns / 2);
         let mut image = RgbImage::filled(width, height, [0.0; 3]);
-        crate::parallel::parts(&mut image.data, width, |row, pixels| {
+        crate::parallel::for_each_chunk(&mut image.data, width, |row, pixels| {
             for (pixel, tap) in pixels.iter_mut().zip(&self.taps[row * width..]) {
                 *pixel = tap.as_ref().map_or([0.0; 3], |tap| tap.read(picture));
             }
         });
-        Ok(Environment::new(image)?.0)
+        Ok(EnvironmentMap::new(image)?.0)
     }
 }
 
 /// Four pixels and a place between them.
-struct Tap {
+struct PixelTap {
     /// The upper left one, and what is added for the one on its right, modulo 2^32, and the one below.
     first: u32,
     right: u32,
@@ -155,7 +155,7 @@ struct Tap {
     place: [f32; 2],
 }
 
-impl Tap {
+impl PixelTap {
     #[inline]
     fn read(&self, picture: &RgbImage) -> [f32; 3] {
         let [a, b] = self.place;
@@ -168,54 +168,54 @@ impl Tap {
 }
 
 /// A projection onto one picture, in pictures of one size.
-struct Lens {
+struct ProbeLens {
     size: [usize; 2],
     /// Of the largest circle in the middle of the picture.
     middle: [f64; 2],
     radius: f64,
-    law: Law,
+    law: ProbeLaw,
 }
 
 /// Where directions are shown.
-enum Law {
+enum ProbeLaw {
     LatLong,
     MirrorBall,
-    Fisheye { model: Fisheye, half_field: f64, looks: Looks },
+    Fisheye { model: FisheyeModel, half_field: f64, looks: FisheyeAxis },
 }
 
-impl Lens {
+impl ProbeLens {
     /// For all projections but a cube.
-    fn new([width, height]: [usize; 2], projection: Projection) -> std::result::Result<Self, String> {
+    fn new([width, height]: [usize; 2], projection: EnvironmentProjection) -> std::result::Result<Self, String> {
         let law = match projection {
-            Projection::LatLong => Law::LatLong,
-            Projection::MirrorBall => Law::MirrorBall,
-            Projection::Fisheye { model, field_degrees, looks } => {
+            EnvironmentProjection::LatLong => ProbeLaw::LatLong,
+            EnvironmentProjection::MirrorBall => ProbeLaw::MirrorBall,
+            EnvironmentProjection::Fisheye { model, field_degrees, looks } => {
                 if !(1.0..=360.0).contains(&field_degrees) {
                     return Err("a fisheye's field must be 1 to 360 degrees".into());
                 }
-                Law::Fisheye { model, half_field: field_degrees.to_radians() / 2.0, looks }
+                ProbeLaw::Fisheye { model, half_field: field_degrees.to_radians() / 2.0, looks }
             }
-            Projection::Cube => return Err("a cube is more than one picture".into()),
+            EnvironmentProjection::Cube => return Err("a cube is more than one picture".into()),
         };
         let middle = [width, height].map(|side| side as f64 / 2.0);
-        Ok(Lens { size: [width, height], middle, radius: middle[0].min(middle[1]), law })
+        Ok(ProbeLens { size: [width, height], middle, radius: middle[0].min(middle[1]), law })
     }
 
     /// Columns of an environment that has the picture's detail.
     fn columns(&self) -> usize {
         match self.law {
-            Law::LatLong => self.size[0],
-            Law::MirrorBall => 2 * self.size[0].min(self.size[1]),
-            Law::Fisheye { half_field, .. } => (self.radius * 2.0 * PI / half_field).round() as usize,
+            ProbeLaw::LatLong => self.size[0],
+            ProbeLaw::MirrorBall => 2 * self.size[0].min(self.size[1]),
+            ProbeLaw::Fisheye { half_field, .. } => (self.radius * 2.0 * PI / half_field).round() as usize,
         }
     }
 
     /// The pixels around the place that shows a direction; `None` outside a fisheye's field.
     #[inline]
-    fn tap(&self, direction: [f64; 3]) -> Option<Tap> {
+    fn tap(&self, direction: [f64; 3]) -> Option<PixelTap> {
         let [width, height] = self.size;
         let [x, y] = self.place(direction)?;
-        let wraps = matches!(self.law, Law::LatLong);
+        let wraps = matches!(self.law, ProbeLaw::LatLong);
         let y = (y - 0.5).clamp(0.0, (height - 1) as f64);
         let x = if wraps { (x - 0.5).rem_euclid(width as f64) } else { (x - 0.5).clamp(0.0, (width - 1) as f64) };
         let (column, row) = ((x as usize).min(width - 1), (y as usize).min(height - 1));
@@ -227,28 +227,28 @@ impl Lens {
         };
         let below = if row + 1 < height { width as u32 } else { 0 };
         let place = [(x - column as f64) as f32, (y - row as f64) as f32];
-        Some(Tap { first: (row * width + column) as u32, right, below, place })
+        Some(PixelTap { first: (row * width + column) as u32, right, below, place })
     }
 
     fn place(&self, d: [f64; 3]) -> Option<[f64; 2]> {
-        let Lens { size: [width, height], middle, radius, .. } = *self;
+        let ProbeLens { size: [width, height], middle, radius, .. } = *self;
         match self.law {
-            Law::LatLong => {
+            ProbeLaw::LatLong => {
                 let u = d[0].atan2(-d[2]) / (2.0 * PI);
                 Some([(u - u.floor()) * width as f64, d[1].clamp(-1.0, 1.0).acos() / PI * height as f64])
             }
-            Law::MirrorBall => {
+            ProbeLaw::MirrorBall => {
                 // The normal lies half way between the view (0, 0, 1) and the direction.
                 let half = [d[0], d[1], d[2] + 1.0];
                 let length = (half[0] * half[0] + half[1] * half[1] + half[2] * half[2]).sqrt().max(1e-6);
                 // Seen from +Z, +X is on the right.
                 Some([middle[0] + radius * half[0] / length, middle[1] - radius * half[1] / length])
             }
-            Law::Fisheye { model, half_field, looks } => {
+            ProbeLaw::Fisheye { model, half_field, looks } => {
                 // Right, up and forward of the lens. Looking to +Z with +Y up, -X is on the right.
                 let (right, up, forward) = match looks {
-                    Looks::Ahead => (-d[0], d[1], d[2]),
-                    Looks::Up => (-d[0], -d[2], d[1]),
+                    FisheyeAxis::Ahead => (-d[0], d[1], d[2]),
+                    FisheyeAxis::Up => (-d[0], -d[2], d[1]),
                 };
                 let across = right.hypot(up);
                 let angle = across.atan2(forward);
@@ -256,8 +256,8 @@ impl Lens {
                     return None;
                 }
                 let distance = match model {
-                    Fisheye::Equidistant => angle / half_field,
-                    Fisheye::Equisolid => (angle / 2.0).sin() / (half_field / 2.0).sin(),
+                    FisheyeModel::Equidistant => angle / half_field,
+                    FisheyeModel::Equisolid => (angle / 2.0).sin() / (half_field / 2.0).sin(),
                 };
                 let scale = radius * distance / across.max(1e-12);
                 Some([middle[0] + scale * right, middle[1] - scale * up])
@@ -273,13 +273,13 @@ fn bilinear_within(image: &RgbImage, [left, top, width, height]: [usize; 4], x: 
     let (x0, y0) = (x as usize, y as usize);
     let (x1, y1) = ((x0 + 1).min(width - 1), (y0 + 1).min(height - 1));
     let (a, b) = ((x - x0 as f64) as f32, (y - y0 as f64) as f32);
-    let at = |x: usize, y: usize| image.at(left + x, top + y);
+    let at = |x: usize, y: usize| image.value_at(left + x, top + y);
     let (p, q, r, s) = (at(x0, y0), at(x1, y0), at(x0, y1), at(x1, y1));
     std::array::from_fn(|c| (1.0 - b) * ((1.0 - a) * p[c] + a * q[c]) + b * ((1.0 - a) * r[c] + a * s[c]))
 }
 
 /// Where the six squares of a cube lie in a picture.
-struct Faces {
+struct CubeFaces {
     side: usize,
     /// Column and row, in squares, of +X, -X, +Y, -Y, +Z, -Z.
     places: [[usize; 2]; 6],
@@ -287,19 +287,19 @@ struct Faces {
     turned: bool,
 }
 
-impl Faces {
-    fn of(image: &RgbImage) -> std::result::Result<Faces, String> {
+impl CubeFaces {
+    fn of(image: &RgbImage) -> std::result::Result<CubeFaces, String> {
         let (w, h) = (image.width, image.height);
         let cross = [[2, 1], [0, 1], [1, 0], [1, 2], [1, 1]];
         let places = |last: [usize; 2]| std::array::from_fn(|k| cross.get(k).copied().unwrap_or(last));
         if w * 3 == h * 4 && w >= 4 {
-            Ok(Faces { side: w / 4, places: places([3, 1]), turned: false })
+            Ok(CubeFaces { side: w / 4, places: places([3, 1]), turned: false })
         } else if w * 4 == h * 3 && w >= 3 {
-            Ok(Faces { side: w / 3, places: places([1, 3]), turned: true })
+            Ok(CubeFaces { side: w / 3, places: places([1, 3]), turned: true })
         } else if w == 6 * h {
-            Ok(Faces { side: h, places: std::array::from_fn(|k| [k, 0]), turned: false })
+            Ok(CubeFaces { side: h, places: std::array::from_fn(|k| [k, 0]), turned: false })
         } else if h == 6 * w {
-            Ok(Faces { side: w, places: std::array::from_fn(|k| [0, k]), turned: false })
+            Ok(CubeFaces { side: w, places: std::array::from_fn(|k| [0, k]), turned: false })
         } else {
             Err(format!("{w} x {h} pixels are no cross (4:3, 3:4) and no strip (6:1, 1:6) of six squares"))
         }
@@ -333,7 +333,7 @@ mod tests {
         d.map(|x| (x + 1.0) as f32)
     }
 
-    fn check(environment: &Environment, tolerance: f32, only: impl Fn([f64; 3]) -> bool) {
+    fn check(environment: &EnvironmentMap, tolerance: f32, only: impl Fn([f64; 3]) -> bool) {
         let mut compared = 0;
         for d in crate::sphere::octahedral::directions(12).into_iter().filter(|&d| only(d)) {
             let found = environment.radiance(d);
@@ -363,42 +363,46 @@ mod tests {
             // The view (0, 0, 1) mirrored at the normal.
             Some([2.0 * nz * nx, 2.0 * nz * ny, 2.0 * nz * nz - 1.0])
         });
-        let environment = unwrap(ball, Projection::MirrorBall, None).unwrap();
+        let environment = unwrap(ball, EnvironmentProjection::MirrorBall, None).unwrap();
         check(&environment, 0.05, |d| d[2] > -0.9);
     }
 
     #[test]
     fn fisheyes_of_both_laws_and_any_field() {
         for (field, model) in
-            [(180.0, Fisheye::Equidistant), (360.0, Fisheye::Equidistant), (220.0, Fisheye::Equisolid)]
+            [(180.0, FisheyeModel::Equidistant), (360.0, FisheyeModel::Equidistant), (220.0, FisheyeModel::Equisolid)]
         {
-            for looks in [Looks::Ahead, Looks::Up] {
+            for looks in [FisheyeAxis::Ahead, FisheyeAxis::Up] {
                 let half = f64::to_radians(field) / 2.0;
                 let picture = draw(220, 200, |x, y| {
                     let (px, py) = ((x - 110.0) / 100.0, (100.0 - y) / 100.0);
                     let r = px.hypot(py).clamp(1e-9, 1.0);
                     let angle = match model {
-                        Fisheye::Equidistant => r * half,
-                        Fisheye::Equisolid => 2.0 * (r * (half / 2.0).sin()).asin(),
+                        FisheyeModel::Equidistant => r * half,
+                        FisheyeModel::Equisolid => 2.0 * (r * (half / 2.0).sin()).asin(),
                     };
                     let (right, up) = (angle.sin() * px / r, angle.sin() * py / r);
                     Some(match looks {
-                        Looks::Ahead => [-right, up, angle.cos()],
-                        Looks::Up => [-right, angle.cos(), -up],
+                        FisheyeAxis::Ahead => [-right, up, angle.cos()],
+                        FisheyeAxis::Up => [-right, angle.cos(), -up],
                     })
                 });
-                let projection = Projection::Fisheye { model, field_degrees: field, looks };
+                let projection = EnvironmentProjection::Fisheye { model, field_degrees: field, looks };
                 let environment = unwrap(picture, projection, None).unwrap();
                 let least = (half - 0.1).cos();
-                check(&environment, 0.03, |d| if looks == Looks::Up { d[1] > least } else { d[2] > least });
+                check(&environment, 0.03, |d| if looks == FisheyeAxis::Up { d[1] > least } else { d[2] > least });
             }
         }
     }
 
     #[test]
     fn sequences_are_unwrapped_as_single_pictures_are() {
-        let fisheye = Projection::Fisheye { model: Fisheye::Equisolid, field_degrees: 200.0, looks: Looks::Up };
-        for projection in [fisheye, Projection::LatLong, Projection::MirrorBall] {
+        let fisheye = EnvironmentProjection::Fisheye {
+            model: FisheyeModel::Equisolid,
+            field_degrees: 200.0,
+            looks: FisheyeAxis::Up,
+        };
+        for projection in [fisheye, EnvironmentProjection::LatLong, EnvironmentProjection::MirrorBall] {
             let picture = draw(96, 48, |x, y| Some([(x / 30.0).sin(), (y / 20.0).cos(), (x * y / 900.0).sin()]));
             let straight = Unwrapper::new([96, 48], projection, 64, |d| d).unwrap().environment(&picture).unwrap();
             let single = unwrap(picture.clone(), projection, None).unwrap();
@@ -417,7 +421,7 @@ mod tests {
             let smaller = draw(48, 48, |_, _| Some([0.0, 1.0, 0.0]));
             assert!(Unwrapper::new([96, 48], projection, 64, |d| d).unwrap().environment(&smaller).is_err());
         }
-        assert!(Unwrapper::new([96, 48], Projection::Cube, 64, |d| d).is_err());
+        assert!(Unwrapper::new([96, 48], EnvironmentProjection::Cube, 64, |d| d).is_err());
     }
 
     #[test]
@@ -436,7 +440,7 @@ mod tests {
         };
         for (columns, rows) in [(4, 3), (3, 4), (6, 1), (1, 6)] {
             let side = 48;
-            let faces = Faces::of(&RgbImage::filled(columns * side, rows * side, [0.0; 3])).unwrap();
+            let faces = CubeFaces::of(&RgbImage::filled(columns * side, rows * side, [0.0; 3])).unwrap();
             let picture = draw(columns * side, rows * side, |x, y| {
                 let (column, row) = (x as usize / side, y as usize / side);
                 let k = faces.places.iter().position(|&place| place == [column, row])?;
@@ -444,9 +448,9 @@ mod tests {
                 let sign = if k == 5 && faces.turned { -1.0 } else { 1.0 };
                 Some(face(k, sign * to(x), sign * to(y)))
             });
-            assert_eq!(Projection::guess(&picture), Some(Projection::Cube));
-            check(&unwrap(picture, Projection::Cube, None).unwrap(), 0.05, |_| true);
+            assert_eq!(EnvironmentProjection::guess(&picture), Some(EnvironmentProjection::Cube));
+            check(&unwrap(picture, EnvironmentProjection::Cube, None).unwrap(), 0.05, |_| true);
         }
-        assert!(unwrap(RgbImage::filled(5, 4, [0.0; 3]), Projection::Cube, None).is_err());
+        assert!(unwrap(RgbImage::filled(5, 4, [0.0; 3]), EnvironmentProjection::Cube, None).is_err());
     }
 }

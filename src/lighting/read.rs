@@ -3,10 +3,10 @@
 //! EXR and Radiance HDR are linear; PNG, JPEG and TIFF are decoded by their colour space. Pictures of one place with several
 //! exposures are merged, each divided by its exposure and weighed by how far its values are from black and from white.
 
-use super::environment::{Cleaned, Environment, clean};
-use super::projection::{Projection, unwrap};
+use super::environment::{CleanedPixels, EnvironmentMap, clean};
+use super::projection::{EnvironmentProjection, unwrap};
 use crate::error::{Error, Result};
-use crate::image::read::{ColorSpace, read_picture};
+use crate::image::read::{ColorSpace, read_radiance_image};
 use crate::image::{RgbImage, from_srgb};
 use crate::input::FileAccess;
 use crate::limits::Limits;
@@ -14,9 +14,9 @@ use std::path::Path;
 
 /// How environments are read.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct ReadOptions {
-    /// `None`: by the picture's shape, [`Projection::guess`].
-    pub projection: Option<Projection>,
+pub struct EnvironmentReadOptions {
+    /// `None`: by the picture's shape, [`EnvironmentProjection::guess`].
+    pub projection: Option<EnvironmentProjection>,
     /// Columns of the environment made of other projections; `None`: as many as keep the picture's detail.
     pub width: Option<usize>,
     /// Colour space of PNG, JPEG and TIFF; `None`: srgb.
@@ -30,7 +30,10 @@ pub struct ReadOptions {
 /// Reads an environment from one picture, or from several of different exposure.
 ///
 /// Errors name the file: unreadable, of another size than the first, of a shape that no projection is guessed for.
-pub fn read<P: AsRef<Path>>(paths: &[P], options: &ReadOptions) -> Result<(Environment, Cleaned)> {
+pub fn read_environment<P: AsRef<Path>>(
+    paths: &[P],
+    options: &EnvironmentReadOptions,
+) -> Result<(EnvironmentMap, CleanedPixels)> {
     let Some(first) = paths.first().map(AsRef::as_ref) else {
         return Err(Error::parameter("no picture of the environment is given"));
     };
@@ -41,11 +44,11 @@ pub fn read<P: AsRef<Path>>(paths: &[P], options: &ReadOptions) -> Result<(Envir
     if options.exposures.iter().any(|&exposure| !(exposure > 0.0 && exposure.is_finite())) {
         return Err(Error::parameter("exposures must be positive"));
     }
-    let space = ColorSpace::named(options.color_space.as_deref().unwrap_or("srgb"))?;
+    let space = ColorSpace::from_name(options.color_space.as_deref().unwrap_or("srgb"))?;
     let access = FileAccess::new(options.limits);
     let mut bracket: Vec<RgbImage> = Vec::new();
     for path in paths.iter().map(AsRef::as_ref) {
-        let picture = read_picture(path, &access, &space, None).map_err(Error::from)?.colour;
+        let picture = read_radiance_image(path, &access, &space, None).map_err(Error::from)?.colour;
         // It stays, and so does the environment that is made of it.
         access.charge(path, "environment", 2 * size_of_val(&picture.data[..]) as u64)?;
         if let Some(before) = bracket.first()
@@ -64,7 +67,7 @@ pub fn read<P: AsRef<Path>>(paths: &[P], options: &ReadOptions) -> Result<(Envir
     }
     let projection = match options.projection {
         Some(projection) => projection,
-        None => Projection::guess(&image).ok_or_else(|| {
+        None => EnvironmentProjection::guess(&image).ok_or_else(|| {
             let (width, height) = (image.width, image.height);
             Error::input(
                 first,

@@ -1,8 +1,8 @@
 //! ArUco markers: squares among the contours of a picture, their corners as the intersections of straight lines along the edges, their bits
 //! compared with the dictionaries.
 
-use super::Family;
-use super::detection::{Detection, area};
+use super::MarkerFamily;
+use super::detection::{MarkerDetection, area};
 use crate::image::Grid;
 use aruco_rs::ImageBuffer;
 use aruco_rs::core::dictionary::{DICTIONARY_ARUCO, DICTIONARY_ARUCO_MIP_36H12};
@@ -14,26 +14,26 @@ use aruco_rs::cv::scalar::ScalarCV;
 /// An edge is looked for this many pixels to each side, at most.
 const EDGE_REACH: f64 = 4.0;
 /// Shortest edge of a marker, pixels.
-const LEAST_EDGE: f64 = 12.0;
+const MIN_EDGE: f64 = 12.0;
 
 /// Codes, bits along a side, and how many may be read wrongly: fewer than half the least distance between codes, and few enough that hardly
 /// any other square is taken for one.
-fn codes(family: Family) -> (&'static [u64], usize, u32) {
+fn codes(family: MarkerFamily) -> (&'static [u64], usize, u32) {
     match family {
-        Family::ArucoMip36h12 => (DICTIONARY_ARUCO_MIP_36H12.code_list, 6, 4),
+        MarkerFamily::ArucoMip36h12 => (DICTIONARY_ARUCO_MIP_36H12.code_list, 6, 4),
         _ => (DICTIONARY_ARUCO.code_list, 5, 0),
     }
 }
 
 /// Markers of these families, none twice at one place.
-pub(super) fn detect(families: &[Family], grey: &Grid<u8>) -> Vec<Detection> {
+pub(super) fn detect(families: &[MarkerFamily], grey: &Grid<u8>) -> Vec<MarkerDetection> {
     let (width, height) = (grey.width as u32, grey.height as u32);
     let mut binary = vec![0u8; grey.data.len()];
     ScalarCV::adaptive_threshold(&ImageBuffer { data: &grey.data, width, height }, &mut binary, 2, 7);
     let mut labels = vec![0i32; (grey.width + 2) * (grey.height + 2)];
     let contours = find_contours(&ImageBuffer { data: &binary, width, height }, &mut labels);
-    let mut found: Vec<Detection> = Vec::new();
-    for contour in contours.iter().filter(|c| c.points.len() as f64 >= 4.0 * LEAST_EDGE) {
+    let mut found: Vec<MarkerDetection> = Vec::new();
+    for contour in contours.iter().filter(|c| c.points.len() as f64 >= 4.0 * MIN_EDGE) {
         let square = approx_poly_dp(&contour.points, 0.05 * contour.points.len() as f64);
         if square.len() != 4 || !is_contour_convex(&square) {
             continue;
@@ -45,7 +45,7 @@ pub(super) fn detect(families: &[Family], grey: &Grid<u8>) -> Vec<Detection> {
             corners.swap(1, 3);
         }
         let long = |k: usize| (corners[k][0] - corners[(k + 1) % 4][0]).hypot(corners[k][1] - corners[(k + 1) % 4][1]);
-        if (0..4).any(|k| long(k) < LEAST_EDGE) {
+        if (0..4).any(|k| long(k) < MIN_EDGE) {
             continue;
         }
         let Some(corners) = refine(grey, corners) else { continue };
@@ -57,7 +57,7 @@ pub(super) fn detect(families: &[Family], grey: &Grid<u8>) -> Vec<Detection> {
 }
 
 /// Reads the bits of a square whose corners go clockwise; the marker's own upper left corner first in what is given back.
-fn decode(family: Family, grey: &Grid<u8>, corners: [[f64; 2]; 4]) -> Option<Detection> {
+fn decode(family: MarkerFamily, grey: &Grid<u8>, corners: [[f64; 2]; 4]) -> Option<MarkerDetection> {
     let (codes, side, most_wrong) = codes(family);
     let cells = side + 2;
     let map = unit_square_to(corners)?;
@@ -106,7 +106,7 @@ fn decode(family: Family, grey: &Grid<u8>, corners: [[f64; 2]; 4]) -> Option<Det
         }
     }
     let (_, id, turn) = best?;
-    Some(Detection { family, id: id as u32, corners: std::array::from_fn(|k| corners[(k + turn) % 4]) })
+    Some(MarkerDetection { family, id: id as u32, corners: std::array::from_fn(|k| corners[(k + turn) % 4]) })
 }
 
 /// The perspective map from the unit square, x to the right and y down, to four corners that go clockwise from the upper left (Heckbert
@@ -192,6 +192,6 @@ fn bilinear(grey: &Grid<u8>, [x, y]: [f64; 2]) -> Option<f64> {
     }
     let (column, row) = (x as usize, y as usize);
     let (s, t) = (x - column as f64, y - row as f64);
-    let at = |dx: usize, dy: usize| *grey.at(column + dx, row + dy) as f64;
+    let at = |dx: usize, dy: usize| *grey.value_at(column + dx, row + dy) as f64;
     Some((at(0, 0) * (1.0 - s) + at(1, 0) * s) * (1.0 - t) + (at(0, 1) * (1.0 - s) + at(1, 1) * s) * t)
 }

@@ -1,8 +1,8 @@
 //! Finding markers in a picture: AprilTags by the AprilTag library; ArUco markers from the contours of `aruco-rs` with its dictionaries, corners
 //! and bits read here.
 
-use super::detection::{Detection, area};
-use super::{Family, aruco};
+use super::detection::{MarkerDetection, area};
+use super::{MarkerFamily, aruco};
 use crate::error::{Error, Result};
 use crate::image::Grid;
 use apriltag::{DetectorBuilder, Family as Tags, Image};
@@ -15,25 +15,25 @@ const CORRECTED_BITS: usize = 1;
 const LARGE: usize = 160 * 160;
 
 /// Finds markers of some families.
-pub struct Detector {
-    tags: Vec<(Family, apriltag::Detector)>,
-    aruco: Vec<Family>,
+pub struct MarkerDetector {
+    tags: Vec<(MarkerFamily, apriltag::Detector)>,
+    aruco: Vec<MarkerFamily>,
 }
 
-impl Detector {
+impl MarkerDetector {
     /// For these families, at least one.
-    pub fn new(families: &[Family]) -> Result<Self> {
+    pub fn new(families: &[MarkerFamily]) -> Result<Self> {
         if families.is_empty() {
             return Err(Error::parameter("no marker family to look for"));
         }
         let (mut tags, mut aruco) = (Vec::new(), Vec::new());
         for &family in families {
             let codes = match family {
-                Family::Tag36h11 => Tags::tag_36h11(),
-                Family::Tag25h9 => Tags::tag_25h9(),
-                Family::Tag16h5 => Tags::tag_16h5(),
-                Family::Standard41h12 => Tags::tag_standard_41h12(),
-                Family::Aruco | Family::ArucoMip36h12 => {
+                MarkerFamily::Tag36h11 => Tags::tag_36h11(),
+                MarkerFamily::Tag25h9 => Tags::tag_25h9(),
+                MarkerFamily::Tag16h5 => Tags::tag_16h5(),
+                MarkerFamily::Standard41h12 => Tags::tag_standard_41h12(),
+                MarkerFamily::Aruco | MarkerFamily::ArucoMip36h12 => {
                     aruco.push(family);
                     continue;
                 }
@@ -46,12 +46,12 @@ impl Detector {
             detector.set_refine_edges(true);
             tags.push((family, detector));
         }
-        Ok(Detector { tags, aruco })
+        Ok(MarkerDetector { tags, aruco })
     }
 
     /// Markers in a picture of 8-bit grey values as they are displayed (not linear), 32 to 16384 pixels a side, by family and number.
     /// If `coarse`, small markers may be missed, and the work is a quarter.
-    pub fn detect(&mut self, grey: &Grid<u8>, coarse: bool) -> Result<Vec<Detection>> {
+    pub fn detect(&mut self, grey: &Grid<u8>, coarse: bool) -> Result<Vec<MarkerDetection>> {
         let (width, height) = (grey.width, grey.height);
         if !SIDES.contains(&width) || !SIDES.contains(&height) {
             let (least, most) = (SIDES.start(), SIDES.end());
@@ -89,10 +89,10 @@ fn copy(grey: &Grid<u8>) -> Result<Image> {
     Ok(image)
 }
 
-fn tag(family: Family, detection: &apriltag::Detection) -> Option<Detection> {
+fn tag(family: MarkerFamily, detection: &apriltag::Detection) -> Option<MarkerDetection> {
     // The library starts at the lower left and goes to the right.
     let [a, b, c, d] = detection.corners();
     let corners = [d, c, b, a];
     let finite = corners.iter().flatten().all(|x| x.is_finite());
-    finite.then_some(Detection { family, id: detection.id() as u32, corners })
+    finite.then_some(MarkerDetection { family, id: detection.id() as u32, corners })
 }

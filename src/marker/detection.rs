@@ -1,12 +1,12 @@
 //! A marker found in an image.
 
-use super::Family;
+use super::MarkerFamily;
 
 /// A marker in a picture.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Detection {
+pub struct MarkerDetection {
     /// Its family.
-    pub family: Family,
+    pub family: MarkerFamily,
     /// Its number within the family.
     pub id: u32,
     /// Corners in pixels (centres at +0.5): upper left, upper right, lower right, lower left, as the marker is printed.
@@ -14,7 +14,7 @@ pub struct Detection {
 }
 
 /// Area of a marker in a picture, in pixels.
-pub(super) fn area(detection: &Detection) -> f64 {
+pub(super) fn area(detection: &MarkerDetection) -> f64 {
     let c = &detection.corners;
     let twice: f64 = (0..4).map(|k| c[k][0] * c[(k + 1) % 4][1] - c[k][1] * c[(k + 1) % 4][0]).sum();
     0.5 * twice.abs()

@@ -8,7 +8,7 @@
 //! - **world**: +Y up, the ground level, at y = 0 unless the object is put elsewhere; in the rig's unit. Environments are given in these axes.
 //!   `world_of_local` ([`crate::ar::placement::Placement`]) turns, scales and shifts the object.
 //! - **rig**: the markers' common frame, in the unit in which their sizes are given. A single marker's own frame: origin in its middle,
-//!   x to the right and y upwards on the print, z out of the paper towards whoever looks at it. `rig_of_world` ([`crate::ar::placement::Stands`])
+//!   x to the right and y upwards on the print, z out of the paper towards whoever looks at it. `rig_of_world` ([`crate::ar::placement::RigMount`])
 //!   says how the world's ground lies to it.
 //! - **camera**: x to the right, y down, z forward, as in [`crate::views::Camera`]; `camera_of_rig` is the [`Pose`] found here.
 
@@ -20,16 +20,16 @@ mod pose;
 mod rig;
 pub mod track;
 
-pub use pose::{Estimate, estimate};
+pub use pose::{PoseEstimate, estimate_poses};
 pub use rig::{Rig, RigMarker};
 
 use crate::error::{Error, Result};
 use glam::{DMat3, DVec3};
 
 /// Printed codes that can be told apart. Sizes are those of the black border's outer edge (of the border between black and white for
-/// [`Family::Standard41h12`]).
+/// [`MarkerFamily::Standard41h12`]).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Family {
+pub enum MarkerFamily {
     /// AprilTag 36h11.
     Tag36h11,
     /// AprilTag 25h9.
@@ -44,28 +44,28 @@ pub enum Family {
     ArucoMip36h12,
 }
 
-impl Family {
+impl MarkerFamily {
     /// All families with the names that they go by.
-    pub const NAMES: [(Family, &'static str); 6] = [
-        (Family::Tag36h11, "tag36h11"),
-        (Family::Tag25h9, "tag25h9"),
-        (Family::Tag16h5, "tag16h5"),
-        (Family::Standard41h12, "tagStandard41h12"),
-        (Family::Aruco, "aruco"),
-        (Family::ArucoMip36h12, "aruco-mip-36h12"),
+    pub const NAMES: [(MarkerFamily, &'static str); 6] = [
+        (MarkerFamily::Tag36h11, "tag36h11"),
+        (MarkerFamily::Tag25h9, "tag25h9"),
+        (MarkerFamily::Tag16h5, "tag16h5"),
+        (MarkerFamily::Standard41h12, "tagStandard41h12"),
+        (MarkerFamily::Aruco, "aruco"),
+        (MarkerFamily::ArucoMip36h12, "aruco-mip-36h12"),
     ];
 
     /// The family of a name, capital letters or small.
-    pub fn named(name: &str) -> Result<Self> {
-        let found = Family::NAMES.iter().find(|(_, known)| known.eq_ignore_ascii_case(name));
-        let known: Vec<&str> = Family::NAMES.iter().map(|(_, name)| *name).collect();
+    pub fn from_name(name: &str) -> Result<Self> {
+        let found = MarkerFamily::NAMES.iter().find(|(_, known)| known.eq_ignore_ascii_case(name));
+        let known: Vec<&str> = MarkerFamily::NAMES.iter().map(|(_, name)| *name).collect();
         let unknown = || Error::parameter(format!("no marker family \"{name}\"; known: {}", known.join(", ")));
         found.map(|(family, _)| *family).ok_or_else(unknown)
     }
 
     /// Its name.
     pub fn name(self) -> &'static str {
-        Family::NAMES.iter().find(|(family, _)| *family == self).map_or("", |(_, name)| name)
+        MarkerFamily::NAMES.iter().find(|(family, _)| *family == self).map_or("", |(_, name)| name)
     }
 }
 
@@ -84,13 +84,13 @@ impl Pose {
         Pose { rotation: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], translation: [0.0; 3] };
 
     /// A point moved.
-    pub fn apply(&self, x: [f64; 3]) -> [f64; 3] {
+    pub fn transform_point(&self, x: [f64; 3]) -> [f64; 3] {
         (self.matrix() * DVec3::from_array(x) + DVec3::from_array(self.translation)).to_array()
     }
 
     /// First `inner`, then this.
-    pub fn after(&self, inner: &Pose) -> Pose {
-        Pose::of(
+    pub fn compose(&self, inner: &Pose) -> Pose {
+        Pose::from_matrix(
             self.matrix() * inner.matrix(),
             self.matrix() * DVec3::from_array(inner.translation) + DVec3::from_array(self.translation),
         )
@@ -99,7 +99,7 @@ impl Pose {
     /// The motion back.
     pub fn inverse(&self) -> Pose {
         let back = self.matrix().transpose();
-        Pose::of(back, -(back * DVec3::from_array(self.translation)))
+        Pose::from_matrix(back, -(back * DVec3::from_array(self.translation)))
     }
 
     /// Angle of the rotation that leads from one pose's to the other's, radians.
@@ -112,7 +112,7 @@ impl Pose {
         skew.atan2(trace - 1.0)
     }
 
-    pub(crate) fn of(rotation: DMat3, translation: DVec3) -> Pose {
+    pub(crate) fn from_matrix(rotation: DMat3, translation: DVec3) -> Pose {
         Pose { rotation: rotation.transpose().to_cols_array_2d(), translation: translation.to_array() }
     }
 

@@ -1,7 +1,7 @@
 //! The pose of a rig from its corners: a homography for each marker, both of the poses that a small flat square leaves open, and
 //! Levenberg-Marquardt on the reprojection error of all corners.
 
-use super::detection::{Detection, area};
+use super::detection::{MarkerDetection, area};
 use super::homography::homography;
 use super::{Pose, Rig, RigMarker};
 use crate::capture::Lens;
@@ -10,13 +10,13 @@ use crate::views::Camera;
 use glam::{DMat3, DVec3};
 
 /// Markers, the largest ones, from which a pose is started.
-const MOST_STARTS: usize = 4;
+const MAX_STARTS: usize = 4;
 /// Poses nearer to each other than this are one, radians.
 const SAME: f64 = 1e-3;
 
 /// A pose and how well it fits.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Estimate {
+pub struct PoseEstimate {
     /// Rig to camera.
     pub pose: Pose,
     /// Root mean square distance between found and projected corners, pixels of the pinhole camera.
@@ -31,9 +31,9 @@ pub struct Estimate {
 /// marker of the rig was found.
 ///
 /// Of `camera` focal lengths and principal point are taken; `lens` bends what it sees.
-pub fn estimate(camera: &Camera, lens: &Lens, rig: &Rig, found: &[Detection]) -> Vec<Estimate> {
+pub fn estimate_poses(camera: &Camera, lens: &Lens, rig: &Rig, found: &[MarkerDetection]) -> Vec<PoseEstimate> {
     let camera = Camera { rotation: Pose::IDENTITY.rotation, translation: [0.0; 3], ..*camera };
-    let mut seen: Vec<(&RigMarker, &Detection, [[f64; 2]; 4])> = Vec::new();
+    let mut seen: Vec<(&RigMarker, &MarkerDetection, [[f64; 2]; 4])> = Vec::new();
     for marker in &rig.markers {
         let same = found.iter().filter(|d| d.family == marker.family && marker.id.is_none_or(|id| id == d.id));
         let Some(largest) = same.max_by(|a, b| area(a).total_cmp(&area(b))) else { continue };
@@ -53,19 +53,19 @@ pub fn estimate(camera: &Camera, lens: &Lens, rig: &Rig, found: &[Detection]) ->
             Correspondence { frame: 0, pixel, mesh }
         })
         .collect();
-    let mut estimates: Vec<Estimate> = Vec::new();
-    for (marker, _, ideal) in seen.iter().take(MOST_STARTS) {
+    let mut estimates: Vec<PoseEstimate> = Vec::new();
+    for (marker, _, ideal) in seen.iter().take(MAX_STARTS) {
         let Some(first) = from_homography(*ideal, marker.size) else { continue };
-        for start in [first, leaning_the_other_way(&first)] {
-            let start = start.after(&marker.pose.inverse());
+        for start in [first, mirrored_pose(&first)] {
+            let start = start.compose(&marker.pose.inverse());
             let start = Similarity { rotation: start.matrix(), translation: start.translation.into(), scale: 1.0 };
             let Some((_, refined)) = refine::refine(&[camera], &points, start, false) else { continue };
-            let Some(errors) = refine::errors(&[camera], &points, &refined) else { continue };
-            let pose = Pose::of(refined.rotation, refined.translation);
+            let Some(errors) = refine::reprojection_errors(&[camera], &points, &refined) else { continue };
+            let pose = Pose::from_matrix(refined.rotation, refined.translation);
             let rms_pixels = (errors.iter().map(|e| e * e).sum::<f64>() / errors.len() as f64).sqrt();
             let max_pixels = errors.iter().copied().fold(0.0, f64::max);
             if estimates.iter().all(|known| known.pose.angle_to(&pose) > SAME) {
-                estimates.push(Estimate { pose, rms_pixels, max_pixels, markers: seen.len() });
+                estimates.push(PoseEstimate { pose, rms_pixels, max_pixels, markers: seen.len() });
             }
         }
     }
@@ -83,16 +83,16 @@ fn from_homography(corners: [[f64; 2]; 4], size: f64) -> Option<Pose> {
     let scale = 2.0 / (x.length() + y.length()) * middle.z.signum();
     let (x, y, middle) = (x * scale, y * scale, middle * scale);
     let (rotation, _) = nearest_rotation(DMat3::from_cols(x, y, x.cross(y)))?;
-    (rotation.is_finite() && middle.is_finite()).then(|| Pose::of(rotation, middle))
+    (rotation.is_finite() && middle.is_finite()).then(|| Pose::from_matrix(rotation, middle))
 }
 
 /// The other pose under which a small square looks nearly the same: its normal mirrored at the line of sight (Schweighofer and Pinz
 /// 2006).
-fn leaning_the_other_way(pose: &Pose) -> Pose {
+fn mirrored_pose(pose: &Pose) -> Pose {
     let rotation = pose.matrix();
     let sight = DVec3::from_array(pose.translation).normalize_or(DVec3::Z);
     let normal = rotation.z_axis;
     let mirrored = 2.0 * sight.dot(normal) * sight - normal;
     let turn = glam::DQuat::from_rotation_arc(normal.normalize_or(DVec3::Z), mirrored.normalize_or(DVec3::Z));
-    Pose::of(DMat3::from_quat(turn) * rotation, pose.translation.into())
+    Pose::from_matrix(DMat3::from_quat(turn) * rotation, pose.translation.into())
 }

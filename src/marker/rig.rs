@@ -1,7 +1,7 @@
 //! Markers whose places to each other are known.
 
-use super::{Family, Pose};
-use crate::capture::json::{Document, Node};
+use super::{MarkerFamily, Pose};
+use crate::capture::json::{JsonDocument, JsonNode};
 use crate::error::{Error, Result};
 use crate::input::FileAccess;
 use std::path::Path;
@@ -13,7 +13,7 @@ const MAX_MARKERS: usize = 4096;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RigMarker {
     /// Its family.
-    pub family: Family,
+    pub family: MarkerFamily,
     /// Its number; `None`: any, taken to be the same marker.
     pub id: Option<u32>,
     /// Length of its sides.
@@ -26,7 +26,8 @@ impl RigMarker {
     /// Corners in the rig's frame: upper left, upper right, lower right, lower left.
     pub fn corners(&self) -> [[f64; 3]; 4] {
         let half = 0.5 * self.size;
-        [[-half, half], [half, half], [half, -half], [-half, -half]].map(|[x, y]| self.pose.apply([x, y, 0.0]))
+        [[-half, half], [half, half], [half, -half], [-half, -half]]
+            .map(|[x, y]| self.pose.transform_point([x, y, 0.0]))
     }
 }
 
@@ -39,7 +40,7 @@ pub struct Rig {
 
 impl Rig {
     /// One marker, whose frame is the rig's.
-    pub fn single(family: Family, id: Option<u32>, size: f64) -> Result<Self> {
+    pub fn single(family: MarkerFamily, id: Option<u32>, size: f64) -> Result<Self> {
         if !(size.is_finite() && size > 0.0) {
             return Err(Error::parameter(format!("a marker's size is a length above 0, not {size}")));
         }
@@ -57,15 +58,15 @@ impl Rig {
         let parts: Vec<&str> = text.split(':').collect();
         let [family, id, size] = parts[..] else { return Err(wrong()) };
         let id = if id == "*" { None } else { Some(id.parse().map_err(|_| wrong())?) };
-        Rig::single(Family::named(family)?, id, size.parse().map_err(|_| wrong())?)
+        Rig::single(MarkerFamily::from_name(family)?, id, size.parse().map_err(|_| wrong())?)
     }
 
     /// Reads a rig: `{"markers": [{"family": "tag36h11", "id": 3, "size": 0.08, "pose": [[...] * 4]}]}`, `pose` the marker's frame in
     /// the rig's by rows (a rotation and a place), the identity if it is left out.
     pub fn read(path: impl AsRef<Path>, access: &FileAccess) -> Result<Self> {
-        let document = Document::read(path.as_ref(), access)?;
+        let document = JsonDocument::read(path.as_ref(), access)?;
         let mut markers: Vec<RigMarker> = Vec::new();
-        for node in document.root().need("markers")?.items(MAX_MARKERS)? {
+        for node in document.root().required("markers")?.items(MAX_MARKERS)? {
             let marker = read_marker(&node)?;
             if markers.iter().any(|m| (m.family, m.id) == (marker.family, marker.id)) {
                 return Err(node.error("this marker is there twice"));
@@ -79,8 +80,8 @@ impl Rig {
     }
 
     /// The families in it.
-    pub fn families(&self) -> Vec<Family> {
-        let mut families: Vec<Family> = Vec::new();
+    pub fn families(&self) -> Vec<MarkerFamily> {
+        let mut families: Vec<MarkerFamily> = Vec::new();
         for marker in &self.markers {
             if !families.contains(&marker.family) {
                 families.push(marker.family);
@@ -99,15 +100,15 @@ impl Rig {
     }
 }
 
-fn read_marker(node: &Node) -> Result<RigMarker> {
-    let family_node = node.need("family")?;
-    let family = Family::named(family_node.text()?).map_err(|e| family_node.error(e))?;
-    let size_node = node.need("size")?;
+fn read_marker(node: &JsonNode) -> Result<RigMarker> {
+    let family_node = node.required("family")?;
+    let family = MarkerFamily::from_name(family_node.text()?).map_err(|e| family_node.error(e))?;
+    let size_node = node.required("size")?;
     let size = size_node.number()?;
     if size <= 0.0 {
         return Err(size_node.error("a marker's size is a length above 0"));
     }
-    let id = Some(node.need("id")?.count()?);
+    let id = Some(node.required("id")?.count()?);
     let Some(pose_node) = node.get("pose") else { return Ok(RigMarker { family, id, size, pose: Pose::IDENTITY }) };
     let matrix = pose_node.matrix()?;
     let rotation = std::array::from_fn(|i| std::array::from_fn(|j| matrix[i][j]));

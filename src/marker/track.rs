@@ -1,8 +1,8 @@
 //! Poses from frame to frame.
 
-use super::detect::Detector;
-use super::detection::Detection;
-use super::{Estimate, Rig, estimate};
+use super::detect::MarkerDetector;
+use super::detection::MarkerDetection;
+use super::{PoseEstimate, Rig, estimate_poses};
 use crate::capture::Lens;
 use crate::error::Result;
 use crate::image::Grid;
@@ -12,24 +12,24 @@ use crate::views::Camera;
 const AMBIGUOUS: (f64, f64) = (2.0, 0.15);
 /// The next frame's markers are first looked for in the last one's surroundings, larger by this share of their extent on every side.
 const MARGIN: f64 = 0.6;
-const LEAST_MARGIN: f64 = 32.0;
+const MIN_MARGIN: f64 = 32.0;
 
 /// Follows a rig through the frames of one camera.
-pub struct Tracker {
+pub struct MarkerTracker {
     rig: Rig,
     camera: Camera,
     lens: Lens,
-    detector: Detector,
-    last: Option<Estimate>,
+    detector: MarkerDetector,
+    last: Option<PoseEstimate>,
     /// Part of the picture where the last markers were: left, top, right, bottom.
     around: Option<[usize; 4]>,
 }
 
-impl Tracker {
+impl MarkerTracker {
     /// For one camera (its place is not used) and its lens.
     pub fn new(rig: Rig, camera: Camera, lens: Lens) -> Result<Self> {
-        let detector = Detector::new(&rig.families())?;
-        Ok(Tracker { rig, camera, lens, detector, last: None, around: None })
+        let detector = MarkerDetector::new(&rig.families())?;
+        Ok(MarkerTracker { rig, camera, lens, detector, last: None, around: None })
     }
 
     /// The markers looked for.
@@ -40,9 +40,9 @@ impl Tracker {
     /// Pose in the next frame, 8-bit grey values as displayed; `None` where no marker of the rig is wholly in the picture.
     ///
     /// Where the corners leave it open which way the markers lean, the pose nearer to the last frame's is taken.
-    pub fn next(&mut self, grey: &Grid<u8>) -> Result<Option<(Estimate, Vec<Detection>)>> {
+    pub fn track(&mut self, grey: &Grid<u8>) -> Result<Option<(PoseEstimate, Vec<MarkerDetection>)>> {
         let found = self.find(grey)?;
-        let poses = estimate(&self.camera, &self.lens, &self.rig, &found);
+        let poses = estimate_poses(&self.camera, &self.lens, &self.rig, &found);
         let chosen = match (poses.as_slice(), &self.last) {
             ([best, second], Some(last))
                 if second.rms_pixels < AMBIGUOUS.0 * best.rms_pixels + AMBIGUOUS.1
@@ -58,7 +58,7 @@ impl Tracker {
     }
 
     /// Markers of the rig: around the last ones, else in the whole picture coarsely, else in all its pixels.
-    fn find(&mut self, grey: &Grid<u8>) -> Result<Vec<Detection>> {
+    fn find(&mut self, grey: &Grid<u8>) -> Result<Vec<MarkerDetection>> {
         if let Some([left, top, right, bottom]) = self.around
             && right <= grey.width
             && bottom <= grey.height
@@ -77,7 +77,7 @@ impl Tracker {
         if found.is_empty() { self.wanted(grey, false) } else { Ok(found) }
     }
 
-    fn wanted(&mut self, grey: &Grid<u8>, coarse: bool) -> Result<Vec<Detection>> {
+    fn wanted(&mut self, grey: &Grid<u8>, coarse: bool) -> Result<Vec<MarkerDetection>> {
         let mut found = self.detector.detect(grey, coarse)?;
         let markers = &self.rig.markers;
         found.retain(|d| markers.iter().any(|m| m.family == d.family && m.id.is_none_or(|id| id == d.id)));
@@ -86,11 +86,11 @@ impl Tracker {
 }
 
 /// The part of a picture around markers.
-fn surroundings(grey: &Grid<u8>, found: &[Detection]) -> Option<[usize; 4]> {
+fn surroundings(grey: &Grid<u8>, found: &[MarkerDetection]) -> Option<[usize; 4]> {
     let range = |i: usize, most: usize| {
         let values = || found.iter().flat_map(|d| d.corners).map(move |c| c[i]);
         let (low, high) = (values().fold(f64::MAX, f64::min), values().fold(f64::MIN, f64::max));
-        let margin = (MARGIN * (high - low)).max(LEAST_MARGIN);
+        let margin = (MARGIN * (high - low)).max(MIN_MARGIN);
         ((low - margin).max(0.0) as usize, (high + margin).clamp(0.0, most as f64) as usize)
     };
     let ((left, right), (top, bottom)) = (range(0, grey.width), range(1, grey.height));

@@ -4,10 +4,10 @@ use super::psnr::signal;
 use crate::image::{Grid, Mask, RgbImage, to_srgb};
 
 /// 8-bit sRGB pixels.
-pub type Picture = Grid<[u8; 3]>;
+pub type DisplayImage = Grid<[u8; 3]>;
 
 /// Linear radiance as 8-bit sRGB; `white` becomes 255. Values beyond are clamped, those that are not numbers black.
-pub fn to_display(image: &RgbImage, white: [f64; 3]) -> Picture {
+pub fn to_display(image: &RgbImage, white: [f64; 3]) -> DisplayImage {
     image.map(|pixel| {
         std::array::from_fn(|c| {
             let x = (pixel[c] as f64 / white[c]).clamp(0.0, 1.0);
@@ -25,7 +25,7 @@ pub fn difference(
     mask: &Mask,
     white: [f64; 3],
     amplification: f64,
-) -> Picture {
+) -> DisplayImage {
     let pixel = |k: usize| {
         std::array::from_fn(|c| {
             let gap = signal(original.data[k][c], white[c]) - signal(decoded.data[k][c], white[c]);

@@ -1,9 +1,9 @@
 //! Views that were left out of a file, rendered and compared with their photographs.
 
-use super::psnr::FrameError;
+use super::psnr::PhotographError;
 use crate::asset::Asset;
 use crate::error::Result;
-use crate::relight::{Lighting, RenderOptions, Renderer};
+use crate::relight::{AssetRenderer, RenderLighting, RenderOptions};
 use crate::surface::raster::rasterise;
 use crate::views::{Camera, Photograph, View};
 
@@ -11,52 +11,53 @@ use crate::views::{Camera, Photograph, View};
 #[derive(Debug, Clone, Default)]
 pub struct HeldOut {
     /// Rendered by interpolation between captured views.
-    pub interpolated: FrameError,
+    pub interpolated: PhotographError,
     /// Rendered with the nearest captured view's residual only.
-    pub nearest: FrameError,
+    pub nearest: PhotographError,
     /// With the reflectance model only.
-    pub model: FrameError,
+    pub model: PhotographError,
     /// The photograph of the nearest captured view, warped through the mesh, without any model.
-    pub warped: FrameError,
+    pub warped: PhotographError,
 }
 
 /// Renders the cameras of held-out views, whose photographs are `originals` (parallel to `views`), from an asset without them.
 pub fn hold_out(asset: &Asset, views: &[View], originals: &[Photograph]) -> Result<HeldOut> {
     let mut result = HeldOut::default();
-    let renderer = Renderer::new(asset)?;
+    let renderer = AssetRenderer::new(asset)?;
     let bare = Asset { reflectance: None, ..asset.clone() };
-    let bare = Renderer::new(&bare)?;
+    let bare = AssetRenderer::new(&bare)?;
     for (view, original) in views.iter().zip(originals) {
         // A light that no captured view has is a case for relighting.
         let lighting = match (renderer.light_number(view), view.light) {
-            (None, Some(light)) => Lighting::Points(vec![light]),
-            (number, _) => Lighting::Capture(number.unwrap_or(0)),
+            (None, Some(light)) => RenderLighting::Points(vec![light]),
+            (number, _) => RenderLighting::Capture(number.unwrap_or(0)),
         };
         let base = RenderOptions { lighting: lighting.clone(), ..RenderOptions::default() };
         let nearest = RenderOptions { views: 1, ..base.clone() };
         let mut model = base.clone();
         model.layers.residual = false;
-        let compare =
-            |renderer: &Renderer, options: &RenderOptions| compare(renderer, &view.camera, options, asset, original);
-        result.interpolated.join(&compare(&renderer, &base)?);
-        result.nearest.join(&compare(&renderer, &nearest)?);
-        result.model.join(&compare(&renderer, &model)?);
-        if matches!(lighting, Lighting::Capture(_)) {
-            result.warped.join(&compare(&bare, &nearest)?);
+        let compare = |renderer: &AssetRenderer, options: &RenderOptions| {
+            compare(renderer, &view.camera, options, asset, original)
+        };
+        result.interpolated.merge(&compare(&renderer, &base)?);
+        result.nearest.merge(&compare(&renderer, &nearest)?);
+        result.model.merge(&compare(&renderer, &model)?);
+        if matches!(lighting, RenderLighting::Capture(_)) {
+            result.warped.merge(&compare(&bare, &nearest)?);
         }
     }
     Ok(result)
 }
 
 fn compare(
-    renderer: &Renderer,
+    renderer: &AssetRenderer,
     camera: &Camera,
     options: &RenderOptions,
     asset: &Asset,
     original: &Photograph,
-) -> Result<FrameError> {
+) -> Result<PhotographError> {
     let rendered = renderer.render(camera, options)?;
     let decoded = Photograph { mask: original.mask.clone(), images: rendered.components };
     let covered = rasterise(&asset.mesh, camera).coverage();
-    Ok(FrameError::of(original, &decoded, &asset.components, &covered, asset.white))
+    Ok(PhotographError::compare(original, &decoded, &asset.components, &covered, asset.white))
 }

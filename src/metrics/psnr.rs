@@ -33,7 +33,7 @@ impl SquaredError {
         self.count += 1;
     }
     /// Adds another sum.
-    pub fn join(&mut self, other: &SquaredError) {
+    pub fn merge(&mut self, other: &SquaredError) {
         self.sum += other.sum;
         self.count += other.count;
     }
@@ -45,7 +45,7 @@ impl SquaredError {
 
 /// The errors of one frame, or of several joined.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct FrameError {
+pub struct PhotographError {
     /// Of the diffuse image; nothing compared without polarisers.
     pub diffuse: SquaredError,
     /// Of the specular image; nothing compared without polarisers.
@@ -71,17 +71,17 @@ pub struct ImagePsnr {
     pub sum: Option<f64>,
 }
 
-impl FrameError {
+impl PhotographError {
     /// Compares one decoded frame with its photograph on the pixels of the photograph's mask that `covered` has too.
     /// Both hold `components`; all have the mask's size.
-    pub fn of(
+    pub fn compare(
         original: &Photograph,
         decoded: &Photograph,
         components: &[Component],
         covered: &Mask,
         white: [f64; 3],
     ) -> Self {
-        let mut error = FrameError::default();
+        let mut error = PhotographError::default();
         let place = |component| components.iter().position(|&c| c == component);
         let polarised = place(Component::Diffuse).zip(place(Component::Specular));
         for k in (0..original.mask.data.len()).filter(|&k| original.mask.data[k]) {
@@ -117,10 +117,10 @@ impl FrameError {
     }
 
     /// Adds another frame's errors.
-    pub fn join(&mut self, other: &FrameError) {
-        self.diffuse.join(&other.diffuse);
-        self.specular.join(&other.specular);
-        self.sum.join(&other.sum);
+    pub fn merge(&mut self, other: &PhotographError) {
+        self.diffuse.merge(&other.diffuse);
+        self.specular.merge(&other.specular);
+        self.sum.merge(&other.sum);
         self.masked_pixels += other.masked_pixels;
         self.covered_pixels += other.covered_pixels;
         self.missing_pixels += other.missing_pixels;
@@ -160,20 +160,20 @@ mod tests {
         let (a, b) = (photograph(level(0.5)), photograph(level(0.6)));
         let mut covered = a.mask.clone();
         covered.data[0] = false;
-        let error = FrameError::of(&a, &b, &BOTH, &covered, white);
+        let error = PhotographError::compare(&a, &b, &BOTH, &covered, white);
         assert!((error.psnr().diffuse.unwrap() - 20.0).abs() < 1e-4);
         assert!((error.psnr().specular.unwrap() - 20.0).abs() < 1e-4);
         assert!((error.psnr().sum.unwrap() - 16.9897).abs() < 1e-4);
         assert_eq!((error.masked_pixels, error.covered_pixels), (150, 149));
         let mut both = error;
-        both.join(&FrameError::of(&a, &a, &BOTH, &covered, white));
+        both.merge(&PhotographError::compare(&a, &a, &BOTH, &covered, white));
         assert!((both.psnr().diffuse.unwrap() - 23.0103).abs() < 1e-4);
     }
 
     #[test]
     fn a_capture_is_equal_to_itself_and_missing_pixels_are_counted() {
         let a = photograph(|k| [k as f32, -1.0, if k == 21 { f32::NAN } else { 0.3 }]);
-        let error = FrameError::of(&a, &a, &BOTH, &a.mask, [1.0; 3]);
+        let error = PhotographError::compare(&a, &a, &BOTH, &a.mask, [1.0; 3]);
         assert_eq!(error.psnr(), ImagePsnr::default());
         assert_eq!((error.missing_pixels, error.sum.count), (1, 149 * 3));
     }

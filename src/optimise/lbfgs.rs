@@ -11,7 +11,7 @@ const SUFFICIENT: f64 = 1e-4;
 
 /// Where to stop.
 #[derive(Debug, Clone, Copy)]
-pub struct Stop {
+pub struct StopCriterion {
     /// Most evaluations of the function.
     pub evaluations: usize,
     /// Relative decrease of the value below which five steps in a row end the search.
@@ -24,7 +24,7 @@ pub fn minimise(
     x: &mut [f64],
     lower: &[f64],
     upper: &[f64],
-    stop: Stop,
+    stop: StopCriterion,
     mut function: impl FnMut(&[f64], &mut [f64]) -> f64,
 ) -> f64 {
     let n = x.len();
@@ -123,7 +123,7 @@ mod tests {
             (g[0], g[1]) = (-2.0 * a - 400.0 * x[0] * b, 200.0 * b);
             a * a + 100.0 * b * b
         };
-        let stop = Stop { evaluations: 200, decrease: 1e-14 };
+        let stop = StopCriterion { evaluations: 200, decrease: 1e-14 };
         let mut x = [-1.2, 1.0];
         assert!(minimise(&mut x, &[-9.0; 2], &[9.0; 2], stop, rosenbrock) < 1e-10, "{x:?}");
         // With x0 <= 0.5 the least value is 0.25 at (0.5, 0.25).

@@ -16,12 +16,18 @@ impl<const P: usize> NormalEquations<P> {
     /// Adds one residual `r` (model minus measured), its derivatives by the parameters and its weight.
     #[inline]
     pub fn add(&mut self, residual: f64, derivatives: &[f64; P], weight: f64) {
-        self.add_some(residual, std::array::from_fn(|i| i), derivatives, weight);
+        self.add_sparse(residual, std::array::from_fn(|i| i), derivatives, weight);
     }
 
     /// The same where it depends on some parameters alone, whose numbers rise.
     #[inline]
-    pub fn add_some<const S: usize>(&mut self, residual: f64, which: [usize; S], derivatives: &[f64; S], weight: f64) {
+    pub fn add_sparse<const S: usize>(
+        &mut self,
+        residual: f64,
+        which: [usize; S],
+        derivatives: &[f64; S],
+        weight: f64,
+    ) {
         self.cost += weight * residual * residual;
         for (i, &row) in which.iter().enumerate() {
             let scaled = weight * derivatives[i];

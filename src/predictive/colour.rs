@@ -1,6 +1,6 @@
 //! The colour transform of a component, chosen from its pixels.
 
-use crate::transform::colour::principal;
+use crate::transform::colour::principal_axes;
 
 /// Sums over pixels for the covariance of their colours.
 #[derive(Debug, Clone, Copy, Default)]
@@ -29,7 +29,7 @@ impl ColourSums {
         let covariance = std::array::from_fn(|i| {
             std::array::from_fn(|j| self.product[i][j] / n - self.sum[i] * self.sum[j] / (n * n))
         });
-        principal(covariance).map(|axis| axis.map(|v| (v * 16384.0).round() as i16))
+        principal_axes(covariance).map(|axis| axis.map(|v| (v * 16384.0).round() as i16))
     }
 }
 

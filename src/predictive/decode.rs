@@ -1,9 +1,9 @@
 //! Streams to photographs: all views, or some with what they are predicted from.
 
-use super::header::{CodedStep, Header};
+use super::header::{CodedEntry, PlaneHeader};
 use super::picture;
-use super::workspace::{Room, Workspaces, photograph_bytes};
-use super::{DecodedView, Scene, order, run_waves};
+use super::workspace::{ParallelBudget, PlaneWorkspaces, photograph_bytes};
+use super::{DecodedView, PredictionScene, order, run_waves};
 use crate::error::{Error, Result};
 use crate::image::{Mask, RgbImage};
 use crate::limits::Budget;
@@ -15,21 +15,21 @@ use std::borrow::Cow;
 
 /// What all pictures of a file are decoded with.
 #[derive(Debug)]
-pub(super) struct Pictures<'a> {
-    pub header: Cow<'a, Header>,
-    pub scene: Scene<'a>,
+pub(super) struct PlaneDecoder<'a> {
+    pub header: Cow<'a, PlaneHeader>,
+    pub scene: PredictionScene<'a>,
     pub white: [f64; 3],
-    pub workspaces: Workspaces,
+    pub workspaces: PlaneWorkspaces,
 }
 
-impl Pictures<'_> {
+impl PlaneDecoder<'_> {
     /// Compares the checksum of a step's streams.
     pub fn check(&self, index: usize, streams: &[u8]) -> Result<()> {
-        let coded = &self.header.steps[index];
+        let coded = &self.header.entries[index];
         if crc32fast::hash(streams) == coded.checksum {
             return Ok(());
         }
-        let name = &self.scene.views[coded.step.view].name;
+        let name = &self.scene.views[coded.entry.view].name;
         let message = format!("checksum of view {name} does not match: the file is damaged");
         Err(Error::format("PLAN", coded.offset, message))
     }
@@ -43,7 +43,7 @@ impl Pictures<'_> {
         is_reference: bool,
         budget: &Budget,
     ) -> Result<DecodedView> {
-        let coded = &self.header.steps[index];
+        let coded = &self.header.entries[index];
         let mut rest = streams;
         let mut parts = Vec::with_capacity(coded.lengths.len());
         for &length in &coded.lengths {
@@ -53,7 +53,7 @@ impl Pictures<'_> {
             parts.push(part);
             rest = after;
         }
-        let (step, parts) = ((&coded.step, coded.scale), (&parts[..], coded.offset));
+        let (step, parts) = ((&coded.entry, coded.scale), (&parts[..], coded.offset));
         let memory = (&self.workspaces, budget);
         picture::decode(&self.scene, step, &self.header.coding, parts, decoded, is_reference, memory)
     }
@@ -66,25 +66,25 @@ impl Pictures<'_> {
 /// [`Error::Format`] where the streams are damaged; [`Error::Limits`] where the memory for one view and those it is predicted from is
 /// not there, or drawing it is too much work; those of `read` and `done`.
 pub fn for_each_view(
-    header: &Header,
+    header: &PlaneHeader,
     mesh: &Mesh,
     capture: (&[View], [f64; 3]),
     wanted: impl Fn(usize) -> bool + Sync + Send,
-    mut read: impl FnMut(&CodedStep) -> Result<Option<Vec<u8>>>,
+    mut read: impl FnMut(&CodedEntry) -> Result<Option<Vec<u8>>>,
     budget: &Budget,
     mut done: impl FnMut(Vec<(usize, Photograph)>) -> Result<()>,
 ) -> Result<()> {
     let (views, white) = capture;
-    let scene = Scene::new(Cow::Borrowed(mesh), Cow::Borrowed(views));
-    let pictures = Pictures { header: Cow::Borrowed(header), scene, white, workspaces: Workspaces::default() };
+    let scene = PredictionScene::new(Cow::Borrowed(mesh), Cow::Borrowed(views));
+    let pictures = PlaneDecoder { header: Cow::Borrowed(header), scene, white, workspaces: PlaneWorkspaces::default() };
     let order = header.order();
     let mut streams: Vec<Option<Vec<u8>>> = vec![None; order.len()];
     let mut present = vec![false; views.len()];
     let mut steps = Vec::new();
     for index in order::closure(&order, &wanted) {
-        let coded = &header.steps[index];
-        let step = &coded.step;
-        if step.needs().any(|view| !present[view]) {
+        let coded = &header.entries[index];
+        let step = &coded.entry;
+        if step.dependencies().any(|view| !present[view]) {
             continue;
         }
         let Some(bytes) = read(coded)? else { continue };
@@ -94,7 +94,7 @@ pub fn for_each_view(
         present[step.view] = true;
         steps.push(index);
     }
-    let room = Room { views, coding: &header.coding, budget, workspaces: &pictures.workspaces };
+    let room = ParallelBudget { views, coding: &header.coding, budget, workspaces: &pictures.workspaces };
     let decode = |index: usize, decoded: &[Option<DecodedView>], is_reference: bool| {
         let streams = streams[index].as_deref().unwrap_or_default();
         let mut view = pictures.decode(index, streams, decoded, is_reference, budget)?;
@@ -102,12 +102,12 @@ pub fn for_each_view(
         let photograph = match wanted(number) {
             true => {
                 let bytes = photograph_bytes(&views[number].camera, header.coding.components.len());
-                let held = budget.hold("a decoded photograph", bytes)?;
-                Some((DecodedPicture::new(header, white, &view).photograph(), held))
+                let held = budget.reserve("a decoded photograph", bytes)?;
+                Some((DecodedPhotograph::new(header, white, &view).photograph(), held))
             }
             false => None,
         };
-        pictures.workspaces.take_back(&mut view);
+        pictures.workspaces.recycle(&mut view);
         Ok((photograph, view))
     };
     run_waves(&order, &steps, &room, decode, |given| {
@@ -120,11 +120,11 @@ pub fn for_each_view(
 
 /// [`for_each_view`], gathered by view; `None` for views not wanted.
 pub fn decode(
-    header: &Header,
+    header: &PlaneHeader,
     mesh: &Mesh,
     (views, white): (&[View], [f64; 3]),
     wanted: impl Fn(usize) -> bool + Sync + Send,
-    read: impl FnMut(&CodedStep) -> Result<Option<Vec<u8>>>,
+    read: impl FnMut(&CodedEntry) -> Result<Option<Vec<u8>>>,
     budget: &Budget,
 ) -> Result<Vec<Option<Photograph>>> {
     for (_, view) in views.iter().enumerate().filter(|(view, _)| wanted(*view)) {
@@ -140,15 +140,15 @@ pub fn decode(
 
 /// A decoded view as linear radiance.
 #[derive(Debug, Clone, Copy)]
-pub struct DecodedPicture<'a> {
-    header: &'a Header,
+pub struct DecodedPhotograph<'a> {
+    header: &'a PlaneHeader,
     white: [f32; 3],
     view: &'a DecodedView,
 }
 
-impl<'a> DecodedPicture<'a> {
-    pub(super) fn new(header: &'a Header, white: [f64; 3], view: &'a DecodedView) -> Self {
-        DecodedPicture { header, white: white.map(|w| w as f32), view }
+impl<'a> DecodedPhotograph<'a> {
+    pub(super) fn new(header: &'a PlaneHeader, white: [f64; 3], view: &'a DecodedView) -> Self {
+        DecodedPhotograph { header, white: white.map(|w| w as f32), view }
     }
 
     /// Pixels that show the object.
@@ -160,7 +160,7 @@ impl<'a> DecodedPicture<'a> {
     /// radiance with 1 as fourth channel, 0 outside the mask.
     pub fn for_each_row(&self, component: usize, mut visit: impl FnMut(usize, &[[f32; 4]])) {
         let (Some(coding), frame) = (self.header.coding.components.get(component), self.view.frame) else { return };
-        let colours = coding.colours();
+        let colours = coding.colour_transform();
         let white = Vec4::new(self.white[0], self.white[1], self.white[2], 0.0);
         // Colours above it are kept: in signed components all.
         let least = Vec4::splat(if coding.signed { f32::NEG_INFINITY } else { 0.0 });

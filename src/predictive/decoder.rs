@@ -1,11 +1,11 @@
 //! Views one at a time, in any order: what others are predicted from is kept, so that a view mostly costs no other.
 
-use super::decode::{DecodedPicture, Pictures};
-use super::header::{CodedStep, Header};
+use super::decode::{DecodedPhotograph, PlaneDecoder};
+use super::header::{CodedEntry, PlaneHeader};
 use super::order;
-use super::order::Step;
-use super::workspace::{Workspaces, most_bytes, photograph_bytes};
-use super::{DecodedView, Scene};
+use super::order::OrderEntry;
+use super::workspace::{PlaneWorkspaces, peak_bytes, photograph_bytes};
+use super::{DecodedView, PredictionScene};
 use crate::error::{Error, Result};
 use crate::limits::Budget;
 use crate::mesh::Mesh;
@@ -16,12 +16,12 @@ use std::sync::Arc;
 
 /// Decodes the views of a file one at a time.
 ///
-/// Whoever calls asks for the steps that a view still takes ([`ViewDecoder::missing`]), gets their streams, and has them
+/// Whoever calls asks for the steps that a view still takes ([`ViewDecoder::missing_entries`]), gets their streams, and has them
 /// decoded in that order. Decoded views that others need stay, within the budget; those used longest ago go first.
 #[derive(Debug)]
 pub struct ViewDecoder<'a> {
-    pictures: Pictures<'a>,
-    order: Vec<Step>,
+    pictures: PlaneDecoder<'a>,
+    order: Vec<OrderEntry>,
     /// Whether a later step needs the view.
     is_reference: Vec<bool>,
     decoded: Vec<Option<DecodedView>>,
@@ -34,7 +34,7 @@ pub struct ViewDecoder<'a> {
 impl<'a> ViewDecoder<'a> {
     /// A decoder of the views of `header`, none of them decoded. `white` is the white board's radiance.
     pub fn new(
-        header: Cow<'a, Header>,
+        header: Cow<'a, PlaneHeader>,
         mesh: Cow<'a, Mesh>,
         views: Cow<'a, [View]>,
         white: [f64; 3],
@@ -43,9 +43,14 @@ impl<'a> ViewDecoder<'a> {
         let order = header.order();
         let count = views.len();
         let mut is_reference = vec![false; count];
-        order.iter().flat_map(Step::needs).for_each(|view| is_reference[view] = true);
+        order.iter().flat_map(OrderEntry::dependencies).for_each(|view| is_reference[view] = true);
         ViewDecoder {
-            pictures: Pictures { scene: Scene::new(mesh, views), header, white, workspaces: Workspaces::default() },
+            pictures: PlaneDecoder {
+                scene: PredictionScene::new(mesh, views),
+                header,
+                white,
+                workspaces: PlaneWorkspaces::default(),
+            },
             order,
             is_reference,
             decoded: (0..count).map(|_| None).collect(),
@@ -56,7 +61,7 @@ impl<'a> ViewDecoder<'a> {
     }
 
     /// The head of the section.
-    pub fn header(&self) -> &Header {
+    pub fn header(&self) -> &PlaneHeader {
         &self.pictures.header
     }
 
@@ -64,7 +69,7 @@ impl<'a> ViewDecoder<'a> {
     /// is not given up before another view is asked for.
     /// # Errors
     /// [`Error::Parameter`] for a view that there is not.
-    pub fn missing(&mut self, view: usize) -> Result<Vec<usize>> {
+    pub fn missing_entries(&mut self, view: usize) -> Result<Vec<usize>> {
         if view >= self.decoded.len() {
             let count = self.decoded.len();
             return Err(Error::parameter(format!("view {view} does not exist: the file has {count} views")));
@@ -74,44 +79,44 @@ impl<'a> ViewDecoder<'a> {
             self.used[self.order[index].view] = self.clock;
         }
         let kept = |v: usize| self.decoded[v].as_ref().is_some_and(|decoded| v != view || decoded.has_signals());
-        Ok(order::closure_without(&self.order, |v| v == view, kept))
+        Ok(order::closure_beyond(&self.order, |v| v == view, kept))
     }
 
     /// Where a step's streams lie.
-    pub fn coded(&self, step: usize) -> Option<&CodedStep> {
-        self.pictures.header.steps.get(step)
+    pub fn entry(&self, step: usize) -> Option<&CodedEntry> {
+        self.pictures.header.entries.get(step)
     }
 
     /// A view that is kept with its pictures.
-    pub fn kept(&self, view: usize) -> Option<DecodedPicture<'_>> {
+    pub fn kept(&self, view: usize) -> Option<DecodedPhotograph<'_>> {
         let kept = self.decoded.get(view)?.as_ref().filter(|kept| kept.has_signals())?;
-        Some(DecodedPicture::new(&self.pictures.header, self.pictures.white, kept))
+        Some(DecodedPhotograph::new(&self.pictures.header, self.pictures.white, kept))
     }
 
-    /// Decodes one of the [`ViewDecoder::missing`] steps, all before it decoded, from its streams; what `take` makes of the
+    /// Decodes one of the [`ViewDecoder::missing_entries`] steps, all before it decoded, from its streams; what `take` makes of the
     /// view is returned.
     /// # Errors
     /// [`Error::Format`] where the streams are damaged; [`Error::Limits`] where the memory for the view and those it is predicted
     /// from is not there; [`Error::Parameter`] where a view it needs is not decoded.
-    pub fn decode<T>(&mut self, step: usize, streams: &[u8], take: impl FnOnce(DecodedPicture) -> T) -> Result<T> {
-        let Some(Step { view, .. }) = self.order.get(step) else {
+    pub fn decode<T>(&mut self, step: usize, streams: &[u8], take: impl FnOnce(DecodedPhotograph) -> T) -> Result<T> {
+        let Some(OrderEntry { view, .. }) = self.order.get(step) else {
             return Err(Error::parameter(format!("step {step} does not exist")));
         };
         let view = *view;
-        if self.order[step].needs().any(|needed| self.decoded[needed].is_none()) {
+        if self.order[step].dependencies().any(|needed| self.decoded[needed].is_none()) {
             return Err(Error::parameter(format!("view {view} is predicted from views that are not decoded")));
         }
         self.pictures.check(step, streams)?;
         raster::check_work(self.pictures.scene.surface.mesh(), &self.pictures.scene.views[view].camera)?;
         let camera = &self.pictures.scene.views[view].camera;
         let coding = &self.pictures.header.coding;
-        let (most, photograph) = (most_bytes(camera, coding), photograph_bytes(camera, coding.components.len()));
+        let (most, photograph) = (peak_bytes(camera, coding), photograph_bytes(camera, coding.components.len()));
         self.make_room(most);
         let mut decoded = self.pictures.decode(step, streams, &self.decoded, self.is_reference[view], &self.budget)?;
-        let held = self.budget.hold("a decoded photograph", photograph)?;
-        let taken = take(DecodedPicture::new(&self.pictures.header, self.pictures.white, &decoded));
+        let held = self.budget.reserve("a decoded photograph", photograph)?;
+        let taken = take(DecodedPhotograph::new(&self.pictures.header, self.pictures.white, &decoded));
         drop(held);
-        self.pictures.workspaces.take_back(&mut decoded);
+        self.pictures.workspaces.recycle(&mut decoded);
         if self.is_reference[view] && self.decoded[view].is_none() {
             let bytes = decoded.bytes();
             self.make_room(bytes);
@@ -133,6 +138,6 @@ impl<'a> ViewDecoder<'a> {
             self.decoded[view] = None;
             self.budget.release(kept);
         }
-        self.pictures.workspaces.make_room(&self.budget, bytes);
+        self.pictures.workspaces.free_for(&self.budget, bytes);
     }
 }

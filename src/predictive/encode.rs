@@ -1,32 +1,32 @@
 //! Photographs to streams.
 
 use super::colour::ColourSums;
-use super::decode::DecodedPicture;
-use super::header::{CodedStep, Header};
+use super::decode::DecodedPhotograph;
+use super::header::{CodedEntry, PlaneHeader};
 use super::picture;
-use super::workspace::Signal;
-use super::workspace::{Room, Workspaces};
-use super::{ComponentCoding, DecodedView, MaskCoding, PlaneCoding, Scene, order, run_waves};
+use super::workspace::PlaneSignal;
+use super::workspace::{ParallelBudget, PlaneWorkspaces};
+use super::{ComponentCoding, DecodedView, MaskCoding, PlaneCoding, PredictionScene, order, run_waves};
 use crate::error::Result;
 use crate::image::Mask;
 use crate::limits::{Budget, Limits};
 use crate::mesh::Mesh;
-use crate::options::Decoding;
+use crate::options::DecodeSpeed;
 use crate::residual::coefficients::Modelling;
-use crate::transform::frame::Frame;
+use crate::transform::frame::Window;
 use crate::views::{Component, Photograph, View};
 use glam::Vec4;
 use std::borrow::Cow;
 
 /// What does not depend on the quality: made once, used by every trial of the rate control.
 #[derive(Debug)]
-pub struct Encoder<'a> {
+pub struct PlaneEncoder<'a> {
     mesh: &'a Mesh,
     views: &'a [View],
     white: [f64; 3],
     components: &'a [Component],
     photographs: &'a [Photograph],
-    order: Vec<order::Step>,
+    order: Vec<order::OrderEntry>,
     masks: MaskCoding,
     rotations: Vec<[[i16; 3]; 3]>,
     signed: bool,
@@ -43,7 +43,7 @@ pub struct EncodedPlanes {
 
 /// Quality of an encoding, and its price.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Quality {
+pub struct PlaneQuality {
     /// Quantiser step of the diffuse (or only) component, in the sqrt domain.
     pub step: f32,
     /// Step of the specular component relative to it. In the sum of both an error in the darker one weighs less
@@ -52,12 +52,12 @@ pub struct Quality {
     /// Value of a bit in squared steps, for the rate-distortion choice of each coefficient.
     pub lambda: f32,
     /// What is spent, bytes or the decoder's time.
-    pub decoding: Decoding,
+    pub decode_speed: DecodeSpeed,
 }
 
-impl Default for Quality {
+impl Default for PlaneQuality {
     fn default() -> Self {
-        Quality { step: 0.05, specular_ratio: 1.5, lambda: 0.1, decoding: Decoding::default() }
+        PlaneQuality { step: 0.05, specular_ratio: 1.5, lambda: 0.1, decode_speed: DecodeSpeed::default() }
     }
 }
 
@@ -78,7 +78,7 @@ fn to_signal(colour: [f32; 3], white: [f32; 3], signed: bool) -> [f32; 3] {
     })
 }
 
-impl<'a> Encoder<'a> {
+impl<'a> PlaneEncoder<'a> {
     /// Looks at the photographs: order, colour rotation, masks. `views` and `mesh` are those that the decoder will have; `covered` is
     /// what the mesh covers in each view, the masks of `photographs` the pixels that show the object and are not missing.
     pub fn new(
@@ -114,37 +114,38 @@ impl<'a> Encoder<'a> {
                 sums.rotation()
             })
             .collect();
-        Encoder { mesh, views, white, components, photographs, order, masks, rotations, signed }
+        PlaneEncoder { mesh, views, white, components, photographs, order, masks, rotations, signed }
     }
 
     /// Codes all views.
-    pub fn encode(&self, quality: &Quality) -> Result<EncodedPlanes> {
-        let (prediction_level, modelling) = match quality.decoding {
-            Decoding::Small => (0, Modelling::Mixed),
-            Decoding::Fast => (1, Modelling::Direct),
-            Decoding::Fastest => (2, Modelling::Direct),
+    pub fn encode(&self, quality: &PlaneQuality) -> Result<EncodedPlanes> {
+        let (prediction_level, modelling) = match quality.decode_speed {
+            DecodeSpeed::Normal => (0, Modelling::Mixed),
+            DecodeSpeed::Fast => (1, Modelling::Direct),
+            DecodeSpeed::Fastest => (2, Modelling::Direct),
         };
         // What the mesh covers is drawn at the size of the prediction.
         let masks = if prediction_level == 0 { self.masks } else { MaskCoding::Coded };
         let components = self.component_codings(quality);
         let coding = PlaneCoding { components, masks, prediction_level, modelling };
-        let scene = Scene::new(Cow::Borrowed(self.mesh), Cow::Borrowed(self.views));
+        let scene = PredictionScene::new(Cow::Borrowed(self.mesh), Cow::Borrowed(self.views));
         let white = self.white.map(|w| w as f32);
         let all: Vec<usize> = (0..self.order.len()).collect();
-        let mut header = Header { coding, steps: Vec::new() };
+        let mut header = PlaneHeader { coding, entries: Vec::new() };
         let scale = 64;
-        let (budget, workspaces) = (Budget::new(Limits::UNLIMITED), Workspaces::default());
-        let room = Room { views: self.views, coding: &header.coding, budget: &budget, workspaces: &workspaces };
+        let (budget, workspaces) = (Budget::new(Limits::UNLIMITED), PlaneWorkspaces::default());
+        let room =
+            ParallelBudget { views: self.views, coding: &header.coding, budget: &budget, workspaces: &workspaces };
         let mut results = Vec::with_capacity(all.len());
         let encode = |index: usize, decoded: &[Option<DecodedView>], is_reference: bool| {
             let step = &self.order[index];
             let target = &self.photographs[step.view];
-            let signal = |frame: &Frame, component: usize| -> Signal {
+            let signal = |frame: &Window, component: usize| -> PlaneSignal {
                 let coding = &header.coding.components[component];
-                let rotation = coding.colours();
+                let rotation = coding.colour_transform();
                 let Photograph { mask, images } = target;
-                let colours = frame.cut(&images[component].data, mask.width);
-                (colours.into_iter().zip(frame.cut(&mask.data, mask.width)))
+                let colours = frame.crop(&images[component].data, mask.width);
+                (colours.into_iter().zip(frame.crop(&mask.data, mask.width)))
                     .map(|(c, m)| match m {
                         true => {
                             let [r, g, b] = to_signal(c, white, coding.signed);
@@ -156,7 +157,7 @@ impl<'a> Encoder<'a> {
             };
             let (step, wanted) = ((step, scale), (&target.mask, quality.lambda));
             let (streams, view) = picture::encode(&scene, step, &header.coding, wanted, signal, decoded, is_reference)?;
-            let photograph = DecodedPicture::new(&header, self.white, &view).photograph();
+            let photograph = DecodedPhotograph::new(&header, self.white, &view).photograph();
             Ok(((streams, photograph), view))
         };
         run_waves(&self.order, &all, &room, encode, |given| {
@@ -177,14 +178,14 @@ impl<'a> Encoder<'a> {
                 lengths.push(stream.len() as u32);
             }
             let checksum = crc32fast::hash(&body[offset..]);
-            header.steps.push(CodedStep { step, scale, lengths, checksum, offset: offset as u64 });
+            header.entries.push(CodedEntry { entry: step, scale, lengths, checksum, offset: offset as u64 });
         }
         let mut bytes = header.to_bytes();
         bytes.extend(body);
         Ok(EncodedPlanes { bytes, photographs })
     }
 
-    fn component_codings(&self, quality: &Quality) -> Vec<ComponentCoding> {
+    fn component_codings(&self, quality: &PlaneQuality) -> Vec<ComponentCoding> {
         (self.components.iter().zip(&self.rotations))
             .map(|(component, &rotation)| {
                 let ratio = if *component == Component::Specular { quality.specular_ratio } else { 1.0 };

@@ -3,8 +3,8 @@
 //! Layout: `u32` length of the head, `u32` CRC-32 of the head, the head, then the streams in coding order. The head is
 //! enough to find the streams of one view, and each step's streams carry a CRC-32 of their own.
 
-use super::order::{MOST_REFERENCES, Step};
-use super::{ComponentCoding, MOST_PREDICTION_LEVEL, MaskCoding, PlaneCoding};
+use super::order::{MAX_REFERENCES, OrderEntry};
+use super::{ComponentCoding, MAX_PREDICTION_LEVEL, MaskCoding, PlaneCoding};
 #[cfg(feature = "encode")]
 use crate::container::push_number;
 use crate::error::{Error, Result};
@@ -15,14 +15,14 @@ use byteorder::{ByteOrder, LittleEndian};
 /// Bytes before the head: its length and checksum.
 pub const PREFIX_BYTES: usize = 8;
 /// Largest head, for a length that is read before anything can be checked.
-const LONGEST_HEAD: u64 = 1 << 26;
+const MAX_HEAD_BYTES: u64 = 1 << 26;
 const SECTION: &str = "PLAN";
 
 /// A step of the coding order with its streams.
 #[derive(Debug, Clone, PartialEq)]
-pub struct CodedStep {
+pub struct CodedEntry {
     /// View, references and parent.
-    pub step: Step,
+    pub entry: OrderEntry,
     /// Quantiser step of this view in 1/64 of the component's.
     pub scale: u8,
     /// Bytes of the mask's stream and of each component's.
@@ -35,17 +35,17 @@ pub struct CodedStep {
 
 /// Head of the section.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Header {
+pub struct PlaneHeader {
     /// How the pictures are coded.
     pub coding: PlaneCoding,
     /// The coding order; every view once.
-    pub steps: Vec<CodedStep>,
+    pub entries: Vec<CodedEntry>,
 }
 
-impl Header {
+impl PlaneHeader {
     /// The steps without their streams.
-    pub fn order(&self) -> Vec<Step> {
-        self.steps.iter().map(|s| s.step.clone()).collect()
+    pub fn order(&self) -> Vec<OrderEntry> {
+        self.entries.iter().map(|s| s.entry.clone()).collect()
     }
 
     /// Bytes of the head with its length and checksum.
@@ -61,15 +61,15 @@ impl Header {
             head.push(component.signed as u8 | (component.shaded as u8) << 1);
             head.extend(component.rotation.iter().flatten().flat_map(|v| v.to_le_bytes()));
         }
-        push_number(&mut head, self.steps.len() as u64);
+        push_number(&mut head, self.entries.len() as u64);
         let mut step_of_view = std::collections::HashMap::new();
-        for (index, coded) in self.steps.iter().enumerate() {
+        for (index, coded) in self.entries.iter().enumerate() {
             let back = |view: &usize| (index - step_of_view[view]) as u64;
-            push_number(&mut head, coded.step.view as u64);
+            push_number(&mut head, coded.entry.view as u64);
             head.push(coded.scale);
-            push_number(&mut head, coded.step.parent.as_ref().map_or(0, back));
-            head.push(coded.step.references.len() as u8);
-            for (view, share) in &coded.step.references {
+            push_number(&mut head, coded.entry.parent.as_ref().map_or(0, back));
+            head.push(coded.entry.references.len() as u8);
+            for (view, share) in &coded.entry.references {
                 push_number(&mut head, back(view));
                 head.push(*share);
             }
@@ -77,7 +77,7 @@ impl Header {
                 push_number(&mut head, *length as u64);
             }
             head.extend(coded.checksum.to_le_bytes());
-            step_of_view.insert(coded.step.view, index);
+            step_of_view.insert(coded.entry.view, index);
         }
         let mut bytes = Vec::with_capacity(head.len() + PREFIX_BYTES);
         bytes.extend((head.len() as u32).to_le_bytes());
@@ -87,25 +87,25 @@ impl Header {
     }
 
     /// Length of the head from the section's first [`PREFIX_BYTES`] bytes, [`PREFIX_BYTES`] not counted.
-    pub fn length(prefix: &[u8]) -> Result<u64> {
+    pub fn head_bytes(prefix: &[u8]) -> Result<u64> {
         let length = prefix.get(..4).map(LittleEndian::read_u32).ok_or_else(|| cut(prefix.len()))? as u64;
-        check("head of section PLAN", length, LONGEST_HEAD)?;
+        check("head of section PLAN", length, MAX_HEAD_BYTES)?;
         Ok(length)
     }
 
     /// Reads a head from the section's start. `bytes` may go on after the head.
     pub fn parse(bytes: &[u8], views: usize, components: usize, budget: &Budget) -> Result<Self> {
-        let length = Self::length(bytes)? as usize;
+        let length = Self::head_bytes(bytes)? as usize;
         let head = bytes.get(PREFIX_BYTES..PREFIX_BYTES + length).ok_or_else(|| cut(bytes.len()))?;
         if crc32fast::hash(head) != LittleEndian::read_u32(&bytes[4..8]) {
             return Err(Error::format(SECTION, 4, "the head's checksum does not match: the file is damaged"));
         }
-        let mut reader = Reader { bytes: head, position: 0 };
+        let mut reader = PlaneHeaderReader { bytes: head, position: 0 };
         let flags = reader.byte()?;
         let masks = if flags & 1 == 0 { MaskCoding::Coverage } else { MaskCoding::Coded };
         let prediction_level = flags >> 1 & 3;
         let modelling = if flags & 8 == 0 { Modelling::Mixed } else { Modelling::Direct };
-        if flags > 15 || prediction_level > MOST_PREDICTION_LEVEL {
+        if flags > 15 || prediction_level > MAX_PREDICTION_LEVEL {
             return Err(Error::Unsupported(format!("coding {flags} of the pictures (section PLAN, byte 8)")));
         }
         if reader.byte()? as usize != components {
@@ -116,15 +116,15 @@ impl Header {
         if count != views as u64 {
             return Err(reader.error(format!("{count} coded views, section VIEW has {views}")));
         }
-        budget.charge_items("coding order", count, size_of::<CodedStep>() + 128)?;
-        let mut steps: Vec<CodedStep> = Vec::new();
+        budget.charge_items("coding order", count, size_of::<CodedEntry>() + 128)?;
+        let mut steps: Vec<CodedEntry> = Vec::new();
         let mut seen = vec![false; views];
         let mut offset = 0u64;
         for _ in 0..views {
             let coded = reader.step(&steps, components.len(), offset)?;
-            match seen.get_mut(coded.step.view) {
+            match seen.get_mut(coded.entry.view) {
                 Some(seen) if !*seen => *seen = true,
-                _ => return Err(reader.error(format!("view {} does not exist or comes twice", coded.step.view))),
+                _ => return Err(reader.error(format!("view {} does not exist or comes twice", coded.entry.view))),
             }
             offset += coded.lengths.iter().map(|&l| l as u64).sum::<u64>();
             steps.push(coded);
@@ -132,12 +132,12 @@ impl Header {
         if reader.position != head.len() {
             return Err(reader.error("bytes left over at the end of the head"));
         }
-        Ok(Header { coding: PlaneCoding { components, masks, prediction_level, modelling }, steps })
+        Ok(PlaneHeader { coding: PlaneCoding { components, masks, prediction_level, modelling }, entries: steps })
     }
 
     /// Bytes of all streams together.
     pub fn stream_bytes(&self) -> u64 {
-        self.steps.last().map_or(0, |s| s.offset + s.lengths.iter().map(|&l| l as u64).sum::<u64>())
+        self.entries.last().map_or(0, |s| s.offset + s.lengths.iter().map(|&l| l as u64).sum::<u64>())
     }
 }
 
@@ -145,12 +145,12 @@ fn cut(length: usize) -> Error {
     Error::format(SECTION, length, "the section ends within its head: the file is cut short")
 }
 
-struct Reader<'a> {
+struct PlaneHeaderReader<'a> {
     bytes: &'a [u8],
     position: usize,
 }
 
-impl Reader<'_> {
+impl PlaneHeaderReader<'_> {
     fn error(&self, message: impl Into<String>) -> Error {
         Error::format(SECTION, self.position + PREFIX_BYTES, message)
     }
@@ -191,15 +191,15 @@ impl Reader<'_> {
         Ok(ComponentCoding { step, shrink, rotation, signed: flags & 1 != 0, shaded: flags & 2 != 0 })
     }
     /// A view `back` steps before the next one; 0 is none.
-    fn earlier(&self, back: u64, steps: &[CodedStep]) -> Result<Option<usize>> {
+    fn earlier(&self, back: u64, steps: &[CodedEntry]) -> Result<Option<usize>> {
         if back == 0 {
             return Ok(None);
         }
         let index =
             (steps.len() as u64).checked_sub(back).ok_or_else(|| self.error("a view depends on a later one"))?;
-        Ok(Some(steps[index as usize].step.view))
+        Ok(Some(steps[index as usize].entry.view))
     }
-    fn step(&mut self, steps: &[CodedStep], components: usize, offset: u64) -> Result<CodedStep> {
+    fn step(&mut self, steps: &[CodedEntry], components: usize, offset: u64) -> Result<CodedEntry> {
         let view = self.varint()? as usize;
         let scale = self.byte()?;
         if scale == 0 {
@@ -208,8 +208,8 @@ impl Reader<'_> {
         let back = self.varint()?;
         let parent = self.earlier(back, steps)?;
         let count = self.byte()? as usize;
-        if count > MOST_REFERENCES {
-            return Err(self.error(format!("{count} references, at most {MOST_REFERENCES} expected")));
+        if count > MAX_REFERENCES {
+            return Err(self.error(format!("{count} references, at most {MAX_REFERENCES} expected")));
         }
         let mut references = Vec::with_capacity(count);
         for _ in 0..count {
@@ -221,7 +221,7 @@ impl Reader<'_> {
             .map(|_| u32::try_from(self.varint()?).map_err(|_| self.error("a stream of 4 GiB or more")))
             .collect::<Result<Vec<_>>>()?;
         let checksum = u32::from_le_bytes(self.take()?);
-        Ok(CodedStep { step: Step { view, references, parent }, scale, lengths, checksum, offset })
+        Ok(CodedEntry { entry: OrderEntry { view, references, parent }, scale, lengths, checksum, offset })
     }
 }
 
@@ -230,7 +230,7 @@ mod tests {
     use crate::limits::Limits;
     use crate::predictive::header::*;
 
-    fn header() -> Header {
+    fn header() -> PlaneHeader {
         let component = ComponentCoding {
             step: 0.03,
             shrink: [20, 6],
@@ -238,21 +238,21 @@ mod tests {
             signed: false,
             shaded: true,
         };
-        let step = |view, references, parent, offset| CodedStep {
-            step: Step { view, references, parent },
+        let step = |view, references, parent, offset| CodedEntry {
+            entry: OrderEntry { view, references, parent },
             scale: 64,
             lengths: vec![3, 200, 70_000],
             checksum: 0xdead_beef,
             offset,
         };
-        Header {
+        PlaneHeader {
             coding: PlaneCoding {
                 components: vec![component; 2],
                 masks: MaskCoding::Coded,
                 prediction_level: 2,
                 modelling: Modelling::Direct,
             },
-            steps: vec![
+            entries: vec![
                 step(0, vec![], None, 0),
                 step(2, vec![], Some(0), 70_203),
                 step(1, vec![(0, 128), (2, 127)], Some(0), 140_406),
@@ -264,17 +264,17 @@ mod tests {
     fn comes_back_and_every_damage_is_an_error() {
         let budget = Budget::new(Limits::default());
         let bytes = header().to_bytes();
-        assert_eq!(Header::parse(&bytes, 3, 2, &budget).unwrap(), header());
+        assert_eq!(PlaneHeader::parse(&bytes, 3, 2, &budget).unwrap(), header());
         for length in 0..bytes.len() {
-            assert!(Header::parse(&bytes[..length], 3, 2, &budget).is_err());
+            assert!(PlaneHeader::parse(&bytes[..length], 3, 2, &budget).is_err());
         }
         for at in 0..bytes.len() {
             let mut damaged = bytes.clone();
             damaged[at] ^= 0x10;
-            assert!(Header::parse(&damaged, 3, 2, &budget).is_err(), "byte {at}");
+            assert!(PlaneHeader::parse(&damaged, 3, 2, &budget).is_err(), "byte {at}");
         }
-        assert!(Header::parse(&bytes, 4, 2, &budget).is_err());
-        assert!(Header::parse(&bytes, 3, 1, &budget).is_err());
+        assert!(PlaneHeader::parse(&bytes, 4, 2, &budget).is_err());
+        assert!(PlaneHeader::parse(&bytes, 3, 1, &budget).is_err());
     }
 
     #[test]
@@ -284,7 +284,7 @@ mod tests {
             bytes[PREFIX_BYTES] = coding;
             let checksum = crc32fast::hash(&bytes[PREFIX_BYTES..]);
             LittleEndian::write_u32(&mut bytes[4..8], checksum);
-            let error = Header::parse(&bytes, 3, 2, &Budget::new(Limits::default())).unwrap_err();
+            let error = PlaneHeader::parse(&bytes, 3, 2, &Budget::new(Limits::default())).unwrap_err();
             assert!(matches!(&error, Error::Unsupported(what) if what.contains("PLAN")), "{coding}: {error}");
         }
     }
@@ -292,8 +292,8 @@ mod tests {
     #[test]
     fn a_view_may_not_come_twice() {
         let mut twice = header();
-        twice.steps[2].step.view = 0;
-        let error = Header::parse(&twice.to_bytes(), 3, 2, &Budget::new(Limits::default())).unwrap_err();
+        twice.entries[2].entry.view = 0;
+        let error = PlaneHeader::parse(&twice.to_bytes(), 3, 2, &Budget::new(Limits::default())).unwrap_err();
         assert!(error.to_string().contains("comes twice"), "{error}");
     }
 }

@@ -18,24 +18,24 @@ pub(crate) mod workspace;
 
 use crate::error::Result;
 use crate::image::Mask;
-use crate::limits::Held;
+use crate::limits::Reservation;
 use crate::mesh::Mesh;
 use crate::parallel;
 use crate::quantise::bands::Quantiser;
-use crate::residual::coefficients::{Modelling, Models};
+use crate::residual::coefficients::{CoefficientModels, Modelling};
 use crate::residual::mask::MaskModels;
-use crate::surface::reproject::{Seen, Source, find};
-use crate::surface::view_geometry::{Geometry, Surface};
-use crate::surface::warp::{REFERENCE_RINGS, Reference};
-use crate::transform::frame::Frame;
+use crate::surface::reproject::{ReferenceView, Reprojection, reproject};
+use crate::surface::view_geometry::{ViewGeometry, ViewedMesh};
+use crate::surface::warp::{REFERENCE_RINGS, ReferenceImage};
+use crate::transform::frame::Window;
 use crate::views::{Camera, View};
 
 use crate::transform::masked::MaskedPixels;
-use crate::transform::shape_adaptive::{Pixel, Plan, Run, level_count};
+use crate::transform::shape_adaptive::{ColourLanes, PixelRun, WaveletPlan, level_count};
 use glam::Vec4;
-use order::Step;
+use order::OrderEntry;
 use std::borrow::Cow;
-use workspace::Room;
+use workspace::ParallelBudget;
 
 /// How one component's pictures are coded.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -61,22 +61,22 @@ impl ComponentCoding {
         }
     }
     /// The rotation, and the way back.
-    pub fn colours(&self) -> Colours {
+    pub fn colour_transform(&self) -> ColourTransform {
         let entry = |row: usize, column: usize| self.rotation[row][column] as f32 * (1.0 / 16384.0);
         let column = |k: usize| Vec4::new(entry(0, k), entry(1, k), entry(2, k), 0.0);
         let row = |k: usize| Vec4::new(entry(k, 0), entry(k, 1), entry(k, 2), 0.0);
-        Colours { rotation: [column(0), column(1), column(2)], back: [row(0), row(1), row(2)] }
+        ColourTransform { rotation: [column(0), column(1), column(2)], inverse: [row(0), row(1), row(2)] }
     }
 }
 
 /// A rotation of colours, ready to be used.
 #[derive(Debug, Clone, Copy)]
-pub struct Colours {
+pub struct ColourTransform {
     rotation: [Vec4; 3],
-    back: [Vec4; 3],
+    inverse: [Vec4; 3],
 }
 
-impl Colours {
+impl ColourTransform {
     /// Coded channels of a colour in the sqrt domain.
     #[inline(always)]
     pub fn rotate(&self, colour: Vec4) -> Vec4 {
@@ -85,7 +85,7 @@ impl Colours {
     /// Colour in the sqrt domain of coded channels.
     #[inline(always)]
     pub fn unrotate(&self, channels: Vec4) -> Vec4 {
-        product(&self.back, channels)
+        product(&self.inverse, channels)
     }
 }
 
@@ -105,7 +105,7 @@ pub enum MaskCoding {
 }
 
 /// Largest prediction level. Part of the format.
-const MOST_PREDICTION_LEVEL: u8 = 2;
+const MAX_PREDICTION_LEVEL: u8 = 2;
 
 /// How all pictures of a file are coded.
 #[derive(Debug, Clone, PartialEq)]
@@ -123,27 +123,27 @@ pub struct PlaneCoding {
 
 /// The mesh and the views that every picture is predicted with.
 #[derive(Debug)]
-pub struct Scene<'a> {
-    surface: Surface<'a>,
+pub struct PredictionScene<'a> {
+    surface: ViewedMesh<'a>,
     views: Cow<'a, [View]>,
 }
 
 /// A view made ready: where its pixels are and what they see.
 #[derive(Debug)]
-struct Stage {
+struct PreparedView {
     /// Pixels that show the object.
     mask: Mask,
     /// The part of the picture that is worked on.
-    frame: Frame,
+    frame: Window,
     /// Transform of the mask in the frame.
-    plan: Plan,
+    plan: WaveletPlan,
     /// Levels of the transform above the picture that is predicted.
     level: usize,
     /// Of the picture that is predicted.
-    geometry: Geometry,
+    geometry: ViewGeometry,
 }
 
-impl Stage {
+impl PreparedView {
     /// Size of the picture that is predicted.
     fn low_size(&self) -> [usize; 2] {
         [self.mask.width, self.mask.height].map(|size| size.div_ceil(1 << self.level))
@@ -155,7 +155,7 @@ impl Stage {
 pub struct ViewModels {
     mask: MaskModels,
     /// Per component.
-    components: Vec<Models>,
+    components: Vec<CoefficientModels>,
 }
 
 /// A decoded view.
@@ -163,7 +163,7 @@ pub struct ViewModels {
 pub struct DecodedView {
     mask: Mask,
     /// The part of the picture that the signals hold.
-    frame: Frame,
+    frame: Window,
     /// Levels of the transform above the picture that later views are predicted from.
     level: usize,
     /// Per component. Those of references of full size are the references'; those of other views that are kept have been given up.
@@ -175,19 +175,19 @@ pub struct DecodedView {
 /// What later views take from a decoded one.
 #[derive(Debug)]
 struct DecodedReference {
-    seen: Seen,
+    seen: ReferenceView,
     /// Per component.
-    pictures: Vec<Reference>,
+    pictures: Vec<ReferenceImage>,
     models: ViewModels,
 }
 
 impl DecodedView {
     /// Calls `visit` for the mask's runs, row by row, with a component's signal.
-    fn for_each_run(&self, component: usize, visit: impl FnMut((&Run, &[Pixel]))) {
+    fn for_each_run(&self, component: usize, visit: impl FnMut((&PixelRun, &[ColourLanes]))) {
         match (self.signals.get(component), &self.reference) {
             (Some(signal), _) => signal.runs().for_each(visit),
             (None, Some(reference)) if self.level == 0 => {
-                reference.pictures.get(component).into_iter().flat_map(Reference::runs).for_each(visit);
+                reference.pictures.get(component).into_iter().flat_map(ReferenceImage::runs).for_each(visit);
             }
             _ => {}
         }
@@ -196,7 +196,7 @@ impl DecodedView {
     fn bytes(&self) -> u64 {
         let signals: u64 = self.signals.iter().map(MaskedPixels::bytes).sum();
         let reference = self.reference.as_ref().map_or(0, |DecodedReference { seen, pictures, .. }| {
-            seen.bytes() + pictures.iter().map(|picture| picture.bytes() + workspace::STATE).sum::<u64>()
+            seen.bytes() + pictures.iter().map(|picture| picture.bytes() + workspace::MODEL_BYTES).sum::<u64>()
         });
         self.mask.data.len() as u64 + signals + reference
     }
@@ -206,34 +206,34 @@ impl DecodedView {
     }
 }
 
-impl<'a> Scene<'a> {
+impl<'a> PredictionScene<'a> {
     /// A mesh seen by views.
     pub fn new(mesh: Cow<'a, Mesh>, views: Cow<'a, [View]>) -> Self {
-        Scene { surface: Surface::new(mesh), views }
+        PredictionScene { surface: ViewedMesh::new(mesh), views }
     }
 
     /// Draws a view; `mask` gives its mask from what the mesh covers, `admit` may refuse its frame.
-    fn stage<T>(
+    fn prepare_view<T>(
         &self,
         view: usize,
         level: usize,
         mask: impl FnOnce(Mask) -> Mask,
-        admit: impl FnOnce(&Frame) -> Result<T>,
-    ) -> Result<(Stage, T)> {
+        admit: impl FnOnce(&Window) -> Result<T>,
+    ) -> Result<(PreparedView, T)> {
         let view = &self.views[view];
         let (width, height) = (view.camera.width as usize, view.camera.height as usize);
         let levels = level_count(width, height);
         let level = level.min(levels);
         let mut geometry =
-            Geometry::new(&self.surface, View { camera: low_camera(&view.camera, level), ..view.clone() });
+            ViewGeometry::new(&self.surface, View { camera: low_camera(&view.camera, level), ..view.clone() });
         let low = geometry.raster.coverage();
         let mask = mask(if level == 0 { low } else { enlarged(&low, width, height, level) });
-        let frame = Frame::around(&mask, REFERENCE_RINGS << level);
+        let frame = Window::around_mask(&mask, REFERENCE_RINGS << level);
         let admitted = admit(&frame)?;
-        let inside = Mask { width: frame.width, height: frame.height, data: frame.cut(&mask.data, width) };
-        let plan = Plan::with_levels(inside, levels);
-        geometry.extend(&frame.low(level), plan.rows(level));
-        Ok((Stage { mask, frame, plan, level, geometry }, admitted))
+        let inside = Mask { width: frame.width, height: frame.height, data: frame.crop(&mask.data, width) };
+        let plan = WaveletPlan::with_levels(inside, levels);
+        geometry.extend(&frame.low_band(level), plan.row_runs(level));
+        Ok((PreparedView { mask, frame, plan, level, geometry }, admitted))
     }
 }
 
@@ -263,19 +263,20 @@ fn enlarged(low: &Mask, width: usize, height: usize, levels: usize) -> Mask {
 }
 
 /// Where the references show a view's pixels.
-struct Sources<'d> {
-    of: Vec<(&'d DecodedReference, Vec<Source>, f32)>,
+struct Reprojections<'d> {
+    references: Vec<(&'d DecodedReference, Vec<Reprojection>, f32)>,
 }
 
-impl<'d> Sources<'d> {
-    fn new(stage: &Stage, step: &Step, decoded: &'d [Option<DecodedView>]) -> Self {
+impl<'d> Reprojections<'d> {
+    fn new(stage: &PreparedView, step: &OrderEntry, decoded: &'d [Option<DecodedView>]) -> Self {
         let references: Vec<(&DecodedReference, f32)> = (step.references.iter())
             .filter_map(|&(view, share)| Some((decoded.get(view)?.as_ref()?.reference.as_ref()?, share as f32)))
             .collect();
-        let seen: Vec<&Seen> = references.iter().map(|(reference, _)| &reference.seen).collect();
-        let found = find(&stage.geometry, &seen, &stage.frame.low(stage.level), stage.plan.rows(stage.level));
+        let seen: Vec<&ReferenceView> = references.iter().map(|(reference, _)| &reference.seen).collect();
+        let found =
+            reproject(&stage.geometry, &seen, &stage.frame.low_band(stage.level), stage.plan.row_runs(stage.level));
         let of = references.into_iter().zip(found).map(|((view, share), sources)| (view, sources, share)).collect();
-        Sources { of }
+        Reprojections { references: of }
     }
 }
 
@@ -283,21 +284,21 @@ impl<'d> Sources<'d> {
 /// `done`, with the steps' indices, and keeps what later ones need; views that no later step needs are dropped at once. `work` is told whether the view is
 /// needed.
 fn run_waves<T: Send>(
-    order: &[Step],
+    order: &[OrderEntry],
     steps: &[usize],
-    room: &Room,
+    room: &ParallelBudget,
     work: impl Fn(usize, &[Option<DecodedView>], bool) -> Result<(T, DecodedView)> + Sync + Send,
     mut done: impl FnMut(Vec<(usize, T)>) -> Result<()>,
 ) -> Result<()> {
     let views = room.views.len();
-    let mut needs = Needs::new(order, steps, views);
+    let mut needs = ReferenceCounts::new(order, steps, views);
     let mut decoded: Vec<Option<DecodedView>> = (0..views).map(|_| None).collect();
-    let mut held: Vec<Option<Held>> = (0..views).map(|_| None).collect();
+    let mut held: Vec<Option<Reservation>> = (0..views).map(|_| None).collect();
     for wave in order::waves(order, steps) {
         let mut rest = &wave[..];
         while !rest.is_empty() {
             let group;
-            (group, rest) = rest.split_at(room.make(order, rest));
+            (group, rest) = rest.split_at(room.parallel_views(order, rest));
             let results =
                 parallel::map(group.len(), |k| work(group[k], &decoded, needs.is_needed(order[group[k]].view)));
             let mut given = Vec::with_capacity(group.len());
@@ -305,10 +306,10 @@ fn run_waves<T: Send>(
                 let (result, view) = result?;
                 let step = &order[index];
                 if needs.is_needed(step.view) {
-                    held[step.view] = Some(room.budget.hold("decoded views", view.bytes())?);
+                    held[step.view] = Some(room.budget.reserve("decoded views", view.bytes())?);
                     decoded[step.view] = Some(view);
                 }
-                needs.is_done(step, |view| (decoded[view], held[view]) = (None, None));
+                needs.count_done(step, |view| (decoded[view], held[view]) = (None, None));
                 given.push((index, result));
             }
             done(given)?;
@@ -318,13 +319,13 @@ fn run_waves<T: Send>(
 }
 
 /// How many later steps need each view.
-struct Needs(Vec<usize>);
+struct ReferenceCounts(Vec<usize>);
 
-impl Needs {
-    fn new(order: &[Step], steps: &[usize], views: usize) -> Self {
-        let mut needs = Needs(vec![0; views]);
+impl ReferenceCounts {
+    fn new(order: &[OrderEntry], steps: &[usize], views: usize) -> Self {
+        let mut needs = ReferenceCounts(vec![0; views]);
         for &index in steps {
-            order[index].needs().for_each(|view| needs.0[view] += 1);
+            order[index].dependencies().for_each(|view| needs.0[view] += 1);
         }
         needs
     }
@@ -332,8 +333,8 @@ impl Needs {
         self.0[view] > 0
     }
     /// Counts a step as done and calls `drop` for each view that nothing needs any more.
-    fn is_done(&mut self, step: &Step, mut drop: impl FnMut(usize)) {
-        for view in step.needs() {
+    fn count_done(&mut self, step: &OrderEntry, mut drop: impl FnMut(usize)) {
+        for view in step.dependencies() {
             self.0[view] -= 1;
             if self.0[view] == 0 {
                 drop(view);

@@ -2,7 +2,7 @@
 
 /// One view of the coding order.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Step {
+pub struct OrderEntry {
     /// Index of the view.
     pub view: usize,
     /// Views it is predicted from, at most two, each with its share out of 255.
@@ -11,30 +11,30 @@ pub struct Step {
     pub parent: Option<usize>,
 }
 
-impl Step {
+impl OrderEntry {
     /// The views that must be decoded before this one.
-    pub fn needs(&self) -> impl Iterator<Item = usize> + '_ {
+    pub fn dependencies(&self) -> impl Iterator<Item = usize> + '_ {
         self.references.iter().map(|r| r.0).chain(self.parent)
     }
 }
 
 /// Most references of a view. Part of the format.
-pub const MOST_REFERENCES: usize = 2;
+pub const MAX_REFERENCES: usize = 2;
 #[cfg(feature = "encode")]
 pub use planning::coarse_to_fine;
 
 #[cfg(feature = "encode")]
 mod planning {
-    use crate::predictive::order::Step;
+    use crate::predictive::order::OrderEntry;
     use crate::views::View;
 
     /// Views farther apart than this (radians, light included) do not predict each other.
-    const FARTHEST: f64 = 1.1;
+    const MAX_ANGLE: f64 = 1.1;
     /// Weight of the change of light against the change of view.
     const LIGHT_WEIGHT: f64 = 0.7;
 
     /// Unit directions from the object's centre to a view's camera and light.
-    struct Place {
+    struct ViewDirections {
         eye: [f64; 3],
         light: Option<[f64; 3]>,
     }
@@ -49,8 +49,8 @@ mod planning {
         (a[0] * b[0] + a[1] * b[1] + a[2] * b[2]).clamp(-1.0, 1.0).acos()
     }
 
-    impl Place {
-        fn distance(&self, other: &Place) -> f64 {
+    impl ViewDirections {
+        fn distance(&self, other: &ViewDirections) -> f64 {
             let light = match (self.light, other.light) {
                 (Some(a), Some(b)) => angle(a, b),
                 _ => 0.0,
@@ -63,16 +63,16 @@ mod planning {
     /// nearest of those and a second one, near and on another side. `centre` is the object's.
     ///
     /// A prefix of the order covers the object evenly, and a view depends on few others.
-    pub fn coarse_to_fine(views: &[View], centre: [f64; 3]) -> Vec<Step> {
-        let places: Vec<Place> = views
+    pub fn coarse_to_fine(views: &[View], centre: [f64; 3]) -> Vec<OrderEntry> {
+        let places: Vec<ViewDirections> = views
             .iter()
-            .map(|view| Place {
+            .map(|view| ViewDirections {
                 eye: direction(centre, view.camera.centre()),
                 light: view.light.map(|light| direction(centre, light.position)),
             })
             .collect();
         let mut nearest = vec![f64::INFINITY; views.len()];
-        let mut order: Vec<Step> = Vec::with_capacity(views.len());
+        let mut order: Vec<OrderEntry> = Vec::with_capacity(views.len());
         for _ in 0..views.len() {
             let coded = |view: usize| nearest[view] == f64::NEG_INFINITY;
             let farthest = (0..views.len()).filter(|&v| !coded(v)).max_by(|&a, &b| {
@@ -82,8 +82,11 @@ mod planning {
             });
             let Some(view) = farthest else { break };
             let here = &places[view];
-            let mut near: Vec<(usize, f64)> =
-                order.iter().map(|s| (s.view, here.distance(&places[s.view]))).filter(|&(_, d)| d < FARTHEST).collect();
+            let mut near: Vec<(usize, f64)> = order
+                .iter()
+                .map(|s| (s.view, here.distance(&places[s.view])))
+                .filter(|&(_, d)| d < MAX_ANGLE)
+                .collect();
             near.sort_by(|a, b| a.1.total_cmp(&b.1).then(a.0.cmp(&b.0)));
             let mut references: Vec<(usize, f64)> = near.iter().take(1).copied().collect();
             if let Some(&(first, _)) = near.first() {
@@ -96,7 +99,7 @@ mod planning {
                 references.extend(near[1..].iter().copied().min_by(|a, b| score(a).total_cmp(&score(b))));
             }
             let closeness: f64 = references.iter().map(|&(_, d)| 1.0 / d.max(0.01)).sum();
-            order.push(Step {
+            order.push(OrderEntry {
                 view,
                 parent: references.first().map(|r| r.0).or(order.first().map(|s| s.view)),
                 references: references
@@ -117,12 +120,12 @@ mod planning {
 
 /// Which of `steps` may run side by side: wave `n + 1` needs only what waves `0..=n` have coded. `steps` are indices into
 /// `order`, ascending, and hold all that they need ([`closure`]).
-pub fn waves(order: &[Step], steps: &[usize]) -> Vec<Vec<usize>> {
+pub fn waves(order: &[OrderEntry], steps: &[usize]) -> Vec<Vec<usize>> {
     let mut wave_of_view = std::collections::HashMap::new();
     let mut waves: Vec<Vec<usize>> = Vec::new();
     for &index in steps {
         let step = &order[index];
-        let wave = step.needs().filter_map(|view| wave_of_view.get(&view)).max().map_or(0, |w| w + 1);
+        let wave = step.dependencies().filter_map(|view| wave_of_view.get(&view)).max().map_or(0, |w| w + 1);
         wave_of_view.insert(step.view, wave);
         if waves.len() <= wave {
             waves.resize(wave + 1, Vec::new());
@@ -133,12 +136,16 @@ pub fn waves(order: &[Step], steps: &[usize]) -> Vec<Vec<usize>> {
 }
 
 /// The steps that decoding `wanted` views takes, in coding order. Indices into `order`.
-pub fn closure(order: &[Step], wanted: impl Fn(usize) -> bool) -> Vec<usize> {
-    closure_without(order, wanted, |_| false)
+pub fn closure(order: &[OrderEntry], wanted: impl Fn(usize) -> bool) -> Vec<usize> {
+    closure_beyond(order, wanted, |_| false)
 }
 
 /// [`closure`] where some views are `known` already.
-pub fn closure_without(order: &[Step], wanted: impl Fn(usize) -> bool, known: impl Fn(usize) -> bool) -> Vec<usize> {
+pub fn closure_beyond(
+    order: &[OrderEntry],
+    wanted: impl Fn(usize) -> bool,
+    known: impl Fn(usize) -> bool,
+) -> Vec<usize> {
     let mut needed = std::collections::HashSet::new();
     let mut steps: Vec<usize> = (0..order.len())
         .rev()
@@ -146,7 +153,7 @@ pub fn closure_without(order: &[Step], wanted: impl Fn(usize) -> bool, known: im
             let step = &order[index];
             let take = (wanted(step.view) || needed.contains(&step.view)) && !known(step.view);
             if take {
-                needed.extend(step.needs());
+                needed.extend(step.dependencies());
             }
             take
         })

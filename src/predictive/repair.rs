@@ -4,9 +4,9 @@
 //! every view keeps its step. Steps that are lost are coded anew with a mask that shows nothing, predicted from nothing; the others keep
 //! their streams, and decode to the same bits as before.
 
-use super::header::{CodedStep, Header, PREFIX_BYTES};
-use super::order::Step;
-use super::{MaskCoding, PlaneCoding, Scene, picture};
+use super::header::{CodedEntry, PREFIX_BYTES, PlaneHeader};
+use super::order::OrderEntry;
+use super::{MaskCoding, PlaneCoding, PredictionScene, picture};
 use crate::entropy::RangeEncoder;
 use crate::error::{Error, Result};
 use crate::image::Mask;
@@ -28,7 +28,7 @@ const PLAIN_SCALE: u8 = 64;
 
 /// Why a view is lost.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Loss {
+pub enum ViewLoss {
     /// Its own streams are damaged or missing.
     Streams,
     /// It is predicted from this view, which is lost.
@@ -37,11 +37,11 @@ pub enum Loss {
 
 /// What was made of a damaged section.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Repaired {
+pub struct RepairedPlanes {
     /// The new section.
     pub bytes: Vec<u8>,
     /// Views whose photographs are lost, in coding order.
-    pub lost: Vec<(usize, Loss)>,
+    pub lost: Vec<(usize, ViewLoss)>,
 }
 
 /// Where a whole head of the section begins in one of `ranges` of a file: at their starts, or anywhere in them.
@@ -55,18 +55,18 @@ pub fn find_head(
     let mut work = 0usize;
     let starts = ranges.iter().map(|range| range.start).chain(ranges.iter().flat_map(|range| range.clone()));
     let looks_right = |at: usize| {
-        let length = file.get(at..).and_then(|bytes| Header::length(bytes).ok()).unwrap_or(u64::MAX);
+        let length = file.get(at..).and_then(|bytes| PlaneHeader::head_bytes(bytes).ok()).unwrap_or(u64::MAX);
         // The first bytes of the head, before its checksum is worth the work.
         let plausible = file.get(at + PREFIX_BYTES..).and_then(|head| head.first_chunk::<2>());
         plausible.is_some_and(|[flags, count]| *flags <= 15 && *count as usize == components)
             && length <= (file.len() - at) as u64
     };
     for at in starts.filter(|&at| looks_right(at)) {
-        work += Header::length(&file[at..]).map_or(0, |length| length as usize);
+        work += PlaneHeader::head_bytes(&file[at..]).map_or(0, |length| length as usize);
         if work > MAX_WORK * file.len() {
             return None;
         }
-        if Header::parse(&file[at..], views, components, budget).is_ok() {
+        if PlaneHeader::parse(&file[at..], views, components, budget).is_ok() {
             return Some(at);
         }
     }
@@ -83,22 +83,22 @@ pub fn repair(
     views: &[View],
     components: usize,
     budget: &Budget,
-) -> Result<Repaired> {
+) -> Result<RepairedPlanes> {
     let bytes = file.get(start..end).ok_or_else(|| Error::parameter("range beyond the file"))?;
-    let header = Header::parse(bytes, views.len(), components, budget)?;
-    let streams = &bytes[PREFIX_BYTES + Header::length(bytes)? as usize..];
+    let header = PlaneHeader::parse(bytes, views.len(), components, budget)?;
+    let streams = &bytes[PREFIX_BYTES + PlaneHeader::head_bytes(bytes)? as usize..];
     let found = find_streams(&header, streams);
-    let mut lost: Vec<(usize, Loss)> = Vec::new();
-    for (coded, found) in header.steps.iter().zip(&found) {
-        let needed = coded.step.needs().find(|view| lost.iter().any(|(other, _)| other == view));
+    let mut lost: Vec<(usize, ViewLoss)> = Vec::new();
+    for (coded, found) in header.entries.iter().zip(&found) {
+        let needed = coded.entry.dependencies().find(|view| lost.iter().any(|(other, _)| other == view));
         match (found, needed) {
-            (None, _) => lost.push((coded.step.view, Loss::Streams)),
-            (_, Some(view)) => lost.push((coded.step.view, Loss::Predicted(view))),
+            (None, _) => lost.push((coded.entry.view, ViewLoss::Streams)),
+            (_, Some(view)) => lost.push((coded.entry.view, ViewLoss::Predicted(view))),
             _ => {}
         }
     }
-    let mut writer = Writer {
-        scene: Scene::new(Cow::Borrowed(mesh), Cow::Borrowed(views)),
+    let mut writer = PlaneRepairer {
+        scene: PredictionScene::new(Cow::Borrowed(mesh), Cow::Borrowed(views)),
         // A mask that shows nothing can't be said where masks are what the mesh covers.
         coding: PlaneCoding {
             masks: if lost.is_empty() { header.coding.masks } else { MaskCoding::Coded },
@@ -107,25 +107,25 @@ pub fn repair(
         codes_masks: header.coding.masks == MaskCoding::Coverage && !lost.is_empty(),
         models: HashMap::new(),
     };
-    let (mut steps, mut body) = (Vec::with_capacity(header.steps.len()), Vec::new());
-    for (coded, found) in header.steps.iter().zip(found) {
-        let found = found.filter(|_| lost.iter().all(|(view, _)| *view != coded.step.view));
+    let (mut steps, mut body) = (Vec::with_capacity(header.entries.len()), Vec::new());
+    for (coded, found) in header.entries.iter().zip(found) {
+        let found = found.filter(|_| lost.iter().all(|(view, _)| *view != coded.entry.view));
         let (coded, bytes) = match found {
             Some(found) => writer.kept(mesh, coded, &streams[found])?,
-            None => writer.lost(mesh, coded.step.view)?,
+            None => writer.lost(mesh, coded.entry.view)?,
         };
-        steps.push(CodedStep { checksum: crc32fast::hash(&bytes), offset: body.len() as u64, ..coded });
+        steps.push(CodedEntry { checksum: crc32fast::hash(&bytes), offset: body.len() as u64, ..coded });
         body.extend(bytes);
     }
-    let mut bytes = Header { coding: writer.coding, steps }.to_bytes();
+    let mut bytes = PlaneHeader { coding: writer.coding, entries: steps }.to_bytes();
     bytes.extend(body);
-    Ok(Repaired { bytes, lost })
+    Ok(RepairedPlanes { bytes, lost })
 }
 
 /// Where each step's streams are: after those before, after what was found last, or a little off, where bytes were lost or added.
-fn find_streams(header: &Header, streams: &[u8]) -> Vec<Option<Range<usize>>> {
+fn find_streams(header: &PlaneHeader, streams: &[u8]) -> Vec<Option<Range<usize>>> {
     let mut work = MAX_WORK * streams.len();
-    let mut is_there = |coded: &CodedStep, start: Option<usize>| {
+    let mut is_there = |coded: &CodedEntry, start: Option<usize>| {
         let length: usize = coded.lengths.iter().map(|&length| length as usize).sum();
         let range = start.and_then(|start| Some(start..start.checked_add(length)?))?;
         let bytes = streams.get(range.clone())?;
@@ -135,15 +135,15 @@ fn find_streams(header: &Header, streams: &[u8]) -> Vec<Option<Range<usize>>> {
     // All after a gap have moved by what the whole section is longer or shorter.
     let tail = streams.len() as i64 - header.stream_bytes() as i64;
     let mut shift = 0i64;
-    let mut found: Vec<Option<Range<usize>>> = Vec::with_capacity(header.steps.len());
-    for coded in &header.steps {
+    let mut found: Vec<Option<Range<usize>>> = Vec::with_capacity(header.entries.len());
+    for coded in &header.entries {
         let at = |shift: i64| usize::try_from(coded.offset as i64 + shift).ok();
         let place = [shift, 0, tail].into_iter().find_map(|shift| is_there(coded, at(shift)));
         shift = place.as_ref().map_or(shift, |place| place.start as i64 - coded.offset as i64);
         found.push(place);
     }
     // Bytes lost or added in two places: what is between them has moved by neither's share alone.
-    for (index, coded) in header.steps.iter().enumerate().filter(|_| tail != 0) {
+    for (index, coded) in header.entries.iter().enumerate().filter(|_| tail != 0) {
         if found[index].is_none() {
             let near = (1..=MAX_SHIFT as i64).flat_map(|shift| [shift, -shift]);
             let at = |shift: i64| usize::try_from(coded.offset as i64 + shift).ok();
@@ -154,8 +154,8 @@ fn find_streams(header: &Header, streams: &[u8]) -> Vec<Option<Range<usize>>> {
 }
 
 /// Codes the steps of the new section.
-struct Writer<'a> {
-    scene: Scene<'a>,
+struct PlaneRepairer<'a> {
+    scene: PredictionScene<'a>,
     coding: PlaneCoding,
     /// Whether masks that were what the mesh covers are coded now.
     codes_masks: bool,
@@ -163,37 +163,37 @@ struct Writer<'a> {
     models: HashMap<usize, MaskModels>,
 }
 
-impl Writer<'_> {
-    fn kept(&mut self, mesh: &Mesh, coded: &CodedStep, streams: &[u8]) -> Result<(CodedStep, Vec<u8>)> {
+impl PlaneRepairer<'_> {
+    fn kept(&mut self, mesh: &Mesh, coded: &CodedEntry, streams: &[u8]) -> Result<(CodedEntry, Vec<u8>)> {
         if !self.codes_masks {
             return Ok((coded.clone(), streams.to_vec()));
         }
-        let camera = &self.scene.views[coded.step.view].camera;
+        let camera = &self.scene.views[coded.entry.view].camera;
         check_work(mesh, camera)?;
         let coverage = rasterise(mesh, camera).coverage();
-        let mut models = coded.step.parent.and_then(|parent| self.models.get(&parent).cloned()).unwrap_or_default();
+        let mut models = coded.entry.parent.and_then(|parent| self.models.get(&parent).cloned()).unwrap_or_default();
         let mut coder = RangeEncoder::new();
-        mask::code(&mut coder, &mut models, &coverage, Some(&coverage));
-        self.models.insert(coded.step.view, models);
+        mask::code_mask(&mut coder, &mut models, &coverage, Some(&coverage));
+        self.models.insert(coded.entry.view, models);
         let mut bytes = coder.finish();
         let mut lengths = coded.lengths.clone();
         let old = lengths[0] as usize;
         lengths[0] = bytes.len() as u32;
         bytes.extend_from_slice(&streams[old..]);
-        Ok((CodedStep { lengths, ..coded.clone() }, bytes))
+        Ok((CodedEntry { lengths, ..coded.clone() }, bytes))
     }
 
     /// A view that shows nothing.
-    fn lost(&self, mesh: &Mesh, view: usize) -> Result<(CodedStep, Vec<u8>)> {
+    fn lost(&self, mesh: &Mesh, view: usize) -> Result<(CodedEntry, Vec<u8>)> {
         let camera = &self.scene.views[view].camera;
         check_work(mesh, camera)?;
-        let step = Step { view, references: Vec::new(), parent: None };
+        let step = OrderEntry { view, references: Vec::new(), parent: None };
         let nothing = Mask::filled(camera.width as usize, camera.height as usize, false);
-        let black = |frame: &crate::transform::frame::Frame, _| vec![[0.0; 4]; frame.width * frame.height];
+        let black = |frame: &crate::transform::frame::Window, _| vec![[0.0; 4]; frame.width * frame.height];
         let (streams, _) =
             picture::encode(&self.scene, (&step, PLAIN_SCALE), &self.coding, (&nothing, 1.0), black, &[], false)?;
         let parts: Vec<Vec<u8>> = std::iter::once(streams.mask).chain(streams.components).collect();
         let lengths = parts.iter().map(|part| part.len() as u32).collect();
-        Ok((CodedStep { step, scale: PLAIN_SCALE, lengths, checksum: 0, offset: 0 }, parts.concat()))
+        Ok((CodedEntry { entry: step, scale: PLAIN_SCALE, lengths, checksum: 0, offset: 0 }, parts.concat()))
     }
 }

@@ -1,12 +1,12 @@
 //! Round trips and hostile streams on a small synthetic scene.
 
 use super::decode::decode;
-use super::encode::{Encoder, Quality};
-use super::header::{Header, PREFIX_BYTES};
+use super::encode::{PlaneEncoder, PlaneQuality};
+use super::header::{PREFIX_BYTES, PlaneHeader};
 use crate::image::{Mask, RgbImage};
 use crate::limits::{Budget, Limits};
 use crate::mesh::Mesh;
-use crate::options::Decoding;
+use crate::options::DecodeSpeed;
 use crate::surface::raster::coverage;
 use crate::views::{Camera, Component, Photograph, PointLight, View};
 
@@ -59,23 +59,24 @@ const WHITE: [f64; 3] = [1.0, 0.9, 0.8];
 
 #[test]
 fn what_the_encoder_saw_is_what_the_decoder_gives_for_all_or_one() {
-    check_round_trip(Decoding::Small);
+    check_round_trip(DecodeSpeed::Normal);
 }
 
 #[test]
 fn the_same_for_files_that_decode_fast() {
-    [Decoding::Fast, Decoding::Fastest].into_iter().for_each(check_round_trip);
+    [DecodeSpeed::Fast, DecodeSpeed::Fastest].into_iter().for_each(check_round_trip);
 }
 
-fn check_round_trip(decoding: Decoding) {
+fn check_round_trip(decoding: DecodeSpeed) {
     let (mesh, views, photographs) = scene(9);
-    let encoder = Encoder::new(&mesh, &views, WHITE, &COMPONENTS, &photographs, &coverage(&mesh, &views), true);
-    let coarse = encoder.encode(&Quality { step: 0.08, decoding, ..Quality::default() }).unwrap();
-    let fine = encoder.encode(&Quality { step: 0.01, decoding, ..Quality::default() }).unwrap();
+    let encoder = PlaneEncoder::new(&mesh, &views, WHITE, &COMPONENTS, &photographs, &coverage(&mesh, &views), true);
+    let coarse =
+        encoder.encode(&PlaneQuality { step: 0.08, decode_speed: decoding, ..PlaneQuality::default() }).unwrap();
+    let fine = encoder.encode(&PlaneQuality { step: 0.01, decode_speed: decoding, ..PlaneQuality::default() }).unwrap();
     assert!(fine.bytes.len() > 2 * coarse.bytes.len());
     let budget = Budget::new(Limits::default());
-    let header = Header::parse(&fine.bytes, 9, 2, &budget).unwrap();
-    let body = &fine.bytes[PREFIX_BYTES + Header::length(&fine.bytes).unwrap() as usize..];
+    let header = PlaneHeader::parse(&fine.bytes, 9, 2, &budget).unwrap();
+    let body = &fine.bytes[PREFIX_BYTES + PlaneHeader::head_bytes(&fine.bytes).unwrap() as usize..];
     assert_eq!(body.len() as u64, header.stream_bytes());
     let read_from = |steps: &mut usize, offset: u64, lengths: &[u32]| {
         *steps += 1;
@@ -108,27 +109,28 @@ fn the_same_bytes_with_one_thread_and_with_two() {
     let (mesh, views, photographs) = scene(6);
     let bytes = |threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        let encoder = Encoder::new(&mesh, &views, WHITE, &COMPONENTS, &photographs, &coverage(&mesh, &views), false);
-        pool.install(|| encoder.encode(&Quality::default()).unwrap().bytes)
+        let encoder =
+            PlaneEncoder::new(&mesh, &views, WHITE, &COMPONENTS, &photographs, &coverage(&mesh, &views), false);
+        pool.install(|| encoder.encode(&PlaneQuality::default()).unwrap().bytes)
     };
     assert_eq!(bytes(1), bytes(2));
 }
 
 #[test]
 fn streams_of_noise_are_refused_and_missing_ones_leave_their_views_out() {
-    [Decoding::Small, Decoding::Fast].into_iter().for_each(check_noise);
+    [DecodeSpeed::Normal, DecodeSpeed::Fast].into_iter().for_each(check_noise);
 }
 
-fn check_noise(decoding: Decoding) {
+fn check_noise(decoding: DecodeSpeed) {
     let (mesh, views, photographs) = scene(5);
-    let encoder = Encoder::new(&mesh, &views, WHITE, &COMPONENTS, &photographs, &coverage(&mesh, &views), false);
-    let good = encoder.encode(&Quality { decoding, ..Quality::default() }).unwrap();
+    let encoder = PlaneEncoder::new(&mesh, &views, WHITE, &COMPONENTS, &photographs, &coverage(&mesh, &views), false);
+    let good = encoder.encode(&PlaneQuality { decode_speed: decoding, ..PlaneQuality::default() }).unwrap();
     let budget = Budget::new(Limits::default());
-    let mut header = Header::parse(&good.bytes, 5, 2, &budget).unwrap();
+    let mut header = PlaneHeader::parse(&good.bytes, 5, 2, &budget).unwrap();
     let mut state = 12345u32;
     for round in 0..20 {
         let noise: Vec<Vec<u8>> = header
-            .steps
+            .entries
             .iter_mut()
             .map(|step| {
                 step.lengths = vec![40, 300, 300];
@@ -150,10 +152,10 @@ fn check_noise(decoding: Decoding) {
         let error = decode(&header, &mesh, (&views, WHITE), |_| true, next, &budget).unwrap_err();
         assert!(error.to_string().contains("does not end with what it tells"), "{error}");
     }
-    let header = Header::parse(&good.bytes, 5, 2, &budget).unwrap();
-    let first = header.steps[0].step.view;
-    let start = PREFIX_BYTES + Header::length(&good.bytes).unwrap() as usize;
-    let cut = |s: &crate::predictive::header::CodedStep| {
+    let header = PlaneHeader::parse(&good.bytes, 5, 2, &budget).unwrap();
+    let first = header.entries[0].entry.view;
+    let start = PREFIX_BYTES + PlaneHeader::head_bytes(&good.bytes).unwrap() as usize;
+    let cut = |s: &crate::predictive::header::CodedEntry| {
         let length: u32 = s.lengths.iter().sum();
         let at = start + s.offset as usize;
         Ok((s.offset == 0).then(|| good.bytes[at..at + length as usize].to_vec()))
@@ -166,13 +168,13 @@ fn check_noise(decoding: Decoding) {
 #[test]
 fn memory_is_charged_before_it_is_used() {
     let (mesh, views, photographs) = scene(9);
-    let encoded = Encoder::new(&mesh, &views, WHITE, &COMPONENTS, &photographs, &coverage(&mesh, &views), false)
-        .encode(&Quality::default())
+    let encoded = PlaneEncoder::new(&mesh, &views, WHITE, &COMPONENTS, &photographs, &coverage(&mesh, &views), false)
+        .encode(&PlaneQuality::default())
         .unwrap();
-    let header = Header::parse(&encoded.bytes, 9, 2, &Budget::new(Limits::default())).unwrap();
-    let start = PREFIX_BYTES + Header::length(&encoded.bytes).unwrap() as usize;
+    let header = PlaneHeader::parse(&encoded.bytes, 9, 2, &Budget::new(Limits::default())).unwrap();
+    let start = PREFIX_BYTES + PlaneHeader::head_bytes(&encoded.bytes).unwrap() as usize;
     let run = |memory_bytes: u64| {
-        let read = |s: &crate::predictive::header::CodedStep| {
+        let read = |s: &crate::predictive::header::CodedEntry| {
             let at = start + s.offset as usize;
             Ok(Some(encoded.bytes[at..at + s.lengths.iter().sum::<u32>() as usize].to_vec()))
         };
@@ -189,36 +191,36 @@ fn memory_is_charged_before_it_is_used() {
             }
         }
     }
-    let one = crate::predictive::workspace::most_bytes(&views[0].camera, &header.coding);
+    let one = crate::predictive::workspace::peak_bytes(&views[0].camera, &header.coding);
     let side_by_side = 8 * one;
     assert!(refused > 0 && refused * 500_000 < side_by_side as usize / 2, "{refused} refused, one view {one} bytes");
 }
 
 #[test]
 fn views_one_at_a_time_are_those_decoded_together_even_with_little_memory() {
-    [Decoding::Small, Decoding::Fast].into_iter().for_each(check_order);
+    [DecodeSpeed::Normal, DecodeSpeed::Fast].into_iter().for_each(check_order);
 }
 
-fn check_order(decoding: Decoding) {
+fn check_order(decoding: DecodeSpeed) {
     use crate::predictive::decoder::ViewDecoder;
     use std::borrow::Cow;
     use std::sync::Arc;
     let (mesh, views, photographs) = scene(24);
-    let encoder = Encoder::new(&mesh, &views, WHITE, &COMPONENTS, &photographs, &coverage(&mesh, &views), true);
-    let coded = encoder.encode(&Quality { decoding, ..Quality::default() }).unwrap();
-    let header = Header::parse(&coded.bytes, 24, 2, &Budget::new(Limits::default())).unwrap();
-    let body = &coded.bytes[PREFIX_BYTES + Header::length(&coded.bytes).unwrap() as usize..];
+    let encoder = PlaneEncoder::new(&mesh, &views, WHITE, &COMPONENTS, &photographs, &coverage(&mesh, &views), true);
+    let coded = encoder.encode(&PlaneQuality { decode_speed: decoding, ..PlaneQuality::default() }).unwrap();
+    let header = PlaneHeader::parse(&coded.bytes, 24, 2, &Budget::new(Limits::default())).unwrap();
+    let body = &coded.bytes[PREFIX_BYTES + PlaneHeader::head_bytes(&coded.bytes).unwrap() as usize..];
     let run = |memory_bytes: u64| -> crate::Result<usize> {
         let budget = Arc::new(Budget::new(Limits { memory_bytes, ..Limits::default() }));
         let (mesh, views) = (Cow::Borrowed(&mesh), Cow::Borrowed(&views[..]));
         let mut decoder = ViewDecoder::new(Cow::Borrowed(&header), mesh, views, WHITE, budget.clone());
         let mut decoded = 0;
         for view in (0..48).map(|k| k * 7 % 24) {
-            let steps = decoder.missing(view)?;
+            let steps = decoder.missing_entries(view)?;
             let mut photograph = decoder.kept(view).map(|picture| picture.photograph());
             assert_eq!(photograph.is_some(), steps.is_empty());
             for step in steps {
-                let (offset, length) = match decoder.coded(step) {
+                let (offset, length) = match decoder.entry(step) {
                     Some(coded) => (coded.offset as usize, coded.lengths.iter().sum::<u32>() as usize),
                     None => unreachable!(),
                 };
@@ -228,14 +230,14 @@ fn check_order(decoding: Decoding) {
             }
             assert!(photograph.as_ref() == Some(&coded.photographs[view]), "view {view}");
         }
-        assert!(decoder.missing(24).is_err());
+        assert!(decoder.missing_entries(24).is_err());
         assert!(budget.left() < memory_bytes);
         Ok(decoded)
     };
     // Each view once, but for those that nothing is predicted from and that are asked for twice. Where predictions are of a fraction of
     // the size no pictures are kept: each time a view is asked for, and some before that for others.
     let roomy = run(1 << 30).unwrap();
-    let expected = if decoding == Decoding::Small { 24..48 } else { 48..72 };
+    let expected = if decoding == DecodeSpeed::Normal { 24..48 } else { 48..72 };
     assert!(expected.contains(&roomy), "{roomy} views decoded");
     // Room for the longest chain only: what was given up is decoded again.
     let (least, tight) = (10..200).map(|k| k * 100_000).find_map(|memory| Some((memory, run(memory).ok()?))).unwrap();

@@ -1,68 +1,68 @@
 //! Memory that views are worked on in: used again for the next one, and as many side by side as the budget has room for.
 
-use super::order::Step;
+use super::order::OrderEntry;
 use super::{DecodedView, PlaneCoding};
 use crate::limits::Budget;
-use crate::transform::masked::{Coefficients, MaskedPixels, Scratch};
-use crate::transform::shape_adaptive::Pixel;
-use crate::transform::shape_adaptive::Work;
+use crate::transform::masked::{Coefficients, MaskedPixels, PixelScratch};
+use crate::transform::shape_adaptive::ColourLanes;
+use crate::transform::shape_adaptive::TransformScratch;
 use crate::views::{Camera, View};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// Memory that a component's picture is worked on in, for the next one to use again.
 #[derive(Debug, Default)]
-pub struct Workspace {
+pub struct PlaneWorkspace {
     pub coefficients: Coefficients,
-    pub transform: Work,
+    pub transform: TransformScratch,
 }
 
 /// Memory that is not in use.
 #[derive(Debug, Default)]
-pub struct Workspaces(Mutex<Free>);
+pub struct PlaneWorkspaces(Mutex<FreeWorkspaces>);
 
 #[derive(Debug, Default)]
-struct Free {
-    workspaces: Vec<Workspace>,
-    signals: Vec<Scratch>,
+struct FreeWorkspaces {
+    workspaces: Vec<PlaneWorkspace>,
+    signals: Vec<PixelScratch>,
 }
 
-impl Workspaces {
-    fn free(&self) -> MutexGuard<'_, Free> {
+impl PlaneWorkspaces {
+    fn free(&self) -> MutexGuard<'_, FreeWorkspaces> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
     /// Runs `work` with a workspace of its own.
-    pub fn with<T>(&self, work: impl FnOnce(&mut Workspace) -> T) -> T {
+    pub fn with<T>(&self, work: impl FnOnce(&mut PlaneWorkspace) -> T) -> T {
         let mut free = self.free();
         let mut workspace = free.workspaces.pop().unwrap_or_default();
-        workspace.transform.take_back(0, free.signals.pop().unwrap_or_default());
+        workspace.transform.recycle(0, free.signals.pop().unwrap_or_default());
         drop(free);
         let result = work(&mut workspace);
         self.free().workspaces.push(workspace);
         result
     }
     /// Takes a view's signals, which nobody will look at any more.
-    pub fn take_back(&self, view: &mut DecodedView) {
+    pub fn recycle(&self, view: &mut DecodedView) {
         self.free().signals.extend(view.signals.drain(..).map(MaskedPixels::into_scratch));
     }
     /// Frees what is kept for the next view, unless that and `bytes` more are left of the budget.
-    pub fn make_room(&self, budget: &Budget, bytes: u64) {
+    pub fn free_for(&self, budget: &Budget, bytes: u64) {
         let mut free = self.free();
         let workspaces = free.workspaces.iter().map(|w| w.coefficients.bytes() + w.transform.bytes());
-        let kept: u64 = workspaces.chain(free.signals.iter().map(Scratch::bytes)).sum();
+        let kept: u64 = workspaces.chain(free.signals.iter().map(PixelScratch::bytes)).sum();
         if budget.left() < kept.saturating_add(bytes) {
-            *free = Free::default();
+            *free = FreeWorkspaces::default();
         }
     }
 }
 
 /// Bytes for each pixel of a picture while it is drawn.
-const DRAWING: u64 = 64;
+const DRAWING_BYTES: u64 = 64;
 /// Bytes for each pixel of a view's frame, and for each of these and component, while it is decoded.
-const CODING: [u64; 2] = [48, 152];
+const CODING_BYTES: [u64; 2] = [48, 152];
 /// Adaptive state of a component.
-pub const STATE: u64 = 300_000;
+pub const MODEL_BYTES: u64 = 300_000;
 /// Bytes for each pixel of a photograph that is handed out: its mask, and each component.
-const PHOTOGRAPH: [u64; 2] = [1, 12];
+const PHOTOGRAPH_BYTES: [u64; 2] = [1, 12];
 
 fn pixels(camera: &Camera) -> u64 {
     camera.width as u64 * camera.height as u64
@@ -70,53 +70,53 @@ fn pixels(camera: &Camera) -> u64 {
 
 /// Bytes that a view takes while it is drawn.
 pub fn drawing_bytes(camera: &Camera) -> u64 {
-    pixels(camera).saturating_mul(DRAWING)
+    pixels(camera).saturating_mul(DRAWING_BYTES)
 }
 
 /// Bytes that a view takes while it is decoded, from the number of its frame's pixels.
 pub fn coding_bytes(frame_pixels: u64, coding: &PlaneCoding) -> u64 {
     let components = coding.components.len() as u64;
-    frame_pixels.saturating_mul(CODING[0] + CODING[1] * components).saturating_add(STATE * components)
+    frame_pixels.saturating_mul(CODING_BYTES[0] + CODING_BYTES[1] * components).saturating_add(MODEL_BYTES * components)
 }
 
 /// Bytes of a photograph.
 pub fn photograph_bytes(camera: &Camera, components: usize) -> u64 {
-    pixels(camera).saturating_mul(PHOTOGRAPH[0] + PHOTOGRAPH[1] * components as u64)
+    pixels(camera).saturating_mul(PHOTOGRAPH_BYTES[0] + PHOTOGRAPH_BYTES[1] * components as u64)
 }
 
 /// The most that decoding a view and handing it out may take: what is charged is less where its frame is smaller than the picture.
-pub fn most_bytes(camera: &Camera, coding: &PlaneCoding) -> u64 {
+pub fn peak_bytes(camera: &Camera, coding: &PlaneCoding) -> u64 {
     (drawing_bytes(camera).saturating_add(coding_bytes(pixels(camera), coding)))
         .saturating_add(photograph_bytes(camera, coding.components.len()))
 }
 
 /// Most views that are worked on side by side, so that memory does not grow with the threads.
-const SIDE_BY_SIDE: usize = 8;
+const MAX_PARALLEL_VIEWS: usize = 8;
 
 /// What decides how many views are worked on side by side.
-pub struct Room<'a> {
+pub struct ParallelBudget<'a> {
     pub views: &'a [View],
     pub coding: &'a PlaneCoding,
     pub budget: &'a Budget,
-    pub workspaces: &'a Workspaces,
+    pub workspaces: &'a PlaneWorkspaces,
 }
 
-impl Room<'_> {
+impl ParallelBudget<'_> {
     /// How many of the first of these steps the budget has room for, whatever their masks, and one at least: what that one
     /// really takes is charged when its mask is known.
-    pub fn make(&self, order: &[Step], steps: &[usize]) -> usize {
+    pub fn parallel_views(&self, order: &[OrderEntry], steps: &[usize]) -> usize {
         let (mut count, mut bytes) = (0, 0u64);
-        for &step in steps.iter().take(SIDE_BY_SIDE) {
-            let more = bytes.saturating_add(most_bytes(&self.views[order[step].view].camera, self.coding));
+        for &step in steps.iter().take(MAX_PARALLEL_VIEWS) {
+            let more = bytes.saturating_add(peak_bytes(&self.views[order[step].view].camera, self.coding));
             if count > 0 && more > self.budget.left() {
                 break;
             }
             (count, bytes) = (count + 1, more);
         }
-        self.workspaces.make_room(self.budget, bytes);
+        self.workspaces.free_for(self.budget, bytes);
         count
     }
 }
 
 /// A picture's signal: the sqrt domain, rotated, row-major in the view's frame.
-pub type Signal = Vec<Pixel>;
+pub type PlaneSignal = Vec<ColourLanes>;

@@ -2,10 +2,10 @@
 //!
 //! Normative text: `spec/planes.md`, section 7.
 
-use crate::transform::shape_adaptive::{Band, Orientation};
+use crate::transform::shape_adaptive::{Orientation, Subband};
 
 /// Largest magnitude of a quantised coefficient.
-pub const LARGEST: u32 = 1 << 20;
+pub const MAX_MAGNITUDE: u32 = 1 << 20;
 
 /// Quantiser of one picture.
 #[derive(Debug, Clone, Copy)]
@@ -21,7 +21,7 @@ const LEVEL_STEPS: [f32; 5] = [1.08, 0.95, 0.9, 0.85, 0.85];
 
 impl Quantiser {
     /// A band's step.
-    pub fn band_step(&self, band: &Band) -> f32 {
+    pub fn band_step(&self, band: &Subband) -> f32 {
         let level = if band.orientation == Orientation::Low { 5 } else { band.level.max(1) };
         self.step * LEVEL_STEPS[level - 1]
     }
@@ -37,19 +37,19 @@ impl Quantiser {
 
 /// What the encoder wants.
 #[derive(Debug, Clone, Copy)]
-pub struct Choice {
+pub struct RateDistortion {
     /// Value of a bit in squared steps.
     pub lambda: f32,
 }
 
 /// Magnitudes to choose from for a coefficient of `magnitude` steps: the nearest, and one or two nearer to zero.
-pub fn candidates(magnitude: f32) -> std::ops::RangeInclusive<u32> {
+pub fn candidate_magnitudes(magnitude: f32) -> std::ops::RangeInclusive<u32> {
     let nearest = (magnitude + 0.5) as u32;
     nearest.saturating_sub(if nearest <= 2 { 2 } else { 1 })..=nearest
 }
 
 /// Whether what coding a block takes off its squared error is worth the bits, as far as can be told before it is coded.
-pub fn is_worth(wanted: impl Iterator<Item = [f32; 3]>, choice: Choice) -> bool {
+pub fn saves_cost(wanted: impl Iterator<Item = [f32; 3]>, choice: RateDistortion) -> bool {
     let (mut gain, mut bits) = (0.0, 2.0);
     for wanted in wanted.flatten().map(f32::abs).filter(|wanted| *wanted >= 0.5) {
         let left = wanted - (wanted + 0.5).floor();
@@ -59,5 +59,5 @@ pub fn is_worth(wanted: impl Iterator<Item = [f32; 3]>, choice: Choice) -> bool 
     gain > choice.lambda * bits
 }
 
-/// What a coefficient that is not zero costs about, in [`is_worth`]. The encoder's choice.
+/// What a coefficient that is not zero costs about, in [`saves_cost`]. The encoder's choice.
 const BITS_OF_A_COEFFICIENT: f32 = 6.0;

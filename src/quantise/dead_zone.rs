@@ -10,7 +10,7 @@ pub struct DeadZone {
 }
 
 /// Largest level that a file may hold.
-pub const LARGEST_LEVEL: i32 = 1 << 24;
+pub const MAX_INDEX: i32 = 1 << 24;
 
 impl DeadZone {
     /// Level of a value, with its sign.
@@ -20,7 +20,7 @@ impl DeadZone {
         if over.is_nan() || over < 0.0 || value == 0.0 {
             return 0;
         }
-        let level = 1 + ((over / self.step) as i32).min(LARGEST_LEVEL - 1);
+        let level = 1 + ((over / self.step) as i32).min(MAX_INDEX - 1);
         if value < 0.0 { -level } else { level }
     }
     /// The middle of a level.
@@ -49,6 +49,6 @@ mod tests {
             }
         }
         assert_eq!(quantiser.quantise(f32::NAN), 0);
-        assert_eq!(quantiser.quantise(f32::INFINITY), LARGEST_LEVEL);
+        assert_eq!(quantiser.quantise(f32::INFINITY), MAX_INDEX);
     }
 }

@@ -11,13 +11,13 @@ use crate::error::{Error, Result};
 use crate::image::{Grid, Mask};
 use crate::limits::Budget;
 use crate::mesh::Mesh;
-#[cfg(feature = "encode")]
-use crate::quantise::bands::Choice;
 use crate::quantise::bands::Quantiser;
+#[cfg(feature = "encode")]
+use crate::quantise::bands::RateDistortion;
 use crate::residual::coefficients;
 use crate::surface::atlas::rasterise_atlas;
 use crate::surface::charts::Charts;
-use crate::transform::shape_adaptive::{Pixel, Plan};
+use crate::transform::shape_adaptive::{ColourLanes, WaveletPlan};
 
 const SECTION: &str = "RFLC";
 const VERSION: u8 = 0;
@@ -75,17 +75,17 @@ pub fn encode(
         bytes.extend(value.to_le_bytes());
     }
     if with_palette {
-        crate::reflectance::palette::write(&planes.palette, &mut bytes)?;
+        crate::reflectance::palette::write_palette(&planes.palette, &mut bytes)?;
     }
-    let plan = Plan::new(&mask);
+    let plan = WaveletPlan::new(&mask);
     let mut coder = crate::entropy::RangeEncoder::new();
     let mut decoded = Vec::new();
     for (planes, step) in planes.planes.chunks(3).zip([steps.diffuse, steps.specular, steps.sigma]) {
-        let pixels: Vec<Pixel> = (0..mask.data.len())
+        let pixels: Vec<ColourLanes> = (0..mask.data.len())
             .map(|i| std::array::from_fn(|k| planes.get(k).map_or(0.0, |plane: &Grid<i32>| plane.data[i] as f32)))
             .collect();
         let target = plan.forward(pixels);
-        let target = Some((&target[..], Choice { lambda }));
+        let target = Some((&target[..], RateDistortion { lambda }));
         let quantiser = Quantiser { step, shrink: SHRINK };
         let coefficients = coefficients::code_alone(&mut coder, &plan, &quantiser, target);
         decoded.extend(to_grids(&plan.inverse(&coefficients), &mask, planes.len()));
@@ -121,12 +121,12 @@ pub fn decode(bytes: &[u8], mesh: &Mesh, charts: &Charts, budget: &Budget) -> Re
             return Err(Error::format(SECTION, 2, "a palette without specular planes"));
         }
         let end;
-        (palette, end) = crate::reflectance::palette::read(bytes, HEADER_BYTES, SECTION, budget)?;
+        (palette, end) = crate::reflectance::palette::read_palette(bytes, HEADER_BYTES, SECTION, budget)?;
         stream = bytes.get(end..).unwrap_or_default();
     }
     budget.charge_items("reflectance maps", charts.width as u64 * charts.height as u64, BYTES_A_TEXEL)?;
     let mask = rasterise_atlas(mesh, charts)?.mask();
-    let plan = Plan::new(&mask);
+    let plan = WaveletPlan::new(&mask);
     let mut coder = RangeDecoder::new(stream);
     let mut planes = Vec::new();
     let mut left = count as usize;
@@ -148,7 +148,7 @@ pub fn decode(bytes: &[u8], mesh: &Mesh, charts: &Charts, budget: &Budget) -> Re
 }
 
 /// The first `count` channels, rounded; 0 outside the mask.
-fn to_grids(pixels: &[Pixel], mask: &Mask, count: usize) -> Vec<Grid<i32>> {
+fn to_grids(pixels: &[ColourLanes], mask: &Mask, count: usize) -> Vec<Grid<i32>> {
     (0..count)
         .map(|k| {
             let data = pixels.iter().zip(&mask.data).map(|(p, &m)| if m { (p[k] + 0.5).floor() as i32 } else { 0 });

@@ -2,8 +2,8 @@
 
 use super::lambert::LambertSums;
 use super::maps::ReflectanceMaps;
-use super::torrance_sparrow::{self, Lobe, Sighting};
-use super::{Geometry, lambert, palette};
+use super::torrance_sparrow::{self, SpecularSighting, TorranceSparrowLobe};
+use super::{ReflectionGeometry, lambert, palette};
 use crate::image::Grid;
 use crate::mesh::Mesh;
 use crate::options::SpecularModel;
@@ -26,10 +26,10 @@ const BLOCK: usize = 3;
 const HIGHLIGHT: f32 = 0.5;
 
 /// Sightings of a block that its palette is fitted to, at most.
-const MOST_SIGHTINGS: usize = 400;
+const MAX_SIGHTINGS: usize = 400;
 
 /// What maps are fitted from.
-pub struct Sources<'a> {
+pub struct ReflectanceSources<'a> {
     /// The mesh.
     pub mesh: &'a Mesh,
     /// The captured views; the maps are relightable if all of them have a light.
@@ -45,7 +45,7 @@ pub struct Sources<'a> {
 /// Fits reflectance to every texel in use: Lambert per texel and Torrance-Sparrow per block of `BLOCK` x `BLOCK` texels of a chart,
 /// interpolated between blocks, where all lights are known, else the weighted mean radiance. What no photograph shows takes its
 /// neighbours' values. Texels not in use are 0.
-pub fn fit_maps(sources: &Sources, charts: &Charts, atlas: &AtlasRaster) -> ReflectanceMaps {
+pub fn fit_maps(sources: &ReflectanceSources, charts: &Charts, atlas: &AtlasRaster) -> ReflectanceMaps {
     let normals = vertex_normals(sources.mesh);
     let relightable = !sources.views.is_empty() && sources.views.iter().all(|v| v.light.is_some());
     let rasters: Vec<Option<Raster>> = parallel::map(sources.views.len(), |k| {
@@ -68,7 +68,7 @@ pub fn fit_maps(sources: &Sources, charts: &Charts, atlas: &AtlasRaster) -> Refl
         let diffuse: Vec<Option<[f32; 3]>> = members[k]
             .iter()
             .map(|&member| {
-                let seen = sight(sources, &rasters, atlas, &normals, used[member]);
+                let seen = texel_sightings(sources, &rasters, atlas, &normals, used[member]);
                 fit_texel(&seen, sources.components, relightable, &mut sightings)
             })
             .collect();
@@ -76,7 +76,7 @@ pub fn fit_maps(sources: &Sources, charts: &Charts, atlas: &AtlasRaster) -> Refl
         if sources.specular == SpecularModel::TorranceSparrow {
             sightings.clear();
         }
-        let step = sightings.len().div_ceil(MOST_SIGHTINGS).max(1);
+        let step = sightings.len().div_ceil(MAX_SIGHTINGS).max(1);
         (diffuse, lobe, sightings.into_iter().step_by(step).collect::<Vec<_>>())
     });
 
@@ -92,10 +92,10 @@ pub fn fit_maps(sources: &Sources, charts: &Charts, atlas: &AtlasRaster) -> Refl
         })
     };
     // Colours are filled like lobes of equal width.
-    let mut diffuse: Vec<Option<Lobe>> = vec![None; used.len()];
+    let mut diffuse: Vec<Option<TorranceSparrowLobe>> = vec![None; used.len()];
     for (members, (colours, ..)) in members.iter().zip(&fitted) {
         for (&member, colour) in members.iter().zip(colours) {
-            diffuse[member] = colour.map(|specular| Lobe { specular, sigma: 1.0 });
+            diffuse[member] = colour.map(|specular| TorranceSparrowLobe { specular, sigma: 1.0 });
         }
     }
     let diffuse = torrance_sparrow::fill_from_neighbours(&diffuse, around);
@@ -103,7 +103,7 @@ pub fn fit_maps(sources: &Sources, charts: &Charts, atlas: &AtlasRaster) -> Refl
         ReflectanceMaps { relightable, diffuse: Grid::filled(width, height, [0f32; 3]), ..ReflectanceMaps::default() };
     used.iter().zip(&diffuse).for_each(|(&texel, lobe)| maps.diffuse.data[texel] = lobe.specular);
     if relightable && sources.components.iter().any(|&c| c != Component::Diffuse) {
-        let (mut lobes, sightings): (Vec<Option<Lobe>>, Vec<Vec<Sighting>>) =
+        let (mut lobes, sightings): (Vec<Option<TorranceSparrowLobe>>, Vec<Vec<SpecularSighting>>) =
             fitted.into_iter().map(|(_, lobe, sightings)| (lobe, sightings)).unzip();
         if sources.specular == SpecularModel::Dsbrdf {
             maps.palette = palette::fit(&mut lobes, &sightings);
@@ -145,18 +145,18 @@ pub fn fit_maps(sources: &Sources, charts: &Charts, atlas: &AtlasRaster) -> Refl
 const STEPS: [(isize, isize); 4] = [(-1, 0), (1, 0), (0, -1), (0, 1)];
 
 /// One photograph's radiance at a texel, per component, and how the texel lay there.
-struct Seen {
-    geometry: Geometry,
+struct TexelSighting {
+    geometry: ReflectionGeometry,
     radiance: [[f32; 3]; 2],
 }
 
-fn sight(
-    sources: &Sources,
+fn texel_sightings(
+    sources: &ReflectanceSources,
     rasters: &[Option<Raster>],
     atlas: &AtlasRaster,
     normals: &[[f64; 3]],
     texel: usize,
-) -> Vec<Seen> {
+) -> Vec<TexelSighting> {
     let point = atlas.position(sources.mesh, texel).to_array();
     let normal = atlas.normal(sources.mesh, normals, texel).to_array();
     let mut result = Vec::new();
@@ -164,7 +164,7 @@ fn sight(
         let (Some(raster), Some(&Some(photograph))) = (&rasters[k], sources.photographs.get(k)) else { continue };
         let dark = PointLight { position: [0.0; 3], intensity: [0.0; 3] };
         let (centre, light) = (view.camera.centre(), view.light.unwrap_or(dark));
-        let geometry = Geometry::new(point, normal, centre, &light);
+        let geometry = ReflectionGeometry::new(point, normal, centre, &light);
         if (geometry.cos_view as f64) < GRAZING {
             continue;
         }
@@ -190,7 +190,7 @@ fn sight(
             photograph.mask.data[index] && raster.is_covered(index) && (raster.depth[index] - depth).abs() < margin
         });
         if visible && radiance.iter().flatten().all(|x| x.is_finite()) {
-            result.push(Seen { geometry, radiance });
+            result.push(TexelSighting { geometry, radiance });
         }
     }
     result
@@ -198,10 +198,10 @@ fn sight(
 
 /// Diffuse colour of a texel from what was seen of it; adds what was seen of its highlight to `highlight`.
 fn fit_texel(
-    seen: &[Seen],
+    seen: &[TexelSighting],
     components: &[Component],
     relightable: bool,
-    highlight: &mut Vec<Sighting>,
+    highlight: &mut Vec<SpecularSighting>,
 ) -> Option<[f32; 3]> {
     let of = |component: Component| components.iter().position(|&c| c == component);
     if !relightable {
@@ -224,12 +224,12 @@ fn fit_texel(
         highlight.extend(seen.iter().map(|s| {
             let matte = lambert::evaluate(diffuse.unwrap_or_default(), &s.geometry);
             let radiance = std::array::from_fn(|c| s.radiance[combined][c] - matte[c]);
-            Sighting { radiance, geometry: s.geometry }
+            SpecularSighting { radiance, geometry: s.geometry }
         }));
         return diffuse;
     }
     if let Some(index) = of(Component::Specular) {
-        highlight.extend(seen.iter().map(|s| Sighting { radiance: s.radiance[index], geometry: s.geometry }));
+        highlight.extend(seen.iter().map(|s| SpecularSighting { radiance: s.radiance[index], geometry: s.geometry }));
     }
     let mut sums = LambertSums::default();
     let index = of(Component::Diffuse)?;

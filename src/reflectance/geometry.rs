@@ -5,11 +5,11 @@ use crate::vector::dot;
 use crate::views::PointLight;
 
 /// Smallest `cos(theta_r)` that the specular model divides by: beyond it (87 degrees) the model is cut off.
-pub const LEAST_COS_VIEW: f32 = 0.05;
+pub const MIN_COS_VIEW: f32 = 0.05;
 
 /// Light and view seen from a surface point.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Geometry {
+pub struct ReflectionGeometry {
     /// Irradiance of a surface that faces the light, `intensity / r^2`, red, green, blue.
     pub irradiance: [f32; 3],
     /// `N.L`, in `-1..=1`; the point is unlit where it is not positive.
@@ -22,7 +22,7 @@ pub struct Geometry {
     pub difference: f32,
 }
 
-impl Geometry {
+impl ReflectionGeometry {
     /// The geometry of a world point with a unit normal, a camera's centre and a point light.
     pub fn new(point: [f64; 3], normal: [f64; 3], camera_centre: [f64; 3], light: &PointLight) -> Self {
         let (to_light, squared) = direction(point, light.position);
@@ -30,7 +30,7 @@ impl Geometry {
         let half: [f64; 3] = std::array::from_fn(|i| to_light[i] + to_view[i]);
         let length = dot(half, half).sqrt();
         let cos_half = if length > 0.0 { dot(normal, half) / length } else { 0.0 };
-        Geometry {
+        ReflectionGeometry {
             irradiance: light.intensity.map(|l| if squared > 0.0 { (l / squared) as f32 } else { 0.0 }),
             cos_light: dot(normal, to_light) as f32,
             cos_view: dot(normal, to_view) as f32,

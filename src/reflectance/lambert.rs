@@ -1,6 +1,6 @@
 //! Diffuse reflection, `I_d = K_d E cos(theta_i)` with the light's irradiance `E = L / r^2` (Miyazaki 2007, equation 7).
 
-use super::Geometry;
+use super::ReflectionGeometry;
 
 /// Sums of the weighted linear least squares problem of one surface point; add its observations in any number of calls.
 ///
@@ -16,7 +16,7 @@ pub struct LambertSums {
 impl LambertSums {
     /// Adds the diffuse radiance seen in one view under a known light. Unlit or unseen points, and values that are not
     /// finite, are left out.
-    pub fn add(&mut self, radiance: [f32; 3], geometry: &Geometry) {
+    pub fn add(&mut self, radiance: [f32; 3], geometry: &ReflectionGeometry) {
         if geometry.cos_light > 0.0 {
             let shading = geometry.irradiance.map(|e| e * geometry.cos_light);
             self.add_shaded(radiance, shading, geometry.cos_view);
@@ -52,7 +52,7 @@ impl LambertSums {
 }
 
 /// Diffuse radiance `K_d E cos(theta_i)`; zero where the light is behind the surface.
-pub fn evaluate(diffuse: [f32; 3], geometry: &Geometry) -> [f32; 3] {
+pub fn evaluate(diffuse: [f32; 3], geometry: &ReflectionGeometry) -> [f32; 3] {
     let cos = geometry.cos_light.max(0.0);
     std::array::from_fn(|c| diffuse[c] * geometry.irradiance[c] * cos)
 }
@@ -66,7 +66,7 @@ mod tests {
         let diffuse = [0.2, 0.15, 0.01];
         let mut sums = LambertSums::default();
         for i in 0..12 {
-            let geometry = Geometry {
+            let geometry = ReflectionGeometry {
                 irradiance: [3.0 + i as f32, 2.0, 1.0],
                 cos_light: 1.0 - 0.15 * i as f32,
                 cos_view: 0.9 - 0.05 * i as f32,
@@ -76,7 +76,7 @@ mod tests {
         }
         sums.add(
             [f32::NAN; 3],
-            &Geometry { irradiance: [1.0; 3], cos_light: 1.0, cos_view: 1.0, ..Default::default() },
+            &ReflectionGeometry { irradiance: [1.0; 3], cos_light: 1.0, cos_view: 1.0, ..Default::default() },
         );
         let solved = sums.solve().unwrap();
         assert!((0..3).all(|c| (solved[c] - diffuse[c]).abs() < 1e-6), "{solved:?}");

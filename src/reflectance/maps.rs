@@ -2,10 +2,10 @@
 
 use super::palette::{self, PaletteEntry};
 use super::torrance_sparrow::SIGMA_LEVELS;
-use super::{Geometry, Lobe, lambert, torrance_sparrow};
+use super::{ReflectionGeometry, TorranceSparrowLobe, lambert, torrance_sparrow};
 use crate::error::{Error, Result};
 use crate::image::{Grid, Mask};
-use crate::surface::atlas::{read_colour, read_number};
+use crate::surface::atlas::{sample_colour, sample_number};
 use crate::views::Component;
 
 /// Fitted reflectance on the atlas of [`crate::surface::charts::Charts`].
@@ -31,9 +31,14 @@ pub struct ReflectanceMaps {
 
 /// Radiance of one component at an atlas position. `geometry` is that of the surface point, not used by maps that hold radiance;
 /// reflectance without it is 0.
-pub fn evaluate(maps: &ReflectanceMaps, component: Component, at: [f64; 2], geometry: Option<&Geometry>) -> [f32; 3] {
+pub fn evaluate(
+    maps: &ReflectanceMaps,
+    component: Component,
+    at: [f64; 2],
+    geometry: Option<&ReflectionGeometry>,
+) -> [f32; 3] {
     let diffuse = || {
-        let colour = read_colour(&maps.diffuse, at).map(|x| x as f32);
+        let colour = sample_colour(&maps.diffuse, at).map(|x| x as f32);
         match geometry {
             _ if !maps.relightable => colour,
             Some(geometry) => lambert::evaluate(colour, geometry),
@@ -42,9 +47,9 @@ pub fn evaluate(maps: &ReflectanceMaps, component: Component, at: [f64; 2], geom
     };
     let specular = || match geometry {
         Some(geometry) if maps.relightable && !maps.specular.data.is_empty() && !maps.sigma.data.is_empty() => {
-            let lobe = Lobe {
-                specular: read_colour(&maps.specular, at).map(|x| x as f32),
-                sigma: read_number(&maps.sigma, at) as f32,
+            let lobe = TorranceSparrowLobe {
+                specular: sample_colour(&maps.specular, at).map(|x| x as f32),
+                sigma: sample_number(&maps.sigma, at) as f32,
             };
             if maps.palette.is_empty() {
                 torrance_sparrow::evaluate(&lobe, geometry)

@@ -10,5 +10,5 @@ pub mod palette;
 pub mod gather;
 pub mod torrance_sparrow;
 
-pub use geometry::Geometry;
-pub use torrance_sparrow::Lobe;
+pub use geometry::ReflectionGeometry;
+pub use torrance_sparrow::TorranceSparrowLobe;

@@ -1,8 +1,8 @@
 //! Specular reflection, simplified Torrance-Sparrow: `I_s = K_s E / cos(theta_r) exp(-alpha^2 / (2 sigma^2))` with the
 //! light's irradiance `E = L / r^2` (Miyazaki 2007, equation 8).
 
-use super::Geometry;
-use super::geometry::LEAST_COS_VIEW;
+use super::ReflectionGeometry;
+use super::geometry::MIN_COS_VIEW;
 use crate::elementary;
 
 #[cfg(feature = "encode")]
@@ -10,7 +10,7 @@ use crate::optimise::levenberg_marquardt::minimise;
 
 /// Parameters of the highlight at one surface point.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Lobe {
+pub struct TorranceSparrowLobe {
     /// `K_s`, red, green, blue, not negative.
     pub specular: [f32; 3],
     /// `sigma`, radians.
@@ -21,30 +21,30 @@ pub struct Lobe {
 pub const SIGMA_RANGE: (f32, f32) = (0.02, 0.8);
 
 /// Specular radiance; zero where the light or the camera is behind the surface.
-pub fn evaluate(lobe: &Lobe, geometry: &Geometry) -> [f32; 3] {
+pub fn evaluate(lobe: &TorranceSparrowLobe, geometry: &ReflectionGeometry) -> [f32; 3] {
     if geometry.cos_light <= 0.0 || geometry.cos_view <= 0.0 || lobe.sigma <= 0.0 {
         return [0.0; 3];
     }
     let x = geometry.alpha / lobe.sigma;
-    let scale = (-0.5 * x * x).exp() / geometry.cos_view.max(LEAST_COS_VIEW);
+    let scale = (-0.5 * x * x).exp() / geometry.cos_view.max(MIN_COS_VIEW);
     std::array::from_fn(|c| lobe.specular[c] * geometry.irradiance[c] * scale)
 }
 
 /// Specular radiance seen in one view, and how the point lay there.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Sighting {
+pub struct SpecularSighting {
     /// Specular radiance, red, green, blue; signed.
     pub radiance: [f32; 3],
     /// Light and view at the point.
-    pub geometry: Geometry,
+    pub geometry: ReflectionGeometry,
 }
 
 /// Fits a lobe to the sightings of one point (or of several that share their parameters) by weighted least squares,
 /// weight `cos(normal, view)`. `None` where no highlight was seen: no sighting within two `sigma` of the mirror
 /// direction, or nothing bright there. Such points are filled by [`fill_from_neighbours`].
 #[cfg(feature = "encode")]
-pub fn fit(sightings: &[Sighting]) -> Option<Lobe> {
-    let usable = |s: &&Sighting| {
+pub fn fit(sightings: &[SpecularSighting]) -> Option<TorranceSparrowLobe> {
+    let usable = |s: &&SpecularSighting| {
         s.geometry.cos_light > 0.0 && s.geometry.cos_view > 0.0 && s.radiance.iter().all(|x| x.is_finite())
     };
     // Where the highlight may start: K_s is linear given sigma, so the best of a few widths costs little.
@@ -101,17 +101,17 @@ pub fn fit(sightings: &[Sighting]) -> Option<Lobe> {
         .filter(|s| (s.geometry.alpha as f64) < 2.0 * sigma)
         .map(|s| s.geometry.cos_view as f64)
         .sum();
-    let lobe = Lobe { specular: std::array::from_fn(|c| (p[c] * scale) as f32), sigma: sigma as f32 };
+    let lobe = TorranceSparrowLobe { specular: std::array::from_fn(|c| (p[c] * scale) as f32), sigma: sigma as f32 };
     (near > 0.3 && lobe.specular.iter().any(|&k| k > 0.0)).then_some(lobe)
 }
 
 /// Weight of a sighting and its `exp(..) / cos(theta_r)`.
 #[cfg(feature = "encode")]
 #[inline]
-fn weight_and_shape(geometry: &Geometry, sigma: f64) -> (f64, f64) {
+fn weight_and_shape(geometry: &ReflectionGeometry, sigma: f64) -> (f64, f64) {
     let ratio = geometry.alpha as f64 / sigma;
     let cos_view = geometry.cos_view as f64;
-    (cos_view, (-0.5 * ratio * ratio).exp() / cos_view.max(LEAST_COS_VIEW as f64))
+    (cos_view, (-0.5 * ratio * ratio).exp() / cos_view.max(MIN_COS_VIEW as f64))
 }
 
 /// Gives every point without a lobe the mean of its neighbours' (`ln sigma` averaged), ring by ring outwards from the
@@ -119,13 +119,13 @@ fn weight_and_shape(geometry: &Geometry, sigma: f64) -> (f64, f64) {
 /// or a black lobe where there is none.
 #[cfg(feature = "encode")]
 pub fn fill_from_neighbours<I: IntoIterator<Item = usize>>(
-    lobes: &[Option<Lobe>],
+    lobes: &[Option<TorranceSparrowLobe>],
     neighbours: impl Fn(usize) -> I,
-) -> Vec<Lobe> {
+) -> Vec<TorranceSparrowLobe> {
     let mut filled = lobes.to_vec();
     let mut open: Vec<usize> = (0..filled.len()).filter(|&i| filled[i].is_none()).collect();
     while !open.is_empty() {
-        let found: Vec<(usize, Option<Lobe>)> = open
+        let found: Vec<(usize, Option<TorranceSparrowLobe>)> = open
             .iter()
             .map(|&i| (i, mean(neighbours(i).into_iter().filter_map(|n| filled.get(n).copied().flatten()))))
             .collect();
@@ -138,13 +138,13 @@ pub fn fill_from_neighbours<I: IntoIterator<Item = usize>>(
             break;
         }
     }
-    let black = Lobe { specular: [0.0; 3], sigma: 0.2 };
+    let black = TorranceSparrowLobe { specular: [0.0; 3], sigma: 0.2 };
     let rest = mean(filled.iter().copied().flatten()).unwrap_or(black);
     filled.into_iter().map(|lobe| lobe.unwrap_or(rest)).collect()
 }
 
 #[cfg(feature = "encode")]
-fn mean(lobes: impl Iterator<Item = Lobe>) -> Option<Lobe> {
+fn mean(lobes: impl Iterator<Item = TorranceSparrowLobe>) -> Option<TorranceSparrowLobe> {
     let (mut specular, mut log_sigma, mut count) = ([0.0f64; 3], 0.0, 0.0);
     for lobe in lobes {
         for c in 0..3 {
@@ -153,18 +153,20 @@ fn mean(lobes: impl Iterator<Item = Lobe>) -> Option<Lobe> {
         log_sigma += (lobe.sigma as f64).ln();
         count += 1.0;
     }
-    (count > 0.0)
-        .then(|| Lobe { specular: specular.map(|k| (k / count) as f32), sigma: (log_sigma / count).exp() as f32 })
+    (count > 0.0).then(|| TorranceSparrowLobe {
+        specular: specular.map(|k| (k / count) as f32),
+        sigma: (log_sigma / count).exp() as f32,
+    })
 }
 
 #[cfg(all(test, feature = "encode"))]
 mod tests {
     use super::*;
 
-    fn sightings(lobe: &Lobe, noise: f32) -> Vec<Sighting> {
+    fn sightings(lobe: &TorranceSparrowLobe, noise: f32) -> Vec<SpecularSighting> {
         (0..15)
             .map(|i| {
-                let geometry = Geometry {
+                let geometry = ReflectionGeometry {
                     irradiance: [2.0, 3.0, 2.5],
                     cos_light: 0.8,
                     cos_view: 1.0 - 0.05 * i as f32,
@@ -175,7 +177,7 @@ mod tests {
                 for (c, x) in radiance.iter_mut().enumerate() {
                     *x += noise * ((i * 7 + c * 3) % 5) as f32 - 2.0 * noise;
                 }
-                Sighting { radiance, geometry }
+                SpecularSighting { radiance, geometry }
             })
             .collect()
     }
@@ -183,7 +185,7 @@ mod tests {
     #[test]
     fn the_fit_recovers_known_lobes() {
         for sigma in [0.05, 0.12, 0.25, 0.5] {
-            let lobe = Lobe { specular: [0.3, 0.1, 0.02], sigma };
+            let lobe = TorranceSparrowLobe { specular: [0.3, 0.1, 0.02], sigma };
             let found = fit(&sightings(&lobe, 0.0)).unwrap();
             assert!((found.sigma / sigma - 1.0).abs() < 1e-3, "{found:?}");
             assert!((0..3).all(|c| (found.specular[c] / lobe.specular[c] - 1.0).abs() < 1e-3), "{found:?}");
@@ -192,9 +194,9 @@ mod tests {
 
     #[test]
     fn no_grid_point_beats_the_fit() {
-        let data = sightings(&Lobe { specular: [0.3, 0.2, 0.1], sigma: 0.15 }, 0.02);
-        let cost = |lobe: &Lobe| -> f64 {
-            let error = |s: &Sighting, c: usize| (evaluate(lobe, &s.geometry)[c] - s.radiance[c]) as f64;
+        let data = sightings(&TorranceSparrowLobe { specular: [0.3, 0.2, 0.1], sigma: 0.15 }, 0.02);
+        let cost = |lobe: &TorranceSparrowLobe| -> f64 {
+            let error = |s: &SpecularSighting, c: usize| (evaluate(lobe, &s.geometry)[c] - s.radiance[c]) as f64;
             data.iter().map(|s| s.geometry.cos_view as f64 * (0..3).map(|c| error(s, c).powi(2)).sum::<f64>()).sum()
         };
         let found = fit(&data).unwrap();
@@ -203,7 +205,7 @@ mod tests {
             let sigma = 0.05 + 0.005 * k as f32;
             // Colours separate given sigma.
             let specular = std::array::from_fn(|c| {
-                let unit = Lobe { specular: [1.0; 3], sigma };
+                let unit = TorranceSparrowLobe { specular: [1.0; 3], sigma };
                 let (mut product, mut square) = (0.0, 0.0);
                 for s in &data {
                     let shape = evaluate(&unit, &s.geometry)[c];
@@ -212,14 +214,14 @@ mod tests {
                 }
                 product / square
             });
-            best = best.min(cost(&Lobe { specular, sigma }));
+            best = best.min(cost(&TorranceSparrowLobe { specular, sigma }));
         }
         assert!(cost(&found) <= best * 1.00001, "{} against {best}", cost(&found));
     }
 
     #[test]
     fn unseen_highlights_come_from_their_neighbours() {
-        let lobe = Lobe { specular: [0.3, 0.3, 0.3], sigma: 0.05 };
+        let lobe = TorranceSparrowLobe { specular: [0.3, 0.3, 0.3], sigma: 0.05 };
         let mut far = sightings(&lobe, 0.0);
         for s in &mut far {
             s.geometry.alpha += 0.6;
@@ -227,7 +229,7 @@ mod tests {
         }
         assert_eq!(fit(&far), None);
         assert_eq!(fit(&[]), None);
-        let other = Lobe { specular: [0.1; 3], sigma: 0.2 };
+        let other = TorranceSparrowLobe { specular: [0.1; 3], sigma: 0.2 };
         let chain = [Some(lobe), None, None, Some(other), None];
         let filled = fill_from_neighbours(&chain, |i| [i.wrapping_sub(1), i + 1].into_iter().filter(|&n| n < 5));
         assert_eq!(filled[1], lobe);

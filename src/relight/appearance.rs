@@ -1,36 +1,36 @@
 //! What the surface is made of at each point.
 
-use super::brdf_table::Gloss;
+use super::brdf_table::SpecularTable;
 use super::environment_light::level_of;
-use super::material::{Material, Specular};
+use super::material::{Material, SpecularPart};
 use glam::Vec3;
 
 /// Reflectance at one point.
-pub struct Appearance<'a> {
+pub struct ShadingParameters<'a> {
     /// Diffuse albedo.
     pub albedo: Vec3,
     /// Factor of the specular part.
     pub specular_scale: Vec3,
     /// Specular part with its prepared taps.
-    pub specular: Option<&'a Prepared>,
+    pub specular: Option<&'a PreparedSpecular>,
 }
 
 /// A specular part with the half vectors that stand for it.
-pub struct Prepared {
+pub struct PreparedSpecular {
     /// The part.
-    pub specular: Specular,
+    pub specular: SpecularPart,
     /// Half vectors, their probability density, and the level of light for a tap seen along its half vector.
     pub(super) taps: Vec<(Vec3, f32, f32)>,
     /// The part as tables, where they do it justice.
-    pub(super) gloss: Option<Gloss>,
+    pub(super) table: Option<SpecularTable>,
     /// Sharpness (the mean of both directions) and amplitude of its lobes, and the sum of the latter.
     pub(super) lobes: Vec<(f32, f32)>,
     pub(super) peak: f32,
 }
 
-impl Prepared {
+impl PreparedSpecular {
     /// `taps` half vectors are looked at.
-    pub fn new(specular: Specular, taps: usize) -> Self {
+    pub fn new(specular: SpecularPart, taps: usize) -> Self {
         let halves = specular.taps(taps);
         let count = halves.len() as f32;
         let taps = halves.into_iter().map(|half| {
@@ -40,41 +40,41 @@ impl Prepared {
             (half.as_vec3(), density, level_of(sharpness))
         });
         let taps = taps.collect();
-        let gloss = Gloss::new(&*specular.brdf);
+        let gloss = SpecularTable::new(&*specular.brdf);
         let mean = |s: [f64; 2]| (s[0] * s[1]).sqrt() as f32;
         let lobes: Vec<(f32, f32)> = specular.lobes.iter().map(|l| (mean(l.sharpness), l.amplitude as f32)).collect();
         let peak = lobes.iter().map(|l| l.1).sum::<f32>().max(1e-30);
-        Prepared { specular, taps, gloss, lobes, peak }
+        PreparedSpecular { specular, taps, table: gloss, lobes, peak }
     }
 }
 
 /// Where appearance comes from.
-pub trait Look: Sync {
+pub trait ShadingModel: Sync {
     /// Appearance of a point of a triangle, by the weights of its corners.
-    fn at(&self, triangle: usize, weights: Vec3, position: Vec3) -> Appearance<'_>;
+    fn parameters_at(&self, triangle: usize, weights: Vec3, position: Vec3) -> ShadingParameters<'_>;
 }
 
 /// One material all over.
-pub struct Uniform {
+pub struct UniformMaterial {
     albedo: Vec3,
     scale: Vec3,
-    prepared: Option<Prepared>,
+    prepared: Option<PreparedSpecular>,
 }
 
-impl Uniform {
-    /// `taps` as in [`Prepared::new`].
+impl UniformMaterial {
+    /// `taps` as in [`PreparedSpecular::new`].
     pub fn new(material: Material, taps: usize) -> Self {
         let vector = |v: [f64; 3]| Vec3::from_array(v.map(|x| x as f32));
-        Uniform {
+        UniformMaterial {
             albedo: vector(material.albedo),
             scale: vector(material.specular_scale),
-            prepared: material.specular.map(|s| Prepared::new(s, taps)),
+            prepared: material.specular.map(|s| PreparedSpecular::new(s, taps)),
         }
     }
 }
 
-impl Look for Uniform {
-    fn at(&self, _: usize, _: Vec3, _: Vec3) -> Appearance<'_> {
-        Appearance { albedo: self.albedo, specular_scale: self.scale, specular: self.prepared.as_ref() }
+impl ShadingModel for UniformMaterial {
+    fn parameters_at(&self, _: usize, _: Vec3, _: Vec3) -> ShadingParameters<'_> {
+        ShadingParameters { albedo: self.albedo, specular_scale: self.scale, specular: self.prepared.as_ref() }
     }
 }

@@ -1,12 +1,12 @@
 //! Renders one asset, keeping what pictures share.
 
-use super::residual::{Captured, Shown, Sight};
+use super::residual::{CapturedRadiance, CapturedSample, CapturedView};
 use super::shadow::ShadowMap;
-use super::{Lighting, RenderOptions, Rendered};
+use super::{RenderLighting, RenderOptions, ViewRender};
 use crate::asset::Asset;
 use crate::error::{Error, Result};
 use crate::image::{Grid, RgbImage};
-use crate::reflectance::{Geometry, maps};
+use crate::reflectance::{ReflectionGeometry, maps};
 use crate::surface::atlas::{atlas_position, smooth_normal};
 use crate::surface::raster::{Raster, rasterise, vertex_normals};
 use crate::views::{Camera, Component, PointLight, View};
@@ -18,16 +18,16 @@ const SPARE_VIEWS: usize = 5;
 /// Smallest cosine to a light under which the residual is shown in full.
 const GRAZING: f32 = 0.2;
 /// Pixels of the largest picture.
-const LARGEST: u64 = 1 << 28;
+const MAX_PIXELS: u64 = 1 << 28;
 
 /// Renders pictures of one asset. Captured views are prepared when first needed.
-pub struct Renderer<'a> {
+pub struct AssetRenderer<'a> {
     asset: &'a Asset,
     normals: Vec<[f64; 3]>,
     middle: [f64; 3],
     /// For each view which of the capture's lights it shows, the most used one first.
     light_number: Vec<usize>,
-    captured: Vec<OnceLock<Option<Captured<'a>>>>,
+    captured: Vec<OnceLock<Option<CapturedView<'a>>>>,
 }
 
 /// A surface point that a pixel sees.
@@ -40,13 +40,13 @@ struct SurfacePoint {
 
 /// What one pixel shows.
 #[derive(Clone, Copy)]
-struct Pixel {
+struct RenderedPixel {
     components: [[f32; 3]; 2],
     hit: bool,
     coverage: bool,
 }
 
-impl<'a> Renderer<'a> {
+impl<'a> AssetRenderer<'a> {
     /// Checks that the parts of the asset belong together.
     pub fn new(asset: &'a Asset) -> Result<Self> {
         let vertices = asset.mesh.positions.len();
@@ -76,7 +76,7 @@ impl<'a> Renderer<'a> {
                 return Err(Error::parameter(format!("photograph {} has not its camera's size", view.name)));
             }
         }
-        Ok(Renderer {
+        Ok(AssetRenderer {
             asset,
             normals: vertex_normals(&asset.mesh),
             middle: asset.mesh.bounding_sphere().0,
@@ -85,7 +85,7 @@ impl<'a> Renderer<'a> {
         })
     }
 
-    /// The number, for [`Lighting::Capture`], of the light that a view shows; `None` if the asset's views have no such light.
+    /// The number, for [`RenderLighting::Capture`], of the light that a view shows; `None` if the asset's views have no such light.
     pub fn light_number(&self, view: &View) -> Option<usize> {
         (0..self.asset.views.len())
             .find(|&k| same_light(&self.asset.views[k], view, self.middle))
@@ -93,8 +93,8 @@ impl<'a> Renderer<'a> {
     }
 
     /// Renders one picture.
-    pub fn render(&self, camera: &Camera, options: &RenderOptions) -> Result<Rendered> {
-        if camera.width == 0 || camera.height == 0 || camera.width as u64 * camera.height as u64 > LARGEST {
+    pub fn render(&self, camera: &Camera, options: &RenderOptions) -> Result<ViewRender> {
+        if camera.width == 0 || camera.height == 0 || camera.width as u64 * camera.height as u64 > MAX_PIXELS {
             return Err(Error::parameter("the picture has no pixels or too many"));
         }
         let numbers = camera.focal.iter().chain(&camera.principal).chain(camera.rotation.iter().flatten());
@@ -104,18 +104,18 @@ impl<'a> Renderer<'a> {
         let maps = self.asset.reflectance.as_ref();
         let relightable = maps.is_some_and(|m| m.relightable);
         let (lights, light_number) = match &options.lighting {
-            Lighting::Capture(number) => (None, *number),
-            Lighting::Points(_) if !relightable => {
+            RenderLighting::Capture(number) => (None, *number),
+            RenderLighting::Points(_) if !relightable => {
                 let message = "relighting: the lights of this asset's capture are unknown, so it has no reflectance";
                 return Err(Error::Unsupported(message.into()));
             }
-            Lighting::Points(lights) => (Some(lights), 0),
+            RenderLighting::Points(lights) => (Some(lights), 0),
         };
         let near = self.nearest(camera, light_number, options.views.max(1));
         if near.is_empty() && !self.asset.views.is_empty() && lights.is_none() && light_number > 0 {
             return Err(Error::parameter(format!("no view was captured under light {light_number}")));
         }
-        let scene = Scene {
+        let scene = ViewScene {
             renderer: self,
             options,
             camera,
@@ -128,8 +128,8 @@ impl<'a> Renderer<'a> {
             }),
         };
         let (width, height) = (camera.width as usize, camera.height as usize);
-        let mut pixels = vec![Pixel { components: [[0.0; 3]; 2], hit: false, coverage: false }; width * height];
-        let row = |(y, row): (usize, &mut [Pixel])| {
+        let mut pixels = vec![RenderedPixel { components: [[0.0; 3]; 2], hit: false, coverage: false }; width * height];
+        let row = |(y, row): (usize, &mut [RenderedPixel])| {
             row.iter_mut().enumerate().for_each(|(x, pixel)| *pixel = scene.pixel(y * width + x));
         };
         #[cfg(feature = "parallel")]
@@ -139,11 +139,11 @@ impl<'a> Renderer<'a> {
         }
         #[cfg(not(feature = "parallel"))]
         pixels.chunks_mut(width).enumerate().for_each(row);
-        let plane = |value: &dyn Fn(&Pixel) -> [f32; 3]| -> RgbImage {
+        let plane = |value: &dyn Fn(&RenderedPixel) -> [f32; 3]| -> RgbImage {
             Grid { width, height, data: pixels.iter().map(value).collect() }
         };
-        let mask = |value: fn(&Pixel) -> bool| Grid { width, height, data: pixels.iter().map(value).collect() };
-        Ok(Rendered {
+        let mask = |value: fn(&RenderedPixel) -> bool| Grid { width, height, data: pixels.iter().map(value).collect() };
+        Ok(ViewRender {
             image: plane(&|p| std::array::from_fn(|c| p.components[0][c].max(0.0) + p.components[1][c].max(0.0))),
             components: (0..self.asset.components.len()).map(|k| plane(&|p| p.components[k])).collect(),
             hit: mask(|p| p.hit),
@@ -206,12 +206,12 @@ impl<'a> Renderer<'a> {
         Some(PointLight { position: position.to_array(), intensity: (intensity / sum).to_array() })
     }
 
-    fn captured(&self, view: usize) -> Option<&Captured<'a>> {
+    fn captured(&self, view: usize) -> Option<&CapturedView<'a>> {
         self.captured[view].get_or_init(|| self.prepare(view)).as_ref()
     }
 
     /// Photograph and model of a captured view.
-    fn prepare(&self, view: usize) -> Option<Captured<'a>> {
+    fn prepare(&self, view: usize) -> Option<CapturedView<'a>> {
         let photograph = self.asset.photographs.get(view)?.as_ref()?;
         let (camera, light) = (self.asset.views[view].camera, self.asset.views[view].light);
         let raster = rasterise(&self.asset.mesh, &camera);
@@ -219,12 +219,12 @@ impl<'a> Renderer<'a> {
         let mut models = vec![Grid::filled(raster.width, raster.height, [0f32; 3]); photograph.images.len()];
         for index in (0..raster.triangle.len()).filter(|&k| raster.is_covered(k) && photograph.mask.data[k]) {
             let surface = self.surface_point(&camera, &raster, index);
-            let geometry = light.map(|light| Geometry::new(surface.point, surface.normal, centre, &light));
+            let geometry = light.map(|light| ReflectionGeometry::new(surface.point, surface.normal, centre, &light));
             for (k, &component) in self.asset.components.iter().enumerate() {
                 models[k].data[index] = self.model(component, &surface, geometry.as_ref());
             }
         }
-        Some(Captured::new(camera, raster, photograph, models))
+        Some(CapturedView::new(camera, raster, photograph, models))
     }
 
     fn surface_point(&self, camera: &Camera, raster: &Raster, index: usize) -> SurfacePoint {
@@ -239,7 +239,7 @@ impl<'a> Renderer<'a> {
         SurfacePoint { point, normal: normal.to_array(), at }
     }
 
-    fn model(&self, component: Component, surface: &SurfacePoint, geometry: Option<&Geometry>) -> [f32; 3] {
+    fn model(&self, component: Component, surface: &SurfacePoint, geometry: Option<&ReflectionGeometry>) -> [f32; 3] {
         match (&self.asset.reflectance, surface.at) {
             // Radiance maps are of the diffuse or of the combined component.
             (Some(maps), Some(at)) => maps::evaluate(maps, component, at, geometry),
@@ -249,19 +249,19 @@ impl<'a> Renderer<'a> {
 }
 
 /// One picture in the making.
-struct Scene<'r, 'a> {
-    renderer: &'r Renderer<'a>,
+struct ViewScene<'r, 'a> {
+    renderer: &'r AssetRenderer<'a>,
     options: &'r RenderOptions,
     camera: &'r Camera,
     raster: Raster,
-    captured: Vec<&'r Captured<'a>>,
+    captured: Vec<&'r CapturedView<'a>>,
     capture_light: Option<PointLight>,
     lights: Option<Vec<(PointLight, Option<ShadowMap>)>>,
 }
 
-impl Scene<'_, '_> {
-    fn pixel(&self, index: usize) -> Pixel {
-        let mut pixel = Pixel { components: [[0.0; 3]; 2], hit: false, coverage: false };
+impl ViewScene<'_, '_> {
+    fn pixel(&self, index: usize) -> RenderedPixel {
+        let mut pixel = RenderedPixel { components: [[0.0; 3]; 2], hit: false, coverage: false };
         if !self.raster.is_covered(index) {
             return pixel;
         }
@@ -270,7 +270,7 @@ impl Scene<'_, '_> {
         let (seen, coverage) = self.sight(&surface, centre);
         pixel.hit = true;
         pixel.coverage = coverage;
-        let geometry = |light: &PointLight| Geometry::new(surface.point, surface.normal, centre, light);
+        let geometry = |light: &PointLight| ReflectionGeometry::new(surface.point, surface.normal, centre, light);
         let capture = self.capture_light.as_ref().map(geometry);
         let layers = self.options.layers;
         for (k, &component) in self.renderer.asset.components.iter().enumerate() {
@@ -285,11 +285,11 @@ impl Scene<'_, '_> {
             if part == component && !whole {
                 continue;
             }
-            let model = |geometry: Option<&Geometry>| self.renderer.model(part, &surface, geometry);
+            let model = |geometry: Option<&ReflectionGeometry>| self.renderer.model(part, &surface, geometry);
             let bound = match (&self.lights, component) {
-                (Some(_), _) => Bound::All,
-                (None, Component::Specular) => Bound::Negative,
-                (None, _) => Bound::Free,
+                (Some(_), _) => ResidualBound::All,
+                (None, Component::Specular) => ResidualBound::Negative,
+                (None, _) => ResidualBound::Free,
             };
             let shown = |model: [f32; 3], irradiance: [f32; 3], fade: f32| -> [f32; 3] {
                 let residual =
@@ -304,7 +304,7 @@ impl Scene<'_, '_> {
                         if lit.cos_light <= 0.0 {
                             continue;
                         }
-                        let reach = |map: &ShadowMap| map.reach(surface.point, lit.cos_light as f64) as f32;
+                        let reach = |map: &ShadowMap| map.visibility(surface.point, lit.cos_light as f64) as f32;
                         let reach = shadow.as_ref().map_or(1.0, reach);
                         // L_j / L of equation 15, both as irradiance; fades where the light grazes.
                         let fade = (lit.cos_light / GRAZING).min(1.0);
@@ -323,11 +323,11 @@ impl Scene<'_, '_> {
 
     /// What the captured views that see a surface point show there, with weights that sum to 1 (none if none sees it), and whether
     /// their masks let the point stand.
-    fn sight(&self, surface: &SurfacePoint, centre: [f64; 3]) -> (Vec<([Shown; 2], f32)>, bool) {
+    fn sight(&self, surface: &SurfacePoint, centre: [f64; 3]) -> (Vec<([CapturedRadiance; 2], f32)>, bool) {
         let point = DVec3::from_array(surface.point);
         let towards = |centre: [f64; 3]| (DVec3::from_array(centre) - point).normalize_or_zero();
         let wanted = towards(centre);
-        let mut order: Vec<(f64, &Captured)> =
+        let mut order: Vec<(f64, &CapturedView)> =
             self.captured.iter().map(|c| (angle(towards(c.camera.centre()), wanted), *c)).collect();
         order.sort_by(|a, b| a.0.total_cmp(&b.0));
         let (mut seen, mut angles, mut cut) = (Vec::new(), Vec::new(), false);
@@ -335,13 +335,13 @@ impl Scene<'_, '_> {
             if seen.len() > self.options.views {
                 break;
             }
-            match captured.look(surface.point) {
-                Sight::Seen(shown, confidence) => {
+            match captured.sample_at(surface.point) {
+                CapturedSample::Seen(shown, confidence) => {
                     seen.push((shown, confidence));
                     angles.push(angle);
                 }
-                Sight::Cut => cut |= seen.is_empty(),
-                Sight::Unseen => {}
+                CapturedSample::Cut => cut |= seen.is_empty(),
+                CapturedSample::Unseen => {}
             }
         }
         let weights = weights(angles.into_iter(), self.options.views);
@@ -354,7 +354,7 @@ impl Scene<'_, '_> {
 
 /// Which residuals may not exceed their share of the captured model.
 #[derive(Clone, Copy, PartialEq)]
-enum Bound {
+enum ResidualBound {
     /// None.
     Free,
     /// Those that take away: a highlight which the capture didn't have leaves no black hole where the model has none.
@@ -367,18 +367,18 @@ enum Bound {
 /// these in the (signed) square-root signal, minus the model. A residual is scaled by `irradiance`; a bounded one by the lesser of that
 /// and the model's ratio to the model in the view.
 fn residual(
-    seen: &[([Shown; 2], f32)],
+    seen: &[([CapturedRadiance; 2], f32)],
     component: usize,
     model: [f32; 3],
     irradiance: [f32; 3],
-    bound: Bound,
+    bound: ResidualBound,
 ) -> [f32; 3] {
     let mut sum = [0f32; 3];
     for (shown, weight) in seen {
-        let Shown { photograph, model: captured } = &shown[component];
+        let CapturedRadiance { photograph, model: captured } = &shown[component];
         for c in 0..3 {
             let residual = photograph[c] - captured[c];
-            let bounded = bound == Bound::All || (bound == Bound::Negative && residual < 0.0);
+            let bounded = bound == ResidualBound::All || (bound == ResidualBound::Negative && residual < 0.0);
             let scale =
                 if bounded && captured[c] > 0.0 { irradiance[c].min(model[c] / captured[c]) } else { irradiance[c] };
             // The first is exact where model and captured model agree.

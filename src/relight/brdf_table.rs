@@ -13,21 +13,21 @@ const HALF: usize = 24;
 const DIFFERENCE: usize = 16;
 const AZIMUTH: usize = 6;
 /// Least cosine of a direction at which the function is looked at.
-const LEAST: f64 = 2e-3;
+const MIN_COSINE: f64 = 2e-3;
 
 /// The tables of an isotropic function.
-pub(super) struct Gloss {
+pub(super) struct SpecularTable {
     distribution: Vec<f32>,
     /// By azimuth, then difference, then half vector, slowest to fastest.
-    rest: Vec<Vec3>,
+    remainder: Vec<Vec3>,
     /// Greatest number of `rest`.
-    most: f32,
+    max_remainder: f32,
 }
 
 /// Largest relative error (root mean square) with which tables are used.
-const MOST_ERROR: f64 = 0.02;
+const MAX_ERROR: f64 = 0.02;
 
-impl Gloss {
+impl SpecularTable {
     /// `None` for functions that change when the surface is turned about its normal, or that the tables miss by more than 2 %.
     pub(super) fn new(brdf: &dyn Brdf) -> Option<Self> {
         if !is_isotropic(brdf) {
@@ -59,8 +59,8 @@ impl Gloss {
         }
         let most = rest.iter().map(|r| r.max_element()).fold(0.0, f32::max);
         let distribution = distribution.into_iter().map(|d| d as f32).collect();
-        let gloss = Gloss { distribution, rest, most };
-        (gloss.error(brdf) < MOST_ERROR).then_some(gloss)
+        let gloss = SpecularTable { distribution, remainder: rest, max_remainder: most };
+        (gloss.error(brdf) < MAX_ERROR).then_some(gloss)
     }
 
     /// Root mean square error over the root mean square of `f (n.i) (n.o)`, half of the pairs of directions near the mirror's.
@@ -75,16 +75,16 @@ impl Gloss {
             let exact = glam::DVec3::from_array(brdf.evaluate(i, o)) * (i[2] * o[2]);
             let h = glam::DVec3::new(i[0] + o[0], i[1] + o[1], i[2] + o[2]);
             let (sine, cosine) = ((h.x.hypot(h.y) / h.length()) as f32, (0.5 * h.length()) as f32);
-            let found = self.distribution(sine) * self.rest(sine, cosine, (i[2] - o[2]) as f32);
+            let found = self.distribution(sine) * self.remainder(sine, cosine, (i[2] - o[2]) as f32);
             wrong += (found.as_dvec3() - exact).length_squared();
             all += exact.length_squared();
         }
         (wrong / all).sqrt()
     }
 
-    /// Greatest number that [`Self::rest`] gives.
-    pub(super) fn most(&self) -> f32 {
-        self.most
+    /// Greatest number that [`Self::remainder`] gives.
+    pub(super) fn max_remainder(&self) -> f32 {
+        self.max_remainder
     }
 
     /// `D` for the sine of the half vector's angle.
@@ -98,7 +98,7 @@ impl Gloss {
     /// `R`, by the sine of the half vector's angle, the cosine of the difference angle and the difference of both directions' cosines to
     /// the normal.
     #[inline]
-    pub(super) fn rest(&self, sine: f32, cos_difference: f32, cosines_apart: f32) -> Vec3 {
+    pub(super) fn remainder(&self, sine: f32, cos_difference: f32, cosines_apart: f32) -> Vec3 {
         let sin_difference = (1.0 - cos_difference * cos_difference).max(0.0).sqrt();
         let azimuth = cosines_apart.abs() / (2.0 * sine * sin_difference).max(1e-9);
         let place = |t: f32, of: usize| {
@@ -109,7 +109,7 @@ impl Gloss {
         let ((h, a), (d, b), (z, c)) =
             (place(sine.sqrt(), HALF), place(cos_difference, DIFFERENCE), place(azimuth, AZIMUTH));
         let first = (z * DIFFERENCE + d) * HALF + h;
-        let line = |at: usize| self.rest[at] + (self.rest[at + 1] - self.rest[at]) * a;
+        let line = |at: usize| self.remainder[at] + (self.remainder[at + 1] - self.remainder[at]) * a;
         let plane = |at: usize| line(at) * (1.0 - b) + line(at + HALF) * b;
         plane(first) * (1.0 - c) + plane(first + DIFFERENCE * HALF) * c
     }
@@ -120,9 +120,9 @@ impl Gloss {
 fn sample(brdf: &dyn Brdf, sine: f64, cos_difference: f64, azimuth: f64) -> glam::DVec3 {
     let sine = sine.min(1.0 - 1e-5);
     let cosine = (1.0 - sine * sine).sqrt();
-    let cos_difference = cos_difference.clamp(LEAST / cosine.max(0.05), 1.0);
+    let cos_difference = cos_difference.clamp(MIN_COSINE / cosine.max(0.05), 1.0);
     let sin_difference = (1.0 - cos_difference * cos_difference).sqrt();
-    let limit = ((cosine * cos_difference - LEAST) / (sine * sin_difference).max(1e-9)).max(0.0);
+    let limit = ((cosine * cos_difference - MIN_COSINE) / (sine * sin_difference).max(1e-9)).max(0.0);
     let x = azimuth.min(limit);
     let y = (1.0 - x * x).max(0.0).sqrt();
     // About the half vector, then turned by its angle in the plane of x and z.
@@ -145,24 +145,24 @@ fn is_isotropic(brdf: &dyn Brdf) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use crate::brdf::models::{ClassicalModel, Lobe};
+    use crate::brdf::models::{ClassicalLobe, ClassicalModel};
     use crate::relight::brdf_table::*;
 
     #[test]
     fn tables_are_the_function() {
-        let model = |lobe: Lobe| ClassicalModel { diffuse: [0.0; 3], specular: [1.0; 3], lobe };
+        let model = |lobe: ClassicalLobe| ClassicalModel { diffuse: [0.0; 3], specular: [1.0; 3], lobe };
         for lobe in [
-            Lobe::BlinnPhong { exponent: 60.0 },
-            Lobe::CookTorranceBeckmann { roughness: 0.12, reflectance: 0.7 },
-            Lobe::CookTorranceBeckmann { roughness: 0.35, reflectance: 0.04 },
-            Lobe::CookTorranceGgx { roughness: 0.2, reflectance: 0.5 },
-            Lobe::Ward { roughness: 0.2 },
+            ClassicalLobe::BlinnPhong { exponent: 60.0 },
+            ClassicalLobe::CookTorranceBeckmann { roughness: 0.12, reflectance: 0.7 },
+            ClassicalLobe::CookTorranceBeckmann { roughness: 0.35, reflectance: 0.04 },
+            ClassicalLobe::CookTorranceGgx { roughness: 0.2, reflectance: 0.5 },
+            ClassicalLobe::Ward { roughness: 0.2 },
         ] {
             let model = model(lobe);
-            let gloss = Gloss::new(&model).unwrap();
+            let gloss = SpecularTable::new(&model).unwrap();
             let error = gloss.error(&model);
             assert!(error < 0.015, "{:?}: {error}", model.lobe);
         }
-        assert!(Gloss::new(&model(Lobe::WardAnisotropic { roughness: [0.1, 0.3] })).is_none());
+        assert!(SpecularTable::new(&model(ClassicalLobe::WardAnisotropic { roughness: [0.1, 0.3] })).is_none());
     }
 }

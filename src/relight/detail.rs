@@ -1,7 +1,7 @@
 //! What the photographs have beyond the model, where light and view were captured, on a picture under another light.
 
-use super::scene::Relit;
-use super::{Layers, RenderOptions, Renderer};
+use super::scene::EnvironmentRender;
+use super::{AssetRenderer, RenderLayers, RenderOptions};
 use crate::asset::Asset;
 use crate::error::Result;
 use crate::views::{Camera, Component};
@@ -12,12 +12,17 @@ const FACTOR: [f32; 2] = [0.5, 2.0];
 /// Multiplies the diffuse part by the ratio of photographs to model under the capture's own light, as the camera sees it, so that
 /// texture finer than the maps is kept. The residual was measured under that light only: where the model is dark or nothing was
 /// captured, nothing changes.
-pub fn add_detail(relit: &mut Relit, renderer: &Renderer, asset: &Asset, camera: &Camera) -> Result<()> {
+pub fn add_detail(
+    relit: &mut EnvironmentRender,
+    renderer: &AssetRenderer,
+    asset: &Asset,
+    camera: &Camera,
+) -> Result<()> {
     let Some(component) = asset.components.iter().position(|&c| c == Component::Diffuse) else { return Ok(()) };
     if asset.photographs.iter().all(Option::is_none) {
         return Ok(());
     }
-    let layers = |residual: bool| Layers { specular: false, residual, ..Layers::default() };
+    let layers = |residual: bool| RenderLayers { specular: false, residual, ..RenderLayers::default() };
     let options = |residual: bool| RenderOptions { layers: layers(residual), ..RenderOptions::default() };
     let model = renderer.render(camera, &options(false))?;
     let whole = renderer.render(camera, &options(true))?;

@@ -1,20 +1,20 @@
 //! An environment made ready for rendering: compact bright sources as distant lights, everything else prefiltered on octahedral grids.
 
-use super::octahedral_map::Sphere;
-use crate::lighting::Level;
+use super::octahedral_map::OctahedralMap;
+use crate::lighting::PrefilteredMap;
 use crate::lighting::prefiltered::SHARPNESS;
 #[cfg(feature = "encode")]
-use crate::lighting::{Environment, levels::levels};
+use crate::lighting::{EnvironmentMap, levels::prefiltered_maps};
 use crate::sphere::octahedral::{directions, solid_angles, taps};
 use glam::Vec3;
 use std::sync::OnceLock;
 
 /// Cells along a side of the sharpest levels' grids.
 #[cfg(feature = "encode")]
-const LARGEST: usize = 256;
+const MAX_MAP_SIZE: usize = 256;
 /// Most distant lights.
 #[cfg(feature = "encode")]
-const MOST_LIGHTS: usize = 64;
+const MAX_LIGHTS: usize = 64;
 
 /// A level that still shows where light comes from and has few cells: sharpness 82.
 const BLURRED: usize = 4;
@@ -34,69 +34,70 @@ pub struct DistantLight {
 
 /// How an environment is taken apart.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct SurroundOptions {
+pub struct PreparedEnvironmentOptions {
     /// Distant lights at most, 64 or fewer; 0 leaves all light in the levels.
     pub distant_lights: usize,
     /// Radiance, in units of the mean, above which a pixel may belong to a distant light.
     pub threshold: f32,
 }
 
-impl Default for SurroundOptions {
+impl Default for PreparedEnvironmentOptions {
     fn default() -> Self {
-        SurroundOptions { distant_lights: 16, threshold: 20.0 }
+        PreparedEnvironmentOptions { distant_lights: 16, threshold: 20.0 }
     }
 }
 
 /// Environment light for a renderer.
 #[derive(Clone)]
-pub struct Surround {
+pub struct PreparedEnvironment {
     /// Compact bright sources.
     pub(super) distant: Vec<DistantLight>,
-    levels: Vec<Sphere>,
-    /// [`Self::blurred_cells`], once they were asked for.
+    levels: Vec<OctahedralMap>,
+    /// [`Self::blurred_cell_flux`], once they were asked for.
     blurred: OnceLock<Vec<Vec3>>,
     /// The levels are a file's, with all light in them.
     pub(super) is_stored: bool,
 }
 
-impl Surround {
+impl PreparedEnvironment {
     /// Takes the environment apart and filters it.
     #[cfg(feature = "encode")]
-    pub fn new(environment: &Environment, options: &SurroundOptions) -> Self {
-        let (rest, distant) = take_out_bright(environment, options);
-        let levels = levels(&rest, LARGEST);
-        Surround { distant, is_stored: false, ..Self::of_levels(&levels) }
+    pub fn new(environment: &EnvironmentMap, options: &PreparedEnvironmentOptions) -> Self {
+        let (rest, distant) = extract_bright_sources(environment, options);
+        let levels = prefiltered_maps(&rest, MAX_MAP_SIZE);
+        PreparedEnvironment { distant, is_stored: false, ..Self::from_prefiltered(&levels) }
     }
 
     /// From a file's prefiltered levels, one for each of [`SHARPNESS`]; black where there are not as many.
-    pub fn of_levels(levels: &[Level]) -> Self {
-        let read = |level: &Level| {
+    pub fn from_prefiltered(levels: &[PrefilteredMap]) -> Self {
+        let read = |level: &PrefilteredMap| {
             let side = level.size();
-            Sphere::new(side, |x, y| Vec3::from_array(level.cells()[y * side + x]))
+            OctahedralMap::new(side, |x, y| Vec3::from_array(level.cells()[y * side + x]))
         };
-        let mut levels: Vec<Sphere> = levels.iter().take(SHARPNESS.len()).map(read).collect();
-        levels.resize_with(SHARPNESS.len(), || Sphere::new(1, |_, _| Vec3::ZERO));
-        Surround { distant: Vec::new(), levels, blurred: OnceLock::new(), is_stored: true }
+        let mut levels: Vec<OctahedralMap> = levels.iter().take(SHARPNESS.len()).map(read).collect();
+        levels.resize_with(SHARPNESS.len(), || OctahedralMap::new(1, |_, _| Vec3::ZERO));
+        PreparedEnvironment { distant: Vec::new(), levels, blurred: OnceLock::new(), is_stored: true }
     }
 
     /// Radius of a disc with a light's [`DistantLight::radius`], radians.
-    pub(super) fn disc(light: &DistantLight) -> f64 {
+    pub(super) fn disc_radius(light: &DistantLight) -> f64 {
         std::f64::consts::SQRT_2 * light.radius as f64
     }
 
     /// The compact bright sources.
-    pub fn lights(&self) -> &[DistantLight] {
+    pub fn distant_lights(&self) -> &[DistantLight] {
         &self.distant
     }
 
     /// Radiance around a direction, given by its place on the octahedral square, averaged with a spherical Gaussian; without the
     /// distant lights. `level` counts in [`SHARPNESS`].
     #[inline]
-    pub(super) fn filtered(&self, square: glam::Vec2, level: f32) -> Vec3 {
+    pub(super) fn filtered_radiance(&self, square: glam::Vec2, level: f32) -> Vec3 {
         let level = level.clamp(0.0, (SHARPNESS.len() - 1) as f32);
         let first = (level as usize).min(SHARPNESS.len() - 2);
         let part = level - first as f32;
-        let (fine, coarse) = (self.levels[first].read(square), self.levels[first + 1].read(square));
+        let (fine, coarse) =
+            (self.levels[first].sample_bilinear(square), self.levels[first + 1].sample_bilinear(square));
         fine + (coarse - fine) * part
     }
 
@@ -104,7 +105,7 @@ impl Surround {
     pub fn irradiance(&self, normal: [f32; 3]) -> [f32; 3] {
         let normal = Vec3::from_array(normal);
         let cosine = |d: Vec3| d.dot(normal).max(0.0);
-        let cells = self.blurred_cells().iter().zip(directions(BLURRED_SIDE));
+        let cells = self.blurred_cell_flux().iter().zip(directions(BLURRED_SIDE));
         let even: Vec3 = cells.map(|(light, d)| light * cosine(Vec3::from_array(d.map(|x| x as f32)))).sum();
         let distant =
             self.distant.iter().map(|l| Vec3::from_array(l.irradiance) * cosine(Vec3::from_array(l.direction)));
@@ -112,12 +113,12 @@ impl Surround {
     }
 
     /// Mean radiance, times the solid angle, in each cell of a grid, without the distant lights.
-    pub(super) fn cells(&self, side: usize) -> Vec<Vec3> {
+    pub(super) fn cell_flux(&self, side: usize) -> Vec<Vec3> {
         self.cells_of(0, side)
     }
 
     /// The same in a grid of [`BLURRED_SIDE`] from a blurred level, which has fewer cells to sum.
-    pub(super) fn blurred_cells(&self) -> &[Vec3] {
+    pub(super) fn blurred_cell_flux(&self) -> &[Vec3] {
         self.blurred.get_or_init(|| self.cells_of(BLURRED, BLURRED_SIDE))
     }
 
@@ -126,7 +127,7 @@ impl Surround {
         let mut cells = vec![Vec3::ZERO; side * side];
         let angles = solid_angles(level.side);
         for (k, direction) in directions(level.side).into_iter().enumerate() {
-            let radiance = level.at(k % level.side, k / level.side) * angles[k] as f32;
+            let radiance = level.texel(k % level.side, k / level.side) * angles[k] as f32;
             let around = taps(direction, side);
             for (cell, weight) in around.cells.into_iter().zip(around.weights) {
                 cells[cell as usize] += weight * radiance;
@@ -172,35 +173,38 @@ pub(super) fn exp(x: f32) -> f32 {
 
 /// The environment without its compact bright parts, and those as distant lights: median cut of what lies above the threshold.
 #[cfg(feature = "encode")]
-fn take_out_bright(environment: &Environment, options: &SurroundOptions) -> (Environment, Vec<DistantLight>) {
+fn extract_bright_sources(
+    environment: &EnvironmentMap,
+    options: &PreparedEnvironmentOptions,
+) -> (EnvironmentMap, Vec<DistantLight>) {
     let image = environment.image();
     let whole = environment.integral();
     let luminance = |c: [f64; 3]| (c[0] + c[1] + c[2]) / 3.0;
     let mean = luminance(whole) / (4.0 * std::f64::consts::PI);
     let limit = (options.threshold as f64 * mean) as f32;
     let mut rest = image.clone();
-    let mut bright: Vec<Bright> = Vec::new();
+    let mut bright: Vec<BrightSource> = Vec::new();
     if options.distant_lights > 0 && limit > 0.0 {
         for y in 0..image.height {
             let angle = environment.solid_angle(y);
             for x in 0..image.width {
-                let pixel = *image.at(x, y);
+                let pixel = *image.value_at(x, y);
                 let peak = (pixel[0] + pixel[1] + pixel[2]) / 3.0;
                 if peak <= limit {
                     continue;
                 }
                 let keep = 0.25 * limit / peak;
                 let energy = pixel.map(|c| (c * (1.0 - keep)) as f64 * angle);
-                *rest.at_mut(x, y) = pixel.map(|c| c * keep);
+                *rest.value_at_mut(x, y) = pixel.map(|c| c * keep);
                 let direction = glam::DVec3::from_array(environment.direction(x as f64 + 0.5, y as f64 + 0.5));
-                bright.push(Bright { direction, energy: glam::DVec3::from_array(energy) });
+                bright.push(BrightSource { direction, energy: glam::DVec3::from_array(energy) });
             }
         }
     }
     let mut parts = if bright.is_empty() { Vec::new() } else { vec![bright] };
-    while parts.len() < options.distant_lights.min(MOST_LIGHTS) {
+    while parts.len() < options.distant_lights.min(MAX_LIGHTS) {
         // The part whose spread weighs most is cut across its longest extent.
-        let spread = |p: &Vec<Bright>| if p.len() < 2 { 0.0 } else { moments(p).2 };
+        let spread = |p: &Vec<BrightSource>| if p.len() < 2 { 0.0 } else { moments(p).2 };
         let Some((most, _)) = (0..parts.len())
             .map(|k| (k, spread(&parts[k])))
             .filter(|&(_, s)| s > 1e-4 * luminance(whole))
@@ -223,7 +227,7 @@ fn take_out_bright(environment: &Environment, options: &SurroundOptions) -> (Env
         }
     });
     let lights = lights.collect();
-    match Environment::new(rest) {
+    match EnvironmentMap::new(rest) {
         Ok((rest, _)) => (rest, lights),
         Err(_) => (environment.clone(), Vec::new()),
     }
@@ -232,15 +236,15 @@ fn take_out_bright(environment: &Environment, options: &SurroundOptions) -> (Env
 /// A bright pixel: direction and irradiance.
 #[cfg(feature = "encode")]
 #[derive(Clone, Copy)]
-struct Bright {
+struct BrightSource {
     direction: glam::DVec3,
     energy: glam::DVec3,
 }
 
 /// Middle, energy, and the sum of energy times squared angle.
 #[cfg(feature = "encode")]
-fn moments(part: &[Bright]) -> (glam::DVec3, glam::DVec3, f64) {
-    let weight = |b: &Bright| b.energy.element_sum() / 3.0;
+fn moments(part: &[BrightSource]) -> (glam::DVec3, glam::DVec3, f64) {
+    let weight = |b: &BrightSource| b.energy.element_sum() / 3.0;
     let direction = part.iter().map(|b| b.direction * weight(b)).sum::<glam::DVec3>().normalize_or(glam::DVec3::Y);
     let energy = part.iter().map(|b| b.energy).sum();
     let spread = part.iter().map(|b| weight(b) * (b.direction - direction).length_squared()).sum();
@@ -249,8 +253,8 @@ fn moments(part: &[Bright]) -> (glam::DVec3, glam::DVec3, f64) {
 
 /// Cut where half the energy lies on either side, across the axis of the largest spread.
 #[cfg(feature = "encode")]
-fn halves(mut part: Vec<Bright>) -> (Vec<Bright>, Vec<Bright>) {
-    let weight = |b: &Bright| b.energy.element_sum();
+fn halves(mut part: Vec<BrightSource>) -> (Vec<BrightSource>, Vec<BrightSource>) {
+    let weight = |b: &BrightSource| b.energy.element_sum();
     let (middle, ..) = moments(&part);
     let mut axis = middle.any_orthonormal_vector();
     for _ in 0..20 {
@@ -278,18 +282,21 @@ mod tests {
     #[test]
     fn levels_are_the_environment_convolved() {
         let lobe = SphericalGaussian { axis: [0.6, 0.48, 0.64], sharpness: 50.0, amplitude: [3.0, 1.0, 0.5] };
-        let environment = Environment::from_fn(256, |d| lobe.evaluate(d).map(|v| v as f32));
-        let light = Surround::new(&environment, &SurroundOptions { distant_lights: 0, ..SurroundOptions::default() });
+        let environment = EnvironmentMap::from_fn(256, |d| lobe.evaluate(d).map(|v| v as f32));
+        let light = PreparedEnvironment::new(
+            &environment,
+            &PreparedEnvironmentOptions { distant_lights: 0, ..PreparedEnvironmentOptions::default() },
+        );
         for (k, &sharpness) in SHARPNESS.iter().enumerate() {
             for axis in [[0.6, 0.48, 0.64], [0.8, 0.6, 0.0], [0.0, 0.0, 1.0]] {
                 let filter = SphericalGaussian::grey(axis, sharpness, 1.0);
                 let expected = lobe.inner_product(&filter)[0] / filter.integral()[0];
                 let square = to_square(Vec3::from_array(axis.map(|x| x as f32)).normalize());
-                let found = light.filtered(square, k as f32).x as f64;
+                let found = light.filtered_radiance(square, k as f32).x as f64;
                 assert!((found - expected).abs() < 0.1 * expected.max(0.2), "{sharpness}: {found} for {expected}");
             }
         }
-        let total: Vec3 = light.cells(32).into_iter().sum();
+        let total: Vec3 = light.cell_flux(32).into_iter().sum();
         assert!((total.x as f64 / lobe.integral()[0] - 1.0).abs() < 0.01);
         assert!((level_of(82.0) - 4.0).abs() < 0.01 && (level_of(1312.0) - 2.0).abs() < 0.01);
     }
@@ -311,15 +318,18 @@ mod tests {
         let suns = [[0.6f64, 0.8, 0.0], [-0.8, 0.36, 0.48]];
         let cosine = |a: [f64; 3], b: [f64; 3]| (0..3).map(|i| a[i] * b[i]).sum::<f64>();
         let bright = |d: [f64; 3]| suns.iter().any(|&s| cosine(d, s) > 0.9995);
-        let environment = Environment::from_fn(512, |d| if bright(d) { [900.0, 800.0, 700.0] } else { [0.2; 3] });
+        let environment = EnvironmentMap::from_fn(512, |d| if bright(d) { [900.0, 800.0, 700.0] } else { [0.2; 3] });
         let whole = environment.integral();
-        let light = Surround::new(&environment, &SurroundOptions { distant_lights: 2, ..SurroundOptions::default() });
+        let light = PreparedEnvironment::new(
+            &environment,
+            &PreparedEnvironmentOptions { distant_lights: 2, ..PreparedEnvironmentOptions::default() },
+        );
         assert_eq!(light.distant.len(), 2);
         for sun in suns {
             let near = light.distant.iter().map(|l| cosine(l.direction.map(f64::from), sun)).fold(-1.0, f64::max);
             assert!(near > 0.9999, "{near}");
         }
-        let rest: Vec3 = light.cells(32).into_iter().sum();
+        let rest: Vec3 = light.cell_flux(32).into_iter().sum();
         let distant: f32 = light.distant.iter().map(|l| l.irradiance[0]).sum();
         assert!(((rest.x + distant) as f64 / whole[0] - 1.0).abs() < 0.01);
     }

@@ -1,11 +1,11 @@
 //! The better evaluator: diffuse light summed over the whole sphere at each place of the mesh, compact sources apart with exact shadows, specular
 //! light from several places of the lobe.
 
-use super::appearance::{Appearance, Prepared};
-use super::environment_light::{Surround, log2};
-use super::occlusion::ramp;
+use super::appearance::{PreparedSpecular, ShadingParameters};
+use super::environment_light::{PreparedEnvironment, log2};
+use super::occlusion::visibility_ramp;
 use super::octahedral_map::{texel_direction, to_square};
-use super::scene::{Object, Point, Scene};
+use super::scene::{EnvironmentScene, RenderObject, ShadingPoint};
 use crate::sphere::octahedral::solid_angles;
 use glam::Vec3;
 use std::f32::consts::PI;
@@ -14,10 +14,10 @@ use std::f32::consts::PI;
 const SIDE: usize = 32;
 
 /// Irradiance of every place from everything but the distant lights.
-pub(super) fn irradiance(object: &Object, surround: &Surround, shadows: bool) -> Vec<Vec3> {
+pub(super) fn irradiance(object: &RenderObject, surround: &PreparedEnvironment, shadows: bool) -> Vec<Vec3> {
     let occlusion = object.occlusion.filter(|_| shadows);
     let side = occlusion.map_or(SIDE, |o| o.side());
-    let cells = surround.cells(side);
+    let cells = surround.cell_flux(side);
     let directions: Vec<Vec3> = (0..side * side).map(|k| texel_direction(side, k % side, k / side)).collect();
     // A cell as a lobe of its solid angle.
     let sharpness: Vec<f32> = solid_angles(side).into_iter().map(|a| 2.0 * PI / a as f32).collect();
@@ -29,7 +29,8 @@ pub(super) fn irradiance(object: &Object, surround: &Surround, shadows: bool) ->
             if cosine <= 0.0 {
                 continue;
             }
-            let seen = occlusion.map_or(1.0, |o| ramp(o.of_cell(place, k % side, k / side), sharpness[k]));
+            let seen =
+                occlusion.map_or(1.0, |o| visibility_ramp(o.cell_distance(place, k % side, k / side), sharpness[k]));
             sum += cells[k] * (cosine * seen);
         }
         sum
@@ -37,11 +38,11 @@ pub(super) fn irradiance(object: &Object, surround: &Surround, shadows: bool) ->
 }
 
 /// Radiance towards the camera, diffuse and specular.
-pub(super) fn radiance(scene: &Scene, point: &Point, appearance: &Appearance) -> [Vec3; 2] {
+pub(super) fn radiance(scene: &EnvironmentScene, point: &ShadingPoint, appearance: &ShadingParameters) -> [Vec3; 2] {
     let [a, b, c] = point.places.map(|place| scene.irradiance[place as usize]);
     let mut irradiance = a * point.shares.x + b * point.shares.y + c * point.shares.z;
     let specular = appearance.specular.filter(|_| appearance.specular_scale.max_element() > 0.0);
-    let frame = point.frame();
+    let frame = point.basis();
     let outgoing = frame.transpose() * point.outgoing;
     let mut shine = Vec3::ZERO;
     for (k, light) in scene.surround.distant.iter().enumerate() {
@@ -53,24 +54,26 @@ pub(super) fn radiance(scene: &Scene, point: &Point, appearance: &Appearance) ->
         let reach = match scene.shadows.get(k) {
             Some(Some(map)) => {
                 let (position, normal) = (point.position.as_dvec3(), point.geometric.as_dvec3());
-                map.soft_reach(position.to_array(), normal.to_array(), Surround::disc(light)) as f32
+                map.soft_visibility(position.to_array(), normal.to_array(), PreparedEnvironment::disc_radius(light))
+                    as f32
             }
             _ => 1.0,
         };
         let arriving = Vec3::from_array(light.irradiance) * (cosine * reach);
         irradiance += arriving;
         if let Some(prepared) = specular.filter(|_| reach > 0.0) {
-            shine += arriving * evaluate(prepared, frame.transpose() * direction, outgoing);
+            shine += arriving * evaluate_brdf(prepared, frame.transpose() * direction, outgoing);
         }
     }
     if let Some(prepared) = specular {
-        shine += reflected(scene, point, prepared, |_, _, incoming, outgoing| evaluate(prepared, incoming, outgoing));
+        shine +=
+            reflected(scene, point, prepared, |_, _, incoming, outgoing| evaluate_brdf(prepared, incoming, outgoing));
     }
     [appearance.albedo * irradiance / PI, appearance.specular_scale * shine]
 }
 
 /// The reflection function between two directions in the tangent frame.
-pub(super) fn evaluate(prepared: &Prepared, incoming: Vec3, outgoing: Vec3) -> Vec3 {
+pub(super) fn evaluate_brdf(prepared: &PreparedSpecular, incoming: Vec3, outgoing: Vec3) -> Vec3 {
     let f = prepared.specular.brdf.evaluate(incoming.as_dvec3().to_array(), outgoing.as_dvec3().to_array());
     Vec3::from_array(f.map(|x| x as f32))
 }
@@ -80,12 +83,12 @@ pub(super) fn evaluate(prepared: &Prepared, incoming: Vec3, outgoing: Vec3) -> V
 /// incoming and outgoing direction, all in the tangent frame.
 #[inline]
 pub(super) fn reflected(
-    scene: &Scene,
-    point: &Point,
-    prepared: &Prepared,
+    scene: &EnvironmentScene,
+    point: &ShadingPoint,
+    prepared: &PreparedSpecular,
     brdf: impl Fn(Vec3, f32, Vec3, Vec3) -> Vec3,
 ) -> Vec3 {
-    let frame = point.frame();
+    let frame = point.basis();
     let outgoing = frame.transpose() * point.outgoing;
     let occlusion = scene.object.occlusion.filter(|_| scene.options.shadows);
     let count = prepared.taps.len() as f32;
@@ -104,12 +107,13 @@ pub(super) fn reflected(
         let density = density / (4.0 * cosine) * count;
         let sharpness = 2.0 * PI * density;
         let square = to_square(world);
-        let seen = occlusion.map_or(1.0, |o| ramp(o.distance(point.places, point.shares, square), sharpness));
+        let seen = occlusion
+            .map_or(1.0, |o| visibility_ramp(o.interpolated_distance(point.places, point.shares, square), sharpness));
         if seen <= 0.0 {
             continue;
         }
         // The tap's level is that of the half vector's density; the turn to the reflected one makes it coarser.
-        let light = scene.surround.filtered(square, level + 0.5 * log2(cosine));
+        let light = scene.surround.filtered_radiance(square, level + 0.5 * log2(cosine));
         sum += light * brdf(half, cosine, incoming, outgoing) * (incoming.z * seen / density);
     }
     sum

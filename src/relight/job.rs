@@ -1,8 +1,8 @@
 //! A picture asked for in one JSON file, so that another renderer can be asked for the same.
 
-use super::material::{Material, Specular};
-use super::models::{TorranceSparrow, above_its_least};
-use crate::brdf::models::{ClassicalModel, Lobe};
+use super::material::{Material, SpecularPart};
+use super::models::{TorranceSparrow, split_constant_part};
+use crate::brdf::models::{ClassicalLobe, ClassicalModel};
 use crate::brdf::{Brdf, materials};
 use crate::container::{Container, Tag};
 use crate::error::{Error, Result};
@@ -115,7 +115,7 @@ impl Job {
 /// A number, or a picture that drives it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(untagged)]
-pub enum Parameter<T> {
+pub enum JobParameter<T> {
     /// The same all over.
     Constant(T),
     /// Values of a picture at the mesh's texture coordinates, 0 to 1 (linear) times `scale`.
@@ -131,19 +131,19 @@ pub enum Parameter<T> {
 /// One number for all colours, or three.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(untagged)]
-pub enum Colour {
+pub enum JobColour {
     /// All alike.
     Grey(f64),
     /// Red, green, blue.
     Rgb([f64; 3]),
 }
 
-impl Colour {
+impl JobColour {
     /// Red, green, blue.
     pub fn rgb(self) -> [f64; 3] {
         match self {
-            Colour::Grey(value) => [value; 3],
-            Colour::Rgb(rgb) => rgb,
+            JobColour::Grey(value) => [value; 3],
+            JobColour::Rgb(rgb) => rgb,
         }
     }
 }
@@ -163,19 +163,19 @@ pub struct JobMaterial {
     pub name: Option<String>,
     /// Diffuse albedo.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub diffuse: Option<Parameter<Colour>>,
+    pub diffuse: Option<JobParameter<JobColour>>,
     /// Factor of the specular part; for models with a Fresnel term see `reflectance`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub specular: Option<Parameter<Colour>>,
+    pub specular: Option<JobParameter<JobColour>>,
     /// Reflectance at normal incidence, for `cook-torrance` and `ashikhmin-shirley` [default: 1].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reflectance: Option<f64>,
     /// Slope: one number, or for `ward` also two (along and across); `sigma` of `torrance-sparrow`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub roughness: Option<Parameter<Pair>>,
+    pub roughness: Option<JobParameter<JobPair>>,
     /// Exponent: one number, or for `ashikhmin-shirley` also two.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub exponent: Option<Pair>,
+    pub exponent: Option<JobPair>,
     /// `cx = cy` and `cz` of `lafortune`, up to a common factor [default: -1 and 1].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub coefficients: Option<[f64; 2]>,
@@ -187,19 +187,19 @@ pub struct JobMaterial {
 /// One number, or two: along the tangent and across.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(untagged)]
-pub enum Pair {
+pub enum JobPair {
     /// Both alike.
     Both(f64),
     /// Along, across.
     Two([f64; 2]),
 }
 
-impl Pair {
+impl JobPair {
     /// Along, across.
     pub fn values(self) -> [f64; 2] {
         match self {
-            Pair::Both(value) => [value; 2],
-            Pair::Two(values) => values,
+            JobPair::Both(value) => [value; 2],
+            JobPair::Two(values) => values,
         }
     }
 }
@@ -208,7 +208,7 @@ impl JobMaterial {
     /// The specular part without its factor, `roughness` in place of the job's where it varies; `None` for `lambert`.
     pub fn specular_part(&self, roughness: Option<f64>) -> Result<Option<Box<dyn Brdf + Send>>> {
         let constant = match &self.roughness {
-            Some(Parameter::Constant(pair)) => Some(pair.values()),
+            Some(JobParameter::Constant(pair)) => Some(pair.values()),
             _ => None,
         };
         let asked = |what: &str| Error::parameter(format!("material: {} needs {what}", self.model));
@@ -221,17 +221,17 @@ impl JobMaterial {
         let reflectance = self.reflectance.unwrap_or(1.0);
         let lobe = match self.model.as_str() {
             "lambert" => return Ok(None),
-            "blinn-phong" => Lobe::BlinnPhong { exponent: exponents()?[0] },
+            "blinn-phong" => ClassicalLobe::BlinnPhong { exponent: exponents()?[0] },
             "cook-torrance" => match self.distribution.as_deref() {
-                None | Some("beckmann") => Lobe::CookTorranceBeckmann { roughness: rough()?[0], reflectance },
-                Some("ggx") => Lobe::CookTorranceGgx { roughness: rough()?[0], reflectance },
+                None | Some("beckmann") => ClassicalLobe::CookTorranceBeckmann { roughness: rough()?[0], reflectance },
+                Some("ggx") => ClassicalLobe::CookTorranceGgx { roughness: rough()?[0], reflectance },
                 Some(other) => return Err(Error::Unsupported(format!("distribution {other}; known: beckmann, ggx"))),
             },
-            "ward" => Lobe::WardAnisotropic { roughness: rough()? },
-            "ashikhmin-shirley" => Lobe::AshikhminShirley { exponents: exponents()?, reflectance },
+            "ward" => ClassicalLobe::WardAnisotropic { roughness: rough()? },
+            "ashikhmin-shirley" => ClassicalLobe::AshikhminShirley { exponents: exponents()?, reflectance },
             "lafortune" => {
                 let [xy, z] = self.coefficients.unwrap_or([-1.0, 1.0]);
-                Lobe::Lafortune { xy, z, exponent: exponents()?[0] }
+                ClassicalLobe::Lafortune { xy, z, exponent: exponents()?[0] }
             }
             "torrance-sparrow" => return Ok(Some(Box::new(TorranceSparrow { sigma: rough()?[0] }))),
             other => {
@@ -250,10 +250,10 @@ impl JobMaterial {
         if !matches!(self.model.as_str(), "dsbrdf" | "fitted") {
             return self.uniform();
         }
-        let factor = |parameter: &Option<Parameter<Colour>>| match parameter {
+        let factor = |parameter: &Option<JobParameter<JobColour>>| match parameter {
             None => Ok([1.0; 3]),
-            Some(Parameter::Constant(colour)) => Ok(colour.rgb()),
-            Some(Parameter::Texture { .. }) => {
+            Some(JobParameter::Constant(colour)) => Ok(colour.rgb()),
+            Some(JobParameter::Texture { .. }) => {
                 Err(Error::parameter(format!("material: {} takes factors, not textures", self.model)))
             }
         };
@@ -264,7 +264,7 @@ impl JobMaterial {
         let path = folder.resolve_path(file)?;
         let mut container = Container::open_seek(crate::input::open(&path)?.0, limits)?;
         let section = container.read_section(Tag::MATERIALS)?;
-        let materials = materials::decode(&section, &container.budget())?;
+        let materials = materials::decode_materials(&section, &container.budget())?;
         let known = || materials.iter().map(|m| m.name.as_str()).collect::<Vec<_>>().join(", ");
         let found = match &self.name {
             Some(name) => materials.iter().find(|m| m.name == *name),
@@ -275,26 +275,26 @@ impl JobMaterial {
             return Err(Error::input(&path, message));
         };
         let brdf: Box<dyn Brdf + Send> = match self.model.as_str() {
-            "dsbrdf" => Box::new(found.material.lobes()?),
+            "dsbrdf" => Box::new(found.material.to_dsbrdf()?),
             _ => Box::new(found.material.clone()),
         };
-        let (albedo, rest) = above_its_least(brdf);
+        let (albedo, rest) = split_constant_part(brdf);
         let albedo = std::array::from_fn(|c| albedo[c] * diffuse[c]);
-        Ok(Material { albedo, specular: Some(Specular::new(rest)), specular_scale })
+        Ok(Material { albedo, specular: Some(SpecularPart::new(rest)), specular_scale })
     }
 
     /// The material, where nothing in it varies; what does is taken as 1.
     pub fn uniform(&self) -> Result<Material> {
-        let colour = |parameter: &Option<Parameter<Colour>>, none: f64| match parameter {
-            Some(Parameter::Constant(colour)) => colour.rgb(),
-            Some(Parameter::Texture { .. }) => [1.0; 3],
+        let colour = |parameter: &Option<JobParameter<JobColour>>, none: f64| match parameter {
+            Some(JobParameter::Constant(colour)) => colour.rgb(),
+            Some(JobParameter::Texture { .. }) => [1.0; 3],
             None => [none; 3],
         };
         let part = self.specular_part(None)?;
         let diffuse = if part.is_none() { 0.5 } else { 0.0 };
         Ok(Material {
             albedo: colour(&self.diffuse, diffuse),
-            specular: part.map(Specular::new),
+            specular: part.map(SpecularPart::new),
             specular_scale: colour(&self.specular, 1.0),
         })
     }

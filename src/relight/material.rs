@@ -30,7 +30,7 @@ impl HalfLobe {
     /// The lobe over the direction of light for an outgoing direction, as published: isotropic, a quarter of the sharpness over the
     /// cosine of half the angle turned (Wang 2009). An anisotropic one becomes a row of lobes along its wider direction, each as sharp
     /// as the narrow one.
-    pub fn warp_published(&self, outgoing: [f64; 3]) -> Vec<SphericalGaussian> {
+    pub fn warp_isotropic(&self, outgoing: [f64; 3]) -> Vec<SphericalGaussian> {
         let outgoing = DVec3::from_array(outgoing);
         let warped = |axis: DVec3, sharpness: f64, amplitude: f64| {
             let cosine = axis.dot(outgoing);
@@ -130,13 +130,13 @@ pub struct Material {
     /// Diffuse albedo, red, green, blue.
     pub albedo: [f64; 3],
     /// Specular part, times [`Self::specular_scale`].
-    pub specular: Option<Specular>,
+    pub specular: Option<SpecularPart>,
     /// Factor of the specular part.
     pub specular_scale: [f64; 3],
 }
 
 /// Specular reflection with its distribution of half vectors.
-pub struct Specular {
+pub struct SpecularPart {
     /// The function itself.
     pub brdf: Box<dyn Brdf + Send>,
     /// Its distribution of half vectors as lobes.
@@ -145,13 +145,13 @@ pub struct Specular {
     pub(super) shares: Vec<f64>,
 }
 
-impl Specular {
+impl SpecularPart {
     /// Fits lobes to a reflection function.
     pub fn new(brdf: Box<dyn Brdf + Send>) -> Self {
         let lobes = fit_lobes(&*brdf);
         let total: f64 = lobes.iter().map(HalfLobe::integral).sum();
         let shares = lobes.iter().map(|l| l.integral() / total.max(1e-30)).collect();
-        Specular { brdf, lobes, shares }
+        SpecularPart { brdf, lobes, shares }
     }
 
     /// Probability density, per solid angle, of half vectors drawn from the lobes by their shares.
@@ -321,7 +321,7 @@ mod tests {
         assert!(error(&lobes, ward) < 0.12, "ward: {}", error(&lobes, ward));
         assert!(lobes.len() < 12);
         // As rows of isotropic lobes, as published.
-        let row: Vec<_> = lobes.iter().flat_map(|l| l.warp_published([0.0, 0.0, 1.0])).collect();
+        let row: Vec<_> = lobes.iter().flat_map(|l| l.warp_isotropic([0.0, 0.0, 1.0])).collect();
         let half = |h: DVec3| (2.0 * h.z * h - DVec3::Z).to_array();
         for h in [DVec3::new(0.03, 0.1, 0.9946), DVec3::new(0.0, 0.3, 0.954), DVec3::new(0.1, 0.0, 0.995)] {
             let h = h.normalize();
@@ -336,7 +336,7 @@ mod tests {
         for (degrees, worst_published, worst) in [(60.0f64, (0.25, 0.45), 0.12), (75.0, (0.5, 0.75), 0.27)] {
             let (s, c) = degrees.to_radians().sin_cos();
             let outgoing = DVec3::new(s * 0.6, s * 0.8, c);
-            let published = lobe.warp_published(outgoing.to_array())[0];
+            let published = lobe.warp_isotropic(outgoing.to_array())[0];
             let warped = lobe.warp(outgoing.to_array());
             let (mut all, mut wrong, mut wrong_published) = (0.0, 0.0, 0.0);
             for k in 0..40_000 {
@@ -356,7 +356,7 @@ mod tests {
     #[test]
     fn taps_follow_the_distribution() {
         let ggx = |h: DVec3| (h.z * h.z * (0.09 - 1.0) + 1.0f64).powi(-2);
-        let specular = Specular::new(Box::new(Distribution(ggx)));
+        let specular = SpecularPart::new(Box::new(Distribution(ggx)));
         let taps = specular.taps(64);
         assert!((60..=64).contains(&taps.len()), "{}", taps.len());
         let above = taps.iter().filter(|h| h.z > 0.0);

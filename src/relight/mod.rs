@@ -29,23 +29,23 @@ mod shadow;
 mod spherical_gaussian;
 mod textures;
 
-pub use appearance::{Appearance, Look, Prepared, Uniform};
-pub use asset_renderer::Renderer;
+pub use appearance::{PreparedSpecular, ShadingModel, ShadingParameters, UniformMaterial};
+pub use asset_renderer::AssetRenderer;
 pub use cameras::{look_at, orbit};
 pub use detail::add_detail;
-pub use environment_light::{DistantLight, Surround, SurroundOptions};
+pub use environment_light::{DistantLight, PreparedEnvironment, PreparedEnvironmentOptions};
 #[cfg(feature = "encode")]
 pub(crate) use ground::RUN;
 #[cfg(feature = "encode")]
 pub use ground::{Ground, GroundShadow, composite, ground_shadow};
-pub use material::{HalfLobe, Material, Specular, WarpedLobe, fit_lobes};
+pub use material::{HalfLobe, Material, SpecularPart, WarpedLobe, fit_lobes};
 pub use models::TorranceSparrow;
 pub use occlusion::Occlusion;
-pub use realtime::{Frame, Motion};
+pub use realtime::{RealtimeFrame, RealtimeRenderer};
 #[cfg(feature = "encode")]
 pub use reference::{ReferenceOptions, reference};
-pub use scene::{EnvironmentOptions, Evaluator, Object, Relit, Scene};
-pub use textures::{AssetLook, Texture, TexturedLook, Textures};
+pub use scene::{EnvironmentOptions, EnvironmentRender, EnvironmentScene, Evaluator, RenderObject};
+pub use textures::{AssetShading, Texture, TexturedShading, Textures};
 
 use crate::asset::Asset;
 use crate::error::Result;
@@ -54,7 +54,7 @@ use crate::views::{Camera, PointLight};
 
 /// Which light falls on the object.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Lighting {
+pub enum RenderLighting {
     /// The light of the nearest captured views. Of a capture under several lights (standing still or moving with the camera) the one of
     /// this number, 0 the most used.
     Capture(usize),
@@ -64,7 +64,7 @@ pub enum Lighting {
 
 /// Parts of a picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Layers {
+pub struct RenderLayers {
     /// Diffuse reflection. The residual of a capture without polarisers is shown only if both reflections are.
     pub diffuse: bool,
     /// Specular reflection.
@@ -75,9 +75,9 @@ pub struct Layers {
     pub residual: bool,
 }
 
-impl Default for Layers {
+impl Default for RenderLayers {
     fn default() -> Self {
-        Layers { diffuse: true, specular: true, model: true, residual: true }
+        RenderLayers { diffuse: true, specular: true, model: true, residual: true }
     }
 }
 
@@ -85,18 +85,18 @@ impl Default for Layers {
 #[derive(Debug, Clone, PartialEq)]
 pub struct RenderOptions {
     /// The light.
-    pub lighting: Lighting,
+    pub lighting: RenderLighting,
     /// Parts shown.
-    pub layers: Layers,
+    pub layers: RenderLayers,
     /// Captured views between which the residual of a surface point is interpolated, at most. 1 takes only the nearest one.
     pub views: usize,
-    /// Whether the object shadows itself under [`Lighting::Points`].
+    /// Whether the object shadows itself under [`RenderLighting::Points`].
     pub shadows: bool,
 }
 
 impl Default for RenderOptions {
     fn default() -> Self {
-        RenderOptions { lighting: Lighting::Capture(0), layers: Layers::default(), views: 3, shadows: true }
+        RenderOptions { lighting: RenderLighting::Capture(0), layers: RenderLayers::default(), views: 3, shadows: true }
     }
 }
 
@@ -109,7 +109,7 @@ impl RenderOptions {
 
 /// A picture.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Rendered {
+pub struct ViewRender {
     /// Linear radiance of the layers asked for: the sum of the components, each not below 0. 0 where nothing is hit.
     pub image: RgbImage,
     /// The same per component, parallel to [`Asset::components`]; may be negative.
@@ -120,9 +120,9 @@ pub struct Rendered {
     pub coverage: Mask,
 }
 
-/// Renders one picture. For several of one asset keep a [`Renderer`].
-pub fn render(asset: &Asset, camera: &Camera, options: &RenderOptions) -> Result<Rendered> {
-    Renderer::new(asset)?.render(camera, options)
+/// Renders one picture. For several of one asset keep a [`AssetRenderer`].
+pub fn render(asset: &Asset, camera: &Camera, options: &RenderOptions) -> Result<ViewRender> {
+    AssetRenderer::new(asset)?.render(camera, options)
 }
 
 #[cfg(all(test, feature = "encode"))]

@@ -2,7 +2,7 @@
 
 use crate::brdf::Brdf;
 use crate::brdf::HalfDifference;
-use crate::reflectance::geometry::LEAST_COS_VIEW;
+use crate::reflectance::geometry::MIN_COS_VIEW;
 use crate::reflectance::palette::PaletteTables;
 use std::sync::Arc;
 
@@ -21,7 +21,7 @@ impl Brdf for TorranceSparrow {
         }
         let sum: [f64; 3] = std::array::from_fn(|k| incoming[k] + outgoing[k]);
         let alpha = sum[0].hypot(sum[1]).atan2(sum[2]) / self.sigma;
-        [(-0.5 * alpha * alpha).exp() / (view.max(LEAST_COS_VIEW as f64) * light.max(1e-3)); 3]
+        [(-0.5 * alpha * alpha).exp() / (view.max(MIN_COS_VIEW as f64) * light.max(1e-3)); 3]
     }
 }
 
@@ -39,29 +39,29 @@ impl Brdf for PaletteHighlight {
         if incoming[2] <= 0.0 || outgoing[2] <= 0.0 {
             return [0.0; 3];
         }
-        let angles = HalfDifference::of(incoming, outgoing);
+        let angles = HalfDifference::from_directions(incoming, outgoing);
         self.palette.shape(self.sigma, angles.theta_h, angles.theta_d)
     }
 }
 
 /// A function without its Lambertian part.
 #[cfg(feature = "encode")]
-struct Rest {
+struct WithoutConstantPart {
     brdf: Box<dyn Brdf + Send>,
-    least: [f64; 3],
+    constant: [f64; 3],
 }
 
 #[cfg(feature = "encode")]
-impl Brdf for Rest {
+impl Brdf for WithoutConstantPart {
     fn evaluate(&self, incoming: [f64; 3], outgoing: [f64; 3]) -> [f64; 3] {
         let f = self.brdf.evaluate(incoming, outgoing);
-        std::array::from_fn(|c| (f[c] - self.least[c]).max(0.0))
+        std::array::from_fn(|c| (f[c] - self.constant[c]).max(0.0))
     }
 }
 
 /// A function as the albedo of its Lambertian part, for each colour its least value up to 75 degrees from the normal, and what is left.
 #[cfg(feature = "encode")]
-pub(super) fn above_its_least(brdf: Box<dyn Brdf + Send>) -> ([f64; 3], Box<dyn Brdf + Send>) {
+pub(super) fn split_constant_part(brdf: Box<dyn Brdf + Send>) -> ([f64; 3], Box<dyn Brdf + Send>) {
     const STEPS: usize = 7;
     let direction = |theta: f64, phi: f64| [theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos()];
     let angle = |k: usize| (75.0 * k as f64 / (STEPS - 1) as f64).to_radians();
@@ -72,33 +72,34 @@ pub(super) fn above_its_least(brdf: Box<dyn Brdf + Send>) -> ([f64; 3], Box<dyn 
         (0..3).for_each(|c| least[c] = least[c].min(f[c]));
     }
     let least = least.map(|x| if x.is_finite() { x.max(0.0) } else { 0.0 });
-    (least.map(|x| x * std::f64::consts::PI), Box::new(Rest { brdf, least }))
+    (least.map(|x| x * std::f64::consts::PI), Box::new(WithoutConstantPart { brdf, constant: least }))
 }
 
 #[cfg(all(test, feature = "encode"))]
 mod tests {
     use super::*;
-    use crate::brdf::Sample;
-    use crate::brdf::dsbrdf::{FitOptions, fit};
+    use crate::brdf::BrdfSample;
+    use crate::brdf::dsbrdf::{DsbrdfFitOptions, fit_dsbrdf};
     use crate::reflectance::palette::{self, PaletteEntry};
-    use crate::reflectance::{Geometry, Lobe};
+    use crate::reflectance::{ReflectionGeometry, TorranceSparrowLobe};
     use crate::views::PointLight;
 
     /// An environment's light goes through the same function as a point light's.
     #[test]
     fn palettes_reflect_point_lights_and_environments_alike() {
         let model = |sigma: f64| {
-            let samples = Sample::of(&TorranceSparrow { sigma }, [60, 12, 3]);
-            fit(&samples, &FitOptions { slices: 6, least_theta_h_deg: 0.0, ..FitOptions::default() }).unwrap()
+            let samples = BrdfSample::tabulate(&TorranceSparrow { sigma }, [60, 12, 3]);
+            fit_dsbrdf(&samples, &DsbrdfFitOptions { slices: 6, min_theta_h_deg: 0.0, ..DsbrdfFitOptions::default() })
+                .unwrap()
         };
         let palette =
             vec![PaletteEntry { level: 90, lobes: model(0.07) }, PaletteEntry { level: 170, lobes: model(0.23) }];
         for sigma in [0.05f32, 0.12, 0.4] {
             let highlight = PaletteHighlight { palette: Arc::new(PaletteTables::new(&palette)), sigma };
-            let lobe = Lobe { specular: [1.0, 0.5, 0.25], sigma };
+            let lobe = TorranceSparrowLobe { specular: [1.0, 0.5, 0.25], sigma };
             for (o, i) in [([0.1, 0.2, 0.9f64], [0.0, -0.1, 1.0f64]), ([0.6, 0.0, 0.7], [-0.4, 0.1, 0.8])] {
                 let light = PointLight { position: i, intensity: [3.0; 3] };
-                let geometry = Geometry::new([0.0; 3], [0.0, 0.0, 1.0], o, &light);
+                let geometry = ReflectionGeometry::new([0.0; 3], [0.0, 0.0, 1.0], o, &light);
                 let seen = palette::evaluate(&palette, &lobe, &geometry);
                 let unit = |v: [f64; 3]| {
                     let length = v.iter().map(|x| x * x).sum::<f64>().sqrt();

@@ -2,7 +2,7 @@
 //! same to the last bit everywhere (what decoding predicts from is [`crate::surface::raster`]).
 
 use crate::mesh::Mesh;
-use crate::parallel::rows;
+use crate::parallel::for_each_chunk_pair;
 use crate::surface::raster::NO_TRIANGLE;
 use crate::views::Camera;
 
@@ -13,7 +13,7 @@ const NEAR: f64 = 1e-6;
 
 /// What each sample shows. Kept between pictures, its memory is used again.
 #[derive(Default)]
-pub(super) struct Samples {
+pub(super) struct VisibilityBuffer {
     pub(super) width: usize,
     pub(super) height: usize,
     /// [`NO_TRIANGLE`] where nothing is hit.
@@ -26,7 +26,7 @@ pub(super) struct Samples {
     starts: Vec<u32>,
 }
 
-impl Samples {
+impl VisibilityBuffer {
     /// Whether a sample shows the object.
     #[inline]
     pub(super) fn is_covered(&self, index: usize) -> bool {
@@ -38,14 +38,14 @@ impl Samples {
         (self.width, self.height) = (camera.width as usize, camera.height as usize);
         self.project(mesh, camera);
         self.sort_into_bands(mesh);
-        let Samples { triangle, weights, projected, lists, starts, .. } = self;
+        let VisibilityBuffer { triangle, weights, projected, lists, starts, .. } = self;
         let (width, height) = (self.width, self.height);
         triangle.resize(width * height, NO_TRIANGLE);
         weights.resize(width * height, [0.0; 2]);
-        rows(triangle, weights, width * BAND, |band, triangles, weights| {
+        for_each_chunk_pair(triangle, weights, width * BAND, |band, triangles, weights| {
             triangles.fill(NO_TRIANGLE);
             let list = &lists[starts[band] as usize..starts[band + 1] as usize];
-            let target = Target { first_row: band * BAND, width, triangles, weights };
+            let target = SampleBand { first_row: band * BAND, width, triangles, weights };
             target.fill(mesh, projected, list);
         });
     }
@@ -95,16 +95,16 @@ impl Samples {
 }
 
 /// A band of the picture.
-struct Target<'a> {
+struct SampleBand<'a> {
     first_row: usize,
     width: usize,
     triangles: &'a mut [u32],
     weights: &'a mut [[f32; 2]],
 }
 
-impl Target<'_> {
+impl SampleBand<'_> {
     fn fill(self, mesh: &Mesh, projected: &[[f32; 3]], list: &[u32]) {
-        let Target { first_row, width, triangles, weights } = self;
+        let SampleBand { first_row, width, triangles, weights } = self;
         let rows = triangles.len() / width;
         let mut nearest = vec![0.0f32; triangles.len()];
         for &index in list {
@@ -163,7 +163,7 @@ mod tests {
         let mesh = crate::surface::atlas::tests::bumpy_sphere(16);
         let camera = look_at([0.3, 0.8, 3.0], [0.0; 3], [0.0, 1.0, 0.0], 150.0, 123, 101);
         let exact = rasterise(&mesh, &camera);
-        let mut samples = Samples::default();
+        let mut samples = VisibilityBuffer::default();
         for _ in 0..2 {
             samples.draw(&mesh, &camera);
         }

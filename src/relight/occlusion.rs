@@ -3,19 +3,19 @@
 use super::octahedral_map::to_square;
 use crate::sphere::octahedral;
 use crate::sphere::octahedral::wrap;
-use crate::surface::samples::Places;
+use crate::surface::samples::SurfaceSamples;
 use crate::visibility::{self, Visibility};
 use glam::{Vec2, Vec3};
 
 /// The angle, radians, that a stored byte of 127 stands for.
-const LARGEST: f32 = std::f32::consts::FRAC_PI_2;
+const MAX_DISTANCE: f32 = std::f32::consts::FRAC_PI_2;
 
 /// Signed spherical distance functions of a mesh's places on one octahedral grid.
 ///
 /// The distance in a direction is the angle to the nearest direction of the other kind, positive where nothing is in the way.
 pub struct Occlusion {
     side: usize,
-    places: Places,
+    places: SurfaceSamples,
     /// `(side + 2)^2` bytes a place, with a border.
     bytes: Vec<i8>,
 }
@@ -23,7 +23,11 @@ pub struct Occlusion {
 impl Occlusion {
     /// From `side * side` distances, radians, of each place in rows of [`crate::sphere::octahedral`]; a place with another number
     /// of them counts as unshadowed.
-    pub fn new<D: AsRef<[f32]>>(side: usize, places: Places, distances: impl Fn(usize) -> D + Sync + Send) -> Self {
+    pub fn new<D: AsRef<[f32]>>(
+        side: usize,
+        places: SurfaceSamples,
+        distances: impl Fn(usize) -> D + Sync + Send,
+    ) -> Self {
         let pitch = side + 2;
         let cells: Vec<usize> = (-1..=side as isize)
             .flat_map(|y| (-1..=side as isize).map(move |x| (x, y)))
@@ -35,13 +39,13 @@ impl Occlusion {
             if distances.len() != side * side {
                 return vec![127; pitch * pitch];
             }
-            cells.iter().map(|&k| (distances[k] / LARGEST * 127.0).round().clamp(-127.0, 127.0) as i8).collect()
+            cells.iter().map(|&k| (distances[k] / MAX_DISTANCE * 127.0).round().clamp(-127.0, 127.0) as i8).collect()
         });
         Occlusion { side, places, bytes: rows.concat() }
     }
 
     /// Decodes a file's visibility.
-    pub fn of(visibility: &Visibility) -> Self {
+    pub fn from_visibility(visibility: &Visibility) -> Self {
         let cells: Vec<Vec<f32>> = octahedral::directions(visibility.size())
             .into_iter()
             .map(|direction| {
@@ -52,12 +56,12 @@ impl Occlusion {
             .collect();
         Self::new(visibility.size(), visibility.places().clone(), |place| {
             let weights = visibility.weights(place);
-            cells.iter().map(|basis| visibility::distance(basis, weights)).collect::<Vec<f32>>()
+            cells.iter().map(|basis| visibility::unbounded_distance(basis, weights)).collect::<Vec<f32>>()
         })
     }
 
     /// Where on the mesh distances are known.
-    pub fn places(&self) -> &Places {
+    pub fn places(&self) -> &SurfaceSamples {
         &self.places
     }
 
@@ -68,23 +72,23 @@ impl Occlusion {
 
     /// Distance of a cell of a place, radians.
     #[inline]
-    pub(super) fn of_cell(&self, place: usize, x: usize, y: usize) -> f32 {
+    pub(super) fn cell_distance(&self, place: usize, x: usize, y: usize) -> f32 {
         let pitch = self.side + 2;
-        self.bytes[place * pitch * pitch + (y + 1) * pitch + x + 1] as f32 * (LARGEST / 127.0)
+        self.bytes[place * pitch * pitch + (y + 1) * pitch + x + 1] as f32 * (MAX_DISTANCE / 127.0)
     }
 
     /// Distance of a place in a direction, radians.
     #[inline]
-    pub(super) fn of_place(&self, place: usize, square: Vec2) -> f32 {
-        self.between_cells(square)(place) * (LARGEST / 127.0)
+    pub(super) fn place_distance(&self, place: usize, square: Vec2) -> f32 {
+        self.between_cells(square)(place) * (MAX_DISTANCE / 127.0)
     }
 
     /// Distance in a direction between three places, radians.
     #[inline]
-    pub(super) fn distance(&self, places: [u32; 3], shares: Vec3, square: Vec2) -> f32 {
+    pub(super) fn interpolated_distance(&self, places: [u32; 3], shares: Vec3, square: Vec2) -> f32 {
         let read = self.between_cells(square);
         let [a, b, c] = places.map(|place| read(place as usize));
-        (shares.x * a + shares.y * b + shares.z * c) * (LARGEST / 127.0)
+        (shares.x * a + shares.y * b + shares.z * c) * (MAX_DISTANCE / 127.0)
     }
 
     /// Bytes of places, bilinear between the cells around a place of the square.
@@ -103,15 +107,15 @@ impl Occlusion {
         }
     }
 
-    /// As [`Self::distance`], by the direction.
-    pub(super) fn towards(&self, places: [u32; 3], shares: Vec3, direction: Vec3) -> f32 {
-        self.distance(places, shares, to_square(direction))
+    /// As [`Self::interpolated_distance`], by the direction.
+    pub(super) fn distance_towards(&self, places: [u32; 3], shares: Vec3, direction: Vec3) -> f32 {
+        self.interpolated_distance(places, shares, to_square(direction))
     }
 }
 
 /// Share of a lobe of a sharpness that a half-space at a signed angle leaves, nearly: the Gaussian's integral as a straight ramp. Lobes
 /// here are narrow: with Tokuyoshi's integral in its place no picture of spot in tools/bench/relight changes by more than 0.05 dB.
 #[inline]
-pub(super) fn ramp(distance: f32, sharpness: f32) -> f32 {
+pub(super) fn visibility_ramp(distance: f32, sharpness: f32) -> f32 {
     (0.5 + 0.36 * distance * sharpness.sqrt()).clamp(0.0, 1.0)
 }

@@ -28,17 +28,17 @@ pub(super) fn texel_direction(side: usize, x: usize, y: usize) -> Vec3 {
 
 /// Values on the octahedral grid, `side + 2` wide and high.
 #[derive(Clone)]
-pub(super) struct Sphere {
+pub(super) struct OctahedralMap {
     pub(super) side: usize,
     texels: Vec<Vec3A>,
 }
 
-impl Sphere {
+impl OctahedralMap {
     /// From a value for each texel's direction, in parallel by rows; those at the edges are asked for twice.
     pub(super) fn new(side: usize, value: impl Fn(usize, usize) -> Vec3 + Sync + Send) -> Self {
         let pitch = side + 2;
         let mut texels = vec![Vec3A::ZERO; pitch * pitch];
-        crate::parallel::parts(&mut texels, pitch, |row, texels| {
+        crate::parallel::for_each_chunk(&mut texels, pitch, |row, texels| {
             let y = row as isize - 1;
             let beyond = |x: isize| {
                 let cell = octahedral::wrap(x, y, side);
@@ -50,17 +50,17 @@ impl Sphere {
                 *texel = if inside { value(x as usize, row - 1) } else { beyond(x) }.into();
             }
         });
-        Sphere { side, texels }
+        OctahedralMap { side, texels }
     }
 
     /// The value of a texel.
-    pub(super) fn at(&self, x: usize, y: usize) -> Vec3 {
+    pub(super) fn texel(&self, x: usize, y: usize) -> Vec3 {
         self.texels[(y + 1) * (self.side + 2) + x + 1].into()
     }
 
     /// Bilinear reading at a position of the unit square.
     #[inline]
-    pub(super) fn read(&self, at: Vec2) -> Vec3 {
+    pub(super) fn sample_bilinear(&self, at: Vec2) -> Vec3 {
         let pitch = self.side + 2;
         let p = at * self.side as f32 + 0.5;
         let (x, y) = ((p.x as usize).min(self.side), (p.y as usize).min(self.side));
@@ -85,12 +85,12 @@ mod tests {
             assert!((to_direction(to_square(d)) - d).length() < 1e-5);
         }
         // A smooth function is read smoothly over all edges.
-        let sphere = Sphere::new(32, |x, y| texel_direction(32, x, y));
+        let sphere = OctahedralMap::new(32, |x, y| texel_direction(32, x, y));
         for k in 0..2000 {
             let z = 1.0 - 2.0 * (k as f32 + 0.5) / 2000.0;
             let (s, c) = (k as f32 * 2.4).sin_cos();
             let d = Vec3::new(c * (1.0 - z * z).sqrt(), s * (1.0 - z * z).sqrt(), z);
-            assert!((sphere.read(to_square(d)) - d).length() < 0.06, "{d}");
+            assert!((sphere.sample_bilinear(to_square(d)) - d).length() < 0.06, "{d}");
         }
     }
 }

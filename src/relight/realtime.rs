@@ -1,20 +1,20 @@
-//! Pictures in motion: the sums of [`crate::relight::filtered`] and [`crate::relight::spherical_gaussian`] in single precision, with everything prepared that stays when
+//! Pictures in motion: the sums of [`crate::relight::filtered_radiance`] and [`crate::relight::spherical_gaussian`] in single precision, with everything prepared that stays when
 //! the camera moves.
 //!
 //! What differs from still pictures: reflection functions are read from tables ([`crate::relight::brdf_table`]); specular light of the levels is summed at
 //! one of four pixels and interpolated between like normals; the published evaluator's diffuse light is summed at the places that visibility
 //! is known at; samples of a pixel are shaded together where they show one piece of surface.
 
-use super::appearance::{Appearance, Look, Prepared};
-use super::environment_light::{Surround, level_of, log2};
-use super::multisample::Samples;
+use super::appearance::{PreparedSpecular, ShadingModel, ShadingParameters};
+use super::environment_light::{PreparedEnvironment, level_of, log2};
+use super::multisample::VisibilityBuffer;
 use super::octahedral_map::to_square;
-use super::scene::{Evaluator, Point, Scene, finer};
+use super::scene::{EnvironmentScene, Evaluator, ShadingPoint, supersampled};
 use super::{filtered, spherical_gaussian};
 use crate::error::Result;
 use crate::image::{Grid, RgbImage};
-use crate::parallel::{parts, rows};
-use crate::sphere::gaussian::{COSINE_PUBLISHED, half_space_share_published};
+use crate::parallel::{for_each_chunk, for_each_chunk_pair};
+use crate::sphere::gaussian::{CLAMPED_COSINE, half_space_share_wang};
 use crate::surface::raster::check_work;
 use crate::views::Camera;
 use glam::Vec3;
@@ -26,35 +26,35 @@ const FAINT: f32 = 1e-4;
 /// Rows that are worked on at a time.
 const ROWS: usize = 8;
 /// Pieces of surface in a pixel that are told apart; samples of others count for the last.
-const PIECES: usize = 4;
+const MAX_FRAGMENTS: usize = 4;
 /// Cosine between the normals of triangles that touch, from which on they are one piece.
 const LIKE: f32 = 0.8;
 
 /// A scene prepared for many pictures.
-pub struct Motion<'a> {
-    stage: Stage<'a>,
-    samples: Samples,
+pub struct RealtimeRenderer<'a> {
+    stage: RealtimeScene<'a>,
+    samples: VisibilityBuffer,
     coarse: Vec<Option<(Vec3, Vec3)>>,
-    frame: Frame,
+    frame: RealtimeFrame,
 }
 
 /// A picture in motion.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Frame {
+pub struct RealtimeFrame {
     /// Linear radiance, Rec. 709; 0 where nothing is hit. Of pixels that the object covers in part it is that part's share.
     pub image: RgbImage,
     /// Share of each pixel that shows the object.
     pub coverage: Grid<f32>,
 }
 
-struct Stage<'a> {
-    scene: &'a Scene<'a>,
+struct RealtimeScene<'a> {
+    scene: &'a EnvironmentScene<'a>,
     vertices: Vec<Vertex>,
     /// Of the places, without the distant lights.
     irradiance: Vec<Vec3>,
     faces: Vec<Face>,
     /// The published evaluator's levels: those of the scene's surroundings where they are made of the light's.
-    levels: Option<Cow<'a, Surround>>,
+    levels: Option<Cow<'a, PreparedEnvironment>>,
 }
 
 struct Vertex {
@@ -71,7 +71,7 @@ struct Face {
 
 /// Samples of a pixel that show one triangle and such as touch it.
 #[derive(Clone, Copy, Default)]
-struct Piece {
+struct Fragment {
     triangle: usize,
     /// Sums of the second and third corner's weights over the samples within the triangle, and the number of those.
     weights: [f32; 2],
@@ -80,24 +80,24 @@ struct Piece {
     count: u32,
 }
 
-impl Piece {
+impl Fragment {
     #[inline]
-    fn of(samples: &Samples, index: usize) -> Self {
-        Piece { triangle: samples.triangle[index] as usize, weights: samples.weights[index], inside: 1, count: 1 }
+    fn of(samples: &VisibilityBuffer, index: usize) -> Self {
+        Fragment { triangle: samples.triangle[index] as usize, weights: samples.weights[index], inside: 1, count: 1 }
     }
 }
 
 /// A surface point in a picture.
-struct Spot {
-    point: Point,
+struct VisiblePoint {
+    point: ShadingPoint,
     /// Whether the triangle's back is seen.
     turned: bool,
 }
 
-impl<'a> Motion<'a> {
+impl<'a> RealtimeRenderer<'a> {
     /// Prepares the scene.
-    pub fn new(scene: &'a Scene<'a>) -> Self {
-        let published = scene.options.evaluator == Evaluator::Published;
+    pub fn new(scene: &'a EnvironmentScene<'a>) -> Self {
+        let published = scene.options.evaluator == Evaluator::SphericalGaussian;
         let irradiance = if published { spherical_gaussian::irradiance(scene) } else { scene.irradiance.clone() };
         let mesh = scene.object.mesh;
         let vertices = mesh.positions.iter().zip(&scene.object.normals);
@@ -106,48 +106,53 @@ impl<'a> Motion<'a> {
         let faces = crate::parallel::map(mesh.triangles.len(), |triangle| face(scene, triangle));
         let levels = scene.light.filter(|_| published).map(|light| match scene.surround.is_stored {
             true => Cow::Borrowed(scene.surround),
-            false => Cow::Owned(Surround::of_levels(&light.levels)),
+            false => Cow::Owned(PreparedEnvironment::from_prefiltered(&light.prefiltered)),
         });
-        let stage = Stage { scene, vertices, irradiance, faces, levels };
-        Motion { stage, samples: Samples::default(), coarse: Vec::new(), frame: Frame::default() }
+        let stage = RealtimeScene { scene, vertices, irradiance, faces, levels };
+        RealtimeRenderer {
+            stage,
+            samples: VisibilityBuffer::default(),
+            coarse: Vec::new(),
+            frame: RealtimeFrame::default(),
+        }
     }
 
     /// Draws one picture.
-    pub fn draw(&mut self, camera: &Camera, look: &dyn Look) -> Result<&Frame> {
+    pub fn render(&mut self, camera: &Camera, look: &dyn ShadingModel) -> Result<&RealtimeFrame> {
         let mesh = self.stage.scene.object.mesh;
-        let fine = finer(camera, self.stage.scene.options.samples);
+        let fine = supersampled(camera, self.stage.scene.options.samples);
         check_work(mesh, &fine)?;
-        let Motion { stage, samples, coarse, frame } = self;
+        let RealtimeRenderer { stage, samples, coarse, frame } = self;
         samples.draw(mesh, &fine);
         let centre = Vec3::from_array(camera.centre().map(|x| x as f32));
         let (width, height) = (camera.width as usize, camera.height as usize);
         let (half_width, half_height) = (width.div_ceil(2), height.div_ceil(2));
         coarse.resize(half_width * half_height, None);
-        parts(coarse, half_width * ROWS / 2, |part, values| {
+        for_each_chunk(coarse, half_width * ROWS / 2, |part, values| {
             for (k, value) in values.iter_mut().enumerate() {
                 let (x, y) = (k % half_width * 2, (part * ROWS / 2 + k / half_width) * 2);
                 // Of the four pixels the first that shows the object.
                 let places = [(x, y), (x + 1, y), (x, y + 1), (x + 1, y + 1)];
                 let shown = places.iter().filter(|&&(x, y)| x < width && y < height);
-                let spot = shown.filter_map(|&at| stage.spot(&stage.first(samples, at)?, centre)).next();
+                let spot = shown.filter_map(|&at| stage.visible_point(&stage.first(samples, at)?, centre)).next();
                 *value = spot.and_then(|spot| Some((spot.point.normal, stage.reflected(&spot.point, look)?)));
             }
         });
-        let coarse = Coarse { width: half_width, height: half_height, values: coarse };
+        let coarse = CoarseSpecular { width: half_width, height: half_height, values: coarse };
         if (frame.image.width, frame.image.height) != (width, height) {
             frame.image = RgbImage::filled(width, height, [0.0; 3]);
             frame.coverage = Grid::filled(width, height, 0.0);
         }
         let share = 1.0 / (stage.scene.options.samples as f32).powi(2);
-        rows(&mut frame.image.data, &mut frame.coverage.data, width * ROWS, |part, image, coverage| {
-            let mut list = [Piece::default(); PIECES];
+        for_each_chunk_pair(&mut frame.image.data, &mut frame.coverage.data, width * ROWS, |part, image, coverage| {
+            let mut list = [Fragment::default(); MAX_FRAGMENTS];
             for (k, (pixel, covered)) in image.iter_mut().zip(coverage).enumerate() {
                 let (x, y) = (k % width, part * ROWS + k / width);
                 let mut sum = Vec3::ZERO;
                 *covered = 0.0;
-                for piece in stage.pieces(samples, (x, y), &mut list) {
+                for piece in stage.fragments(samples, (x, y), &mut list) {
                     *covered += share * piece.count as f32;
-                    if let Some(spot) = stage.spot(piece, centre) {
+                    if let Some(spot) = stage.visible_point(piece, centre) {
                         sum += share * piece.count as f32 * stage.radiance(&spot, look, &coarse, [x, y]);
                     }
                 }
@@ -158,7 +163,7 @@ impl<'a> Motion<'a> {
     }
 }
 
-fn face(scene: &Scene, triangle: usize) -> Face {
+fn face(scene: &EnvironmentScene, triangle: usize) -> Face {
     let corners = scene.object.mesh.triangles[triangle].map(|v| scene.object.mesh.positions[v as usize]);
     let [p, q, r] = corners.map(Vec3::from_array);
     let normal = (q - p).cross(r - p).normalize_or(Vec3::Y);
@@ -169,7 +174,7 @@ fn face(scene: &Scene, triangle: usize) -> Face {
             continue;
         }
         match scene.shadows.get(k) {
-            Some(Some(map)) => match map.over(corners.map(|c| c.map(f64::from)), cosine as f64) {
+            Some(Some(map)) => match map.triangle_visibility(corners.map(|c| c.map(f64::from)), cosine as f64) {
                 Some(true) => lit |= 1 << k,
                 Some(false) => {}
                 None => partial |= 1 << k,
@@ -180,17 +185,17 @@ fn face(scene: &Scene, triangle: usize) -> Face {
     Face { normal, lit, partial }
 }
 
-impl Stage<'_> {
+impl RealtimeScene<'_> {
     /// The first sample of a pixel that shows the object.
     #[inline]
-    fn first(&self, samples: &Samples, at: (usize, usize)) -> Option<Piece> {
+    fn first(&self, samples: &VisibilityBuffer, at: (usize, usize)) -> Option<Fragment> {
         let index = self.samples_of(samples, at).find(|&index| samples.is_covered(index))?;
-        Some(Piece::of(samples, index))
+        Some(Fragment::of(samples, index))
     }
 
     /// Numbers of a pixel's samples.
     #[inline]
-    fn samples_of(&self, samples: &Samples, (x, y): (usize, usize)) -> impl Iterator<Item = usize> + use<> {
+    fn samples_of(&self, samples: &VisibilityBuffer, (x, y): (usize, usize)) -> impl Iterator<Item = usize> + use<> {
         let (n, width) = (self.scene.options.samples as usize, samples.width);
         let first = y * n * width + x * n;
         (0..n).flat_map(move |row| first + row * width..first + row * width + n)
@@ -198,14 +203,19 @@ impl Stage<'_> {
 
     /// Puts the pieces of surface that a pixel shows into a list.
     #[inline]
-    fn pieces<'p>(&self, samples: &Samples, at: (usize, usize), list: &'p mut [Piece; PIECES]) -> &'p [Piece] {
+    fn fragments<'p>(
+        &self,
+        samples: &VisibilityBuffer,
+        at: (usize, usize),
+        list: &'p mut [Fragment; MAX_FRAGMENTS],
+    ) -> &'p [Fragment] {
         let triangles = &self.scene.object.mesh.triangles;
         let mut count = 0;
         for index in self.samples_of(samples, at) {
             if !samples.is_covered(index) {
                 continue;
             }
-            let new = Piece::of(samples, index);
+            let new = Fragment::of(samples, index);
             let touches = |other: usize| {
                 let shared = triangles[new.triangle].iter().any(|corner| triangles[other].contains(corner));
                 shared && self.faces[new.triangle].normal.dot(self.faces[other].normal) > LIKE
@@ -215,7 +225,7 @@ impl Stage<'_> {
                 piece.weights = [piece.weights[0] + new.weights[0], piece.weights[1] + new.weights[1]];
                 piece.inside += 1;
                 piece.count += 1;
-            } else if let Some(k) = (0..count).find(|&k| k == PIECES - 1 || touches(known[k].triangle)) {
+            } else if let Some(k) = (0..count).find(|&k| k == MAX_FRAGMENTS - 1 || touches(known[k].triangle)) {
                 known[k].count += 1;
             } else {
                 list[count] = new;
@@ -227,7 +237,7 @@ impl Stage<'_> {
 
     /// The point that stands for a piece, if it faces the camera.
     #[inline]
-    fn spot(&self, piece: &Piece, centre: Vec3) -> Option<Spot> {
+    fn visible_point(&self, piece: &Fragment, centre: Vec3) -> Option<VisiblePoint> {
         let triangle = piece.triangle;
         let corners = self.scene.object.mesh.triangles[triangle];
         let [b, c] = piece.weights.map(|sum| sum / piece.inside as f32);
@@ -240,38 +250,38 @@ impl Stage<'_> {
         let turned = geometric.dot(outgoing) < 0.0;
         let geometric = if turned { -geometric } else { geometric };
         let (places, shares) = self.scene.object.around(triangle, corners, weights);
-        let point = Point { position, normal, geometric, outgoing, triangle, weights, places, shares };
-        (normal.dot(outgoing) > 0.0).then_some(Spot { point, turned })
+        let point = ShadingPoint { position, normal, geometric, outgoing, triangle, weights, places, shares };
+        (normal.dot(outgoing) > 0.0).then_some(VisiblePoint { point, turned })
     }
 
     /// Specular light of the levels; `None` where there is no specular part.
-    fn reflected(&self, point: &Point, look: &dyn Look) -> Option<Vec3> {
-        let appearance = look.at(point.triangle, point.weights, point.position);
+    fn reflected(&self, point: &ShadingPoint, look: &dyn ShadingModel) -> Option<Vec3> {
+        let appearance = look.parameters_at(point.triangle, point.weights, point.position);
         let prepared = appearance.specular.filter(|_| appearance.specular_scale.max_element() > 0.0)?;
         if let Some(levels) = &self.levels {
-            return Some(self.reflected_published(point, prepared, levels));
+            return Some(self.reflected_sg(point, prepared, levels));
         }
         Some(filtered::reflected(self.scene, point, prepared, |half, cosine, incoming, outgoing| {
-            match &prepared.gloss {
+            match &prepared.table {
                 Some(gloss) => {
                     let sine = (1.0 - half.z * half.z).max(0.0).sqrt();
-                    let value = gloss.distribution(sine) * gloss.rest(sine, cosine, incoming.z - outgoing.z);
+                    let value = gloss.distribution(sine) * gloss.remainder(sine, cosine, incoming.z - outgoing.z);
                     value / (incoming.z * outgoing.z)
                 }
-                None => filtered::evaluate(prepared, incoming, outgoing),
+                None => filtered::evaluate_brdf(prepared, incoming, outgoing),
             }
         }))
     }
 
     /// As [`spherical_gaussian::reflected`].
-    fn reflected_published(&self, point: &Point, prepared: &Prepared, levels: &Surround) -> Vec3 {
-        let Some(gloss) = &prepared.gloss else { return spherical_gaussian::reflected(self.scene, point, prepared) };
+    fn reflected_sg(&self, point: &ShadingPoint, prepared: &PreparedSpecular, levels: &PreparedEnvironment) -> Vec3 {
+        let Some(gloss) = &prepared.table else { return spherical_gaussian::reflected(self.scene, point, prepared) };
         let occlusion = self.scene.object.occlusion.filter(|_| self.scene.options.shadows);
         let cosine = point.normal.dot(point.outgoing).max(1e-4);
         let axis = 2.0 * cosine * point.normal - point.outgoing;
         // The mirror's direction, whose half vector is the normal: what is smooth beside the distribution.
-        let smooth = gloss.distribution(0.0) * gloss.rest(0.0, cosine, 0.0) / (cosine * cosine) / prepared.peak;
-        let (cosine_sharpness, cosine_amplitude) = (COSINE_PUBLISHED.0 as f32, COSINE_PUBLISHED.1 as f32);
+        let smooth = gloss.distribution(0.0) * gloss.remainder(0.0, cosine, 0.0) / (cosine * cosine) / prepared.peak;
+        let (cosine_sharpness, cosine_amplitude) = (CLAMPED_COSINE.0 as f32, CLAMPED_COSINE.1 as f32);
         let mut sum = 0.0 * smooth;
         for &(sharpness, amplitude) in &prepared.lobes {
             let sharpness = sharpness / (4.0 * cosine);
@@ -280,23 +290,30 @@ impl Stage<'_> {
             let length = together.length();
             let exponent = (sharpness + cosine_sharpness) * (length - 1.0);
             let (axis, sharpness) = (together / length, (sharpness + cosine_sharpness) * length);
-            let whole = 2.0 * PI / sharpness * spherical_gaussian::whole(2.0 * sharpness);
+            let whole = 2.0 * PI / sharpness * spherical_gaussian::one_minus_exp(2.0 * sharpness);
             let square = to_square(axis);
             let log = log2(sharpness) * LN_2;
             let seen = occlusion.map_or(1.0, |o| {
-                let distance = o.distance(point.places, point.shares, square);
-                half_space_share_published(log, distance) / half_space_share_published(log, 0.5 * PI)
+                let distance = o.interpolated_distance(point.places, point.shares, square);
+                half_space_share_wang(log, distance) / half_space_share_wang(log, 0.5 * PI)
             });
             let scale = amplitude * cosine_amplitude * exponent.exp() * whole * seen;
-            sum += levels.filtered(square, level_of(sharpness)) * scale;
+            sum += levels.filtered_radiance(square, level_of(sharpness)) * scale;
         }
         sum * smooth
     }
 
     #[inline]
-    fn radiance(&self, spot: &Spot, look: &dyn Look, coarse: &Coarse, [x, y]: [usize; 2]) -> Vec3 {
+    fn radiance(
+        &self,
+        spot: &VisiblePoint,
+        look: &dyn ShadingModel,
+        coarse: &CoarseSpecular,
+        [x, y]: [usize; 2],
+    ) -> Vec3 {
         let point = &spot.point;
-        let Appearance { albedo, specular_scale, specular } = look.at(point.triangle, point.weights, point.position);
+        let ShadingParameters { albedo, specular_scale, specular } =
+            look.parameters_at(point.triangle, point.weights, point.position);
         let specular = specular.filter(|_| specular_scale.max_element() > 0.0);
         let [a, b, c] = point.places.map(|place| self.irradiance[place as usize]);
         let mut irradiance = a * point.shares.x + b * point.shares.y + c * point.shares.z;
@@ -309,7 +326,14 @@ impl Stage<'_> {
 
     /// Adds the distant lights.
     #[inline]
-    fn distant(&self, spot: &Spot, specular: Option<&Prepared>, most: f32, irradiance: &mut Vec3, shine: &mut Vec3) {
+    fn distant(
+        &self,
+        spot: &VisiblePoint,
+        specular: Option<&PreparedSpecular>,
+        most: f32,
+        irradiance: &mut Vec3,
+        shine: &mut Vec3,
+    ) {
         let lights = &self.scene.surround.distant;
         let point = &spot.point;
         let face = &self.faces[point.triangle];
@@ -336,7 +360,7 @@ impl Stage<'_> {
                     continue;
                 }
                 if let Some(Some(map)) = self.scene.shadows.get(k) {
-                    reach = map.reach(point.position.as_dvec3().to_array(), geometric as f64) as f32;
+                    reach = map.visibility(point.position.as_dvec3().to_array(), geometric as f64) as f32;
                 }
                 if reach <= 0.0 {
                     continue;
@@ -345,9 +369,9 @@ impl Stage<'_> {
             let arriving = Vec3::from_array(light.irradiance) * (cosine * reach);
             *irradiance += arriving;
             let Some(prepared) = specular else { continue };
-            let Some(gloss) = &prepared.gloss else {
-                let frame = point.frame().transpose();
-                *shine += arriving * filtered::evaluate(prepared, frame * direction, frame * point.outgoing);
+            let Some(gloss) = &prepared.table else {
+                let frame = point.basis().transpose();
+                *shine += arriving * filtered::evaluate_brdf(prepared, frame * direction, frame * point.outgoing);
                 continue;
             };
             let sum = direction + point.outgoing;
@@ -355,21 +379,21 @@ impl Stage<'_> {
             let cos_half = (cosine + cos_outgoing) / length;
             let sine = (1.0 - cos_half * cos_half).max(0.0).sqrt();
             let value = gloss.distribution(sine) / (cosine * cos_outgoing).max(1e-6);
-            if value * arriving.max_element() * most * gloss.most() > FAINT {
-                *shine += arriving * value * gloss.rest(sine, 0.5 * length, cosine - cos_outgoing);
+            if value * arriving.max_element() * most * gloss.max_remainder() > FAINT {
+                *shine += arriving * value * gloss.remainder(sine, 0.5 * length, cosine - cos_outgoing);
             }
         }
     }
 }
 
 /// Normal and specular reflection of every fourth pixel, where it shows a shiny object.
-struct Coarse<'a> {
+struct CoarseSpecular<'a> {
     width: usize,
     height: usize,
     values: &'a [Option<(Vec3, Vec3)>],
 }
 
-impl Coarse<'_> {
+impl CoarseSpecular<'_> {
     /// Between the four nearest, those with a like normal counting most; `None` where none shows the object.
     #[inline]
     fn between(&self, x: usize, y: usize, normal: Vec3) -> Option<Vec3> {

@@ -1,10 +1,10 @@
 //! Direct light of an environment by brute force: rays drawn from the light and from the specular lobes, shadows cast exactly. The
 //! yardstick of the evaluators; the same every time.
 
-use super::appearance::{Appearance, Look};
-use super::scene::{Drawn, Object, Point, Relit, draw};
+use super::appearance::{ShadingModel, ShadingParameters};
+use super::scene::{EnvironmentRender, RenderObject, SampledView, ShadingPoint, shade_samples};
 use crate::error::{Error, Result};
-use crate::lighting::Environment;
+use crate::lighting::EnvironmentMap;
 use crate::surface::occluders::Occluders;
 use crate::views::Camera;
 use glam::Vec3;
@@ -29,38 +29,38 @@ impl Default for ReferenceOptions {
 
 /// Renders one picture.
 pub fn reference(
-    object: &Object,
-    environment: &Environment,
+    object: &RenderObject,
+    environment: &EnvironmentMap,
     camera: &Camera,
-    look: &dyn Look,
+    look: &dyn ShadingModel,
     options: &ReferenceOptions,
-) -> Result<Relit> {
+) -> Result<EnvironmentRender> {
     if !(1..=8).contains(&options.samples) || options.rays == 0 {
         return Err(Error::parameter("a picture needs 1 to 8 samples a side and at least one ray"));
     }
     let occluders = options.shadows.then(|| Occluders::new(object.mesh));
     let light = LightSampler::new(environment);
-    let drawn = Drawn::new(object, camera, options.samples)?;
-    Ok(draw(object, &drawn, |point, number| {
-        let appearance = look.at(point.triangle, point.weights, point.position);
+    let drawn = SampledView::new(object, camera, options.samples)?;
+    Ok(shade_samples(object, &drawn, |point, number| {
+        let appearance = look.parameters_at(point.triangle, point.weights, point.position);
         let free = |direction: Vec3| {
             // Opaque from within: what shines on the far side of the triangle is blocked by the object itself.
             point.geometric.dot(direction) > 0.0
-                && occluders.as_ref().is_none_or(|o| o.free(point.position.to_array(), direction.to_array()))
+                && occluders.as_ref().is_none_or(|o| o.is_free(point.position.to_array(), direction.to_array()))
         };
         radiance(point, &appearance, &light, options, number as u64, &free)
     }))
 }
 
 fn radiance(
-    point: &Point,
-    appearance: &Appearance,
+    point: &ShadingPoint,
+    appearance: &ShadingParameters,
     light: &LightSampler,
     options: &ReferenceOptions,
     number: u64,
     free: &dyn Fn(Vec3) -> bool,
 ) -> [Vec3; 2] {
-    let frame = point.frame();
+    let frame = point.basis();
     let outgoing = frame.transpose() * point.outgoing;
     let specular = appearance.specular.filter(|_| appearance.specular_scale.max_element() > 0.0);
     let from_lobes = if specular.is_some() { options.rays / 2 } else { 0 };
@@ -128,7 +128,7 @@ fn scattered(number: u64) -> [f32; 2] {
 
 /// Draws directions by the brightness of the environment.
 struct LightSampler<'a> {
-    environment: &'a Environment,
+    environment: &'a EnvironmentMap,
     /// Running sums over rows, and within each row.
     rows: Vec<f64>,
     pixels: Vec<f64>,
@@ -137,10 +137,10 @@ struct LightSampler<'a> {
 }
 
 impl<'a> LightSampler<'a> {
-    fn new(environment: &'a Environment) -> Self {
+    fn new(environment: &'a EnvironmentMap) -> Self {
         let image = environment.image();
         let (width, height) = (image.width, image.height);
-        let brightness = |x: usize, y: usize| image.at(x, y).iter().sum::<f32>() as f64;
+        let brightness = |x: usize, y: usize| image.value_at(x, y).iter().sum::<f32>() as f64;
         // Radiance is read between pixels: each may be as bright as its neighbours.
         let spread = |x: usize, y: usize| {
             let columns = [(x + width - 1) % width, x, (x + 1) % width];
@@ -186,7 +186,7 @@ impl<'a> LightSampler<'a> {
 
     fn density(&self, direction: Vec3) -> f32 {
         let image = self.environment.image();
-        let [x, y] = self.environment.place(direction.as_dvec3().to_array());
+        let [x, y] = self.environment.pixel_at(direction.as_dvec3().to_array());
         let (x, y) = ((x as usize).min(image.width - 1), (y as usize).min(image.height - 1));
         self.densities[y * image.width + x]
     }

@@ -10,7 +10,7 @@ const FEATHER: usize = 4;
 const MARGIN_PIXELS: f64 = 6.0;
 
 /// A captured view, ready to be read.
-pub(super) struct Captured<'a> {
+pub(super) struct CapturedView<'a> {
     pub(super) camera: Camera,
     raster: Raster,
     photograph: &'a Photograph,
@@ -22,22 +22,22 @@ pub(super) struct Captured<'a> {
 
 /// One component of a captured view at a surface point.
 #[derive(Clone, Copy, Default)]
-pub(super) struct Shown {
+pub(super) struct CapturedRadiance {
     pub(super) photograph: [f32; 3],
     pub(super) model: [f32; 3],
 }
 
 /// What a view says about a surface point.
-pub(super) enum Sight {
+pub(super) enum CapturedSample {
     /// Not in the picture, or hidden.
     Unseen,
     /// Visible by the mesh, but the mask says that the object is not there.
     Cut,
     /// Photograph and model per component, and how far they can be trusted, 0 to 1.
-    Seen([Shown; 2], f32),
+    Seen([CapturedRadiance; 2], f32),
 }
 
-impl<'a> Captured<'a> {
+impl<'a> CapturedView<'a> {
     /// Pixels that are not finite in the photograph say nothing.
     pub(super) fn new(camera: Camera, raster: Raster, photograph: &'a Photograph, model: Vec<RgbImage>) -> Self {
         let (width, height) = (raster.width, raster.height);
@@ -74,15 +74,15 @@ impl<'a> Captured<'a> {
         }
         let share = |r: u8| (r as f32 / FEATHER as f32).min(1.0);
         let confidence = Grid { width, height, data: ring.into_iter().map(share).collect() };
-        Captured { camera, raster, photograph, model, confidence }
+        CapturedView { camera, raster, photograph, model, confidence }
     }
 
     /// What the view shows at a surface point: cubic between pixels where all around can be read, else bilinear.
-    pub(super) fn look(&self, point: [f64; 3]) -> Sight {
-        let Some((at, depth)) = self.camera.project(point) else { return Sight::Unseen };
+    pub(super) fn sample_at(&self, point: [f64; 3]) -> CapturedSample {
+        let Some((at, depth)) = self.camera.project(point) else { return CapturedSample::Unseen };
         let (width, height) = (self.raster.width, self.raster.height);
         if !(at[0] > 0.0 && at[1] > 0.0 && at[0] < width as f64 && at[1] < height as f64) {
-            return Sight::Unseen;
+            return CapturedSample::Unseen;
         }
         let (left, top) = ((at[0] - 0.5).floor(), (at[1] - 0.5).floor());
         let (s, t) = (at[0] - 0.5 - left, at[1] - 0.5 - top);
@@ -94,7 +94,7 @@ impl<'a> Captured<'a> {
             let (x, y) = (left as i64 + i, top as i64 + j);
             (x >= 0 && y >= 0 && x < width as i64 && y < height as i64).then(|| y as usize * width + x as usize)
         };
-        let mut sum = [Shown::default(); 2];
+        let mut sum = [CapturedRadiance::default(); 2];
         let mut total = 0f32;
         let mut confidence = 0f32;
         let mut add = |k: usize, weight: f32| {
@@ -116,7 +116,7 @@ impl<'a> Captured<'a> {
                     }
                 }
             }
-            return Sight::Seen(sum, confidence);
+            return CapturedSample::Seen(sum, confidence);
         }
         let corners = [(0, 0, (1.0 - s) * (1.0 - t)), (1, 0, s * (1.0 - t)), (0, 1, (1.0 - s) * t), (1, 1, s * t)];
         let taps = corners.map(|(i, j, weight)| (pixel(i, j), weight));
@@ -127,12 +127,12 @@ impl<'a> Captured<'a> {
         }
         if total > 0.02 {
             let scaled = |x: [f32; 3]| x.map(|x| x / total);
-            let sum = sum.map(|s| Shown { photograph: scaled(s.photograph), model: scaled(s.model) });
-            return Sight::Seen(sum, confidence.max(1e-4));
+            let sum = sum.map(|s| CapturedRadiance { photograph: scaled(s.photograph), model: scaled(s.model) });
+            return CapturedSample::Seen(sum, confidence.max(1e-4));
         }
         let masked_out = |k: usize| near(k) && !self.photograph.mask.data[k];
         let cut = taps.iter().all(|&(k, weight)| weight < 1e-6 || k.is_some_and(masked_out));
-        if cut { Sight::Cut } else { Sight::Unseen }
+        if cut { CapturedSample::Cut } else { CapturedSample::Unseen }
     }
 }
 

@@ -1,7 +1,7 @@
 //! An object under light from all around: what every evaluator shares.
 
-use super::environment_light::Surround;
-use super::multisample::Samples;
+use super::environment_light::PreparedEnvironment;
+use super::multisample::VisibilityBuffer;
 use super::occlusion::Occlusion;
 use super::shadow::ShadowMap;
 use crate::error::{Error, Result};
@@ -17,10 +17,10 @@ use glam::{Mat3, Vec3};
 pub enum Evaluator {
     /// As Sonoda 2011 has it: ten spherical Gaussians for diffuse light, one lobe warped and looked up for specular light, the visible
     /// half-space by Wang's fit.
-    Published,
+    SphericalGaussian,
     /// Diffuse light summed over all directions at each vertex, compact sources with exact shadows, several places of each specular
     /// lobe.
-    Better,
+    Filtered,
 }
 
 /// How to render under an environment.
@@ -32,25 +32,25 @@ pub struct EnvironmentOptions {
     pub shadows: bool,
     /// Samples of a pixel along each side.
     pub samples: u32,
-    /// Places of the specular lobe looked at, [`Evaluator::Better`] only.
+    /// Places of the specular lobe looked at, [`Evaluator::Filtered`] only.
     pub taps: usize,
 }
 
 impl Default for EnvironmentOptions {
     fn default() -> Self {
-        EnvironmentOptions { evaluator: Evaluator::Better, shadows: true, samples: 2, taps: 24 }
+        EnvironmentOptions { evaluator: Evaluator::Filtered, shadows: true, samples: 2, taps: 24 }
     }
 }
 
 /// A mesh with what its shadows need.
-pub struct Object<'a> {
+pub struct RenderObject<'a> {
     pub(super) mesh: &'a Mesh,
     /// Unit normals of the places, those of the vertices first.
     pub(super) normals: Vec<Vec3>,
     pub(super) occlusion: Option<&'a Occlusion>,
 }
 
-impl<'a> Object<'a> {
+impl<'a> RenderObject<'a> {
     /// A mesh; with `occlusion`, which has the mesh's places, shadows can be shown.
     pub fn new(mesh: &'a Mesh, occlusion: Option<&'a Occlusion>) -> Result<Self> {
         let vertices = mesh.positions.len();
@@ -67,24 +67,24 @@ impl<'a> Object<'a> {
             let sum = (0..3).fold(Vec3::ZERO, |sum, k| sum + corners[k] * weights[k] as f32);
             normals.push(sum.normalize_or(Vec3::Z));
         }
-        Ok(Object { mesh, normals, occlusion })
+        Ok(RenderObject { mesh, normals, occlusion })
     }
 
     /// The places around a point of a triangle and their shares, by its corners and their weights.
     #[inline]
     pub(super) fn around(&self, triangle: usize, corners: [u32; 3], weights: Vec3) -> ([u32; 3], Vec3) {
         let Some(occlusion) = self.occlusion else { return (corners, weights) };
-        let (places, shares) = occlusion.places().around(triangle, corners, weights.to_array());
+        let (places, shares) = occlusion.places().interpolation(triangle, corners, weights.to_array());
         (places, Vec3::from_array(shares))
     }
 }
 
 /// An object under a light: what stays when the camera moves.
-pub struct Scene<'a> {
-    pub(super) object: &'a Object<'a>,
-    pub(super) surround: &'a Surround,
-    /// Lobes and levels, for [`Evaluator::Published`].
-    pub(super) light: Option<&'a lighting::Light>,
+pub struct EnvironmentScene<'a> {
+    pub(super) object: &'a RenderObject<'a>,
+    pub(super) surround: &'a PreparedEnvironment,
+    /// Lobes and levels, for [`Evaluator::SphericalGaussian`].
+    pub(super) light: Option<&'a lighting::EnvironmentLobes>,
     pub(super) options: EnvironmentOptions,
     /// Of each place, without the distant lights.
     pub(super) irradiance: Vec<Vec3>,
@@ -92,7 +92,7 @@ pub struct Scene<'a> {
 }
 
 /// A surface point in a picture.
-pub(super) struct Point {
+pub(super) struct ShadingPoint {
     pub position: Vec3,
     /// Normal between the vertices' normals.
     pub normal: Vec3,
@@ -108,10 +108,10 @@ pub(super) struct Point {
     pub shares: Vec3,
 }
 
-impl Point {
+impl ShadingPoint {
     /// Tangent frame of the shading normal, see [`crate::sphere::gaussian::tangents`].
     #[inline]
-    pub fn frame(&self) -> Mat3 {
+    pub fn basis(&self) -> Mat3 {
         let normal = self.normal;
         let sign = 1f32.copysign(normal.z);
         let a = -1.0 / (sign + normal.z);
@@ -126,7 +126,7 @@ impl Point {
 
 /// A picture under an environment.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Relit {
+pub struct EnvironmentRender {
     /// Linear radiance, Rec. 709; 0 where nothing is hit. Of pixels that the object covers in part it is that part's share.
     pub image: RgbImage,
     /// The diffuse part of it.
@@ -136,30 +136,34 @@ pub struct Relit {
 }
 
 /// A mesh drawn with all samples of a picture.
-pub(super) struct Drawn {
-    raster: Samples,
+pub(super) struct SampledView {
+    raster: VisibilityBuffer,
     centre: Vec3,
     samples: usize,
 }
 
-impl Drawn {
+impl SampledView {
     /// Draws the object with `samples` samples of a pixel along each side.
-    pub(super) fn new(object: &Object, camera: &Camera, samples: u32) -> Result<Self> {
-        let fine = finer(camera, samples);
+    pub(super) fn new(object: &RenderObject, camera: &Camera, samples: u32) -> Result<Self> {
+        let fine = supersampled(camera, samples);
         check_work(object.mesh, &fine)?;
         let centre = Vec3::from_array(camera.centre().map(|x| x as f32));
-        let mut raster = Samples::default();
+        let mut raster = VisibilityBuffer::default();
         raster.draw(object.mesh, &fine);
-        Ok(Drawn { raster, centre, samples: samples as usize })
+        Ok(SampledView { raster, centre, samples: samples as usize })
     }
 
-    fn point(&self, object: &Object, index: usize) -> Point {
+    fn point(&self, object: &RenderObject, index: usize) -> ShadingPoint {
         surface_point(object, &self.raster, index, self.centre)
     }
 }
 
 /// Draws the object, shading each sample; the number that `shade` gets differs from sample to sample.
-pub(super) fn draw(object: &Object, drawn: &Drawn, shade: impl Fn(&Point, usize) -> [Vec3; 2] + Sync + Send) -> Relit {
+pub(super) fn shade_samples(
+    object: &RenderObject,
+    drawn: &SampledView,
+    shade: impl Fn(&ShadingPoint, usize) -> [Vec3; 2] + Sync + Send,
+) -> EnvironmentRender {
     let (raster, n) = (&drawn.raster, drawn.samples);
     let (width, height) = (raster.width / n, raster.height / n);
     let rows = crate::parallel::map(height, |y| {
@@ -185,7 +189,7 @@ pub(super) fn draw(object: &Object, drawn: &Drawn, shade: impl Fn(&Point, usize)
         row
     });
     let pixels = rows.concat();
-    Relit {
+    EnvironmentRender {
         image: Grid { width, height, data: pixels.iter().map(|p| p.0).collect() },
         diffuse: Grid { width, height, data: pixels.iter().map(|p| p.1).collect() },
         coverage: Grid { width, height, data: pixels.iter().map(|p| p.2).collect() },
@@ -193,7 +197,7 @@ pub(super) fn draw(object: &Object, drawn: &Drawn, shade: impl Fn(&Point, usize)
 }
 
 /// The same view with more pixels.
-pub(super) fn finer(camera: &Camera, samples: u32) -> Camera {
+pub(super) fn supersampled(camera: &Camera, samples: u32) -> Camera {
     let scale = samples as f64;
     Camera {
         width: camera.width * samples,
@@ -204,7 +208,7 @@ pub(super) fn finer(camera: &Camera, samples: u32) -> Camera {
     }
 }
 
-fn surface_point(object: &Object, raster: &Samples, index: usize, centre: Vec3) -> Point {
+fn surface_point(object: &RenderObject, raster: &VisibilityBuffer, index: usize, centre: Vec3) -> ShadingPoint {
     let triangle = raster.triangle[index] as usize;
     let corners = object.mesh.triangles[triangle];
     let [b, c] = raster.weights[index];
@@ -217,5 +221,5 @@ fn surface_point(object: &Object, raster: &Samples, index: usize, centre: Vec3) 
     let geometric = (q - p).cross(r - p).normalize_or(normal);
     let geometric = if geometric.dot(outgoing) < 0.0 { -geometric } else { geometric };
     let (places, shares) = object.around(triangle, corners, weights);
-    Point { position, normal, geometric, outgoing, triangle, weights, places, shares }
+    ShadingPoint { position, normal, geometric, outgoing, triangle, weights, places, shares }
 }

@@ -44,13 +44,13 @@ impl ShadowMap {
     }
 
     /// As [`Self::new`], for a light so far away that all its rays are nearly parallel, with a narrow margin.
-    pub(super) fn distant(mesh: &Mesh, light: [f64; 3]) -> Option<Self> {
+    pub(super) fn for_distant_light(mesh: &Mesh, light: [f64; 3]) -> Option<Self> {
         Self::new(mesh, light).map(|map| ShadowMap { margin_pixels: NARROW_MARGIN_PIXELS, ..map })
     }
 
-    /// Whether the light reaches all of a triangle or nothing of it; `None` where [`Self::reach`] has to tell point by point.
-    pub(super) fn over(&self, corners: [[f64; 3]; 3], cos_light: f64) -> Option<bool> {
-        const MOST_PIXELS: f64 = 4096.0;
+    /// Whether the light reaches all of a triangle or nothing of it; `None` where [`Self::visibility`] has to tell point by point.
+    pub(super) fn triangle_visibility(&self, corners: [[f64; 3]; 3], cos_light: f64) -> Option<bool> {
+        const MAX_PIXELS: f64 = 4096.0;
         let mut places = [([0.0; 2], 0.0); 3];
         for (place, corner) in places.iter_mut().zip(corners) {
             *place = self.camera.project(corner)?;
@@ -63,7 +63,7 @@ impl ShadowMap {
         let pixels = (bounds[0][1] - bounds[0][0] + 1.0) * (bounds[1][1] - bounds[1][0] + 1.0);
         // The triangle's depth over the map, flat as its rays are all but parallel.
         let area = (b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1]);
-        if !within || pixels > MOST_PIXELS || area.abs() < 1e-9 {
+        if !within || pixels > MAX_PIXELS || area.abs() < 1e-9 {
             return None;
         }
         let along = ((zb - za) * (c[1] - a[1]) - (zc - za) * (b[1] - a[1])) / area;
@@ -84,9 +84,9 @@ impl ShadowMap {
         if lit { Some(true) } else { dark.then_some(false) }
     }
 
-    /// As [`Self::reach`], of a light whose parts lie within `angle` (radians) of its middle, on a surface of this unit normal: the mean
+    /// As [`Self::visibility`], of a light whose parts lie within `angle` (radians) of its middle, on a surface of this unit normal: the mean
     /// over a disc as wide as the light is from the mean of what blocks it there (Fernando 2005).
-    pub(super) fn soft_reach(&self, point: [f64; 3], normal: [f64; 3], angle: f64) -> f64 {
+    pub(super) fn soft_visibility(&self, point: [f64; 3], normal: [f64; 3], angle: f64) -> f64 {
         const PLACES: usize = 24;
         let Some((at, depth)) = self.camera.project(point) else { return 1.0 };
         let turned = self.camera.rotation.map(|row| row[0] * normal[0] + row[1] * normal[1] + row[2] * normal[2]);
@@ -95,7 +95,7 @@ impl ShadowMap {
         let radius = |gap: f64| angle * gap.max(0.0) / pixel;
         let widest = radius(depth - self.nearest);
         if widest < 0.75 {
-            return self.reach(point, cosine);
+            return self.visibility(point, cosine);
         }
         // The surface's own depth beside the point.
         let slope = [turned[0], turned[1]].map(|n| n / cosine * -turned[2].signum() * pixel);
@@ -117,7 +117,7 @@ impl ShadowMap {
             }
         }
         if blocked == 0.0 {
-            return self.reach(point, cosine);
+            return self.visibility(point, cosine);
         }
         let wide = radius(gaps / blocked).max(0.75);
         let sum: f64 = places(wide).map(|p| self.lit([at[0] + p[0], at[1] + p[1]], surface(p))).sum();
@@ -131,7 +131,7 @@ impl ShadowMap {
     }
 
     /// Share of the light that reaches a surface point, 0 to 1: bilinear between the four depth tests around it.
-    pub(super) fn reach(&self, point: [f64; 3], cos_light: f64) -> f64 {
+    pub(super) fn visibility(&self, point: [f64; 3], cos_light: f64) -> f64 {
         let Some((at, depth)) = self.camera.project(point) else { return 1.0 };
         let margin = self.margin_pixels * depth / self.camera.focal[0] / cos_light.clamp(0.2, 1.0);
         self.lit(at, depth - margin)

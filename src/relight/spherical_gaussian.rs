@@ -1,16 +1,16 @@
 //! The published evaluator (Sonoda 2011, equations 13 and 15): spherical Gaussians throughout.
 
-use super::appearance::{Appearance, Prepared};
+use super::appearance::{PreparedSpecular, ShadingParameters};
 use super::environment_light::{exp, log2};
 use super::octahedral_map::to_square;
-use super::scene::{Point, Scene};
+use super::scene::{EnvironmentScene, ShadingPoint};
 use crate::lighting::SphericalGaussian;
-use crate::sphere::gaussian::{COSINE_PUBLISHED, half_space_share_published};
+use crate::sphere::gaussian::{CLAMPED_COSINE, half_space_share_wang};
 use glam::Vec3;
 use std::f32::consts::{LN_2, PI};
 
 /// Radiance towards the camera, diffuse and specular.
-pub(super) fn radiance(scene: &Scene, point: &Point, appearance: &Appearance) -> [Vec3; 2] {
+pub(super) fn radiance(scene: &EnvironmentScene, point: &ShadingPoint, appearance: &ShadingParameters) -> [Vec3; 2] {
     let irradiance = irradiance_at(scene, point.normal, point.places, point.shares);
     let specular = appearance.specular.filter(|_| appearance.specular_scale.max_element() > 0.0);
     let shine = specular.map_or(Vec3::ZERO, |prepared| reflected(scene, point, prepared));
@@ -18,26 +18,26 @@ pub(super) fn radiance(scene: &Scene, point: &Point, appearance: &Appearance) ->
 }
 
 /// Irradiance of every place.
-pub(super) fn irradiance(scene: &Scene) -> Vec<Vec3> {
+pub(super) fn irradiance(scene: &EnvironmentScene) -> Vec<Vec3> {
     let normals = &scene.object.normals;
-    let lobes: Vec<Lobe> = lobes(scene).collect();
+    let lobes: Vec<SgLobe> = lobes(scene).collect();
     let occlusion = scene.object.occlusion.filter(|_| scene.options.shadows);
     crate::parallel::map(normals.len(), |place| {
-        let distance = |axis: Vec3| occlusion.map(|occlusion| occlusion.of_place(place, to_square(axis)));
+        let distance = |axis: Vec3| occlusion.map(|occlusion| occlusion.place_distance(place, to_square(axis)));
         lobes.iter().map(|lobe| lobe.irradiance(normals[place], distance)).sum()
     })
 }
 
 /// Irradiance between places.
-fn irradiance_at(scene: &Scene, normal: Vec3, places: [u32; 3], shares: Vec3) -> Vec3 {
+fn irradiance_at(scene: &EnvironmentScene, normal: Vec3, places: [u32; 3], shares: Vec3) -> Vec3 {
     let occlusion = scene.object.occlusion.filter(|_| scene.options.shadows);
-    let distance = |axis: Vec3| occlusion.map(|occlusion| occlusion.towards(places, shares, axis));
+    let distance = |axis: Vec3| occlusion.map(|occlusion| occlusion.distance_towards(places, shares, axis));
     lobes(scene).map(|lobe| lobe.irradiance(normal, distance)).sum()
 }
 
 /// The light's lobes.
-fn lobes(scene: &Scene) -> impl Iterator<Item = Lobe> {
-    scene.light.into_iter().flat_map(|light| &light.diffuse).map(|lobe| Lobe {
+fn lobes(scene: &EnvironmentScene) -> impl Iterator<Item = SgLobe> {
+    scene.light.into_iter().flat_map(|light| &light.diffuse).map(|lobe| SgLobe {
         axis: single(lobe.axis),
         sharpness: lobe.sharpness as f32,
         amplitude: single(lobe.amplitude),
@@ -45,40 +45,40 @@ fn lobes(scene: &Scene) -> impl Iterator<Item = Lobe> {
 }
 
 /// A spherical Gaussian in single precision.
-struct Lobe {
+struct SgLobe {
     axis: Vec3,
     sharpness: f32,
     amplitude: Vec3,
 }
 
-impl Lobe {
+impl SgLobe {
     /// Times the clamped cosine and cut by the visibility, whose signed distance is given for a direction (13):
     /// [`SphericalGaussian::product`] and [`SphericalGaussian::visible_published`].
     #[inline]
     fn irradiance(&self, normal: Vec3, distance: impl Fn(Vec3) -> Option<f32>) -> Vec3 {
-        let (cosine_sharpness, cosine_amplitude) = (COSINE_PUBLISHED.0 as f32, COSINE_PUBLISHED.1 as f32);
+        let (cosine_sharpness, cosine_amplitude) = (CLAMPED_COSINE.0 as f32, CLAMPED_COSINE.1 as f32);
         let sum = cosine_sharpness * normal + self.sharpness * self.axis;
         let product = sum.length().max(1e-3);
         // Of the lengths' difference, without cancellation.
         let both = cosine_sharpness + self.sharpness;
         let exponent = 2.0 * cosine_sharpness * self.sharpness * (normal.dot(self.axis) - 1.0) / (product + both);
         let share = match distance(sum / product) {
-            Some(distance) => half_space_share_published(log2(product) * LN_2, distance) * whole(product),
-            None => whole(2.0 * product),
+            Some(distance) => half_space_share_wang(log2(product) * LN_2, distance) * one_minus_exp(product),
+            None => one_minus_exp(2.0 * product),
         };
         self.amplitude * (cosine_amplitude * exp(exponent) * share * 2.0 * PI / product)
     }
 }
 
 /// Specular reflection: the material's lobes, warped, times the clamped cosine, cut by the visibility, through the levels (15).
-pub(super) fn reflected(scene: &Scene, point: &Point, prepared: &Prepared) -> Vec3 {
+pub(super) fn reflected(scene: &EnvironmentScene, point: &ShadingPoint, prepared: &PreparedSpecular) -> Vec3 {
     let Some(light) = scene.light else { return Vec3::ZERO };
     let occlusion = scene.object.occlusion.filter(|_| scene.options.shadows);
-    let cosine = SphericalGaussian::cosine_published(point.normal.as_dvec3().to_array());
-    let frame = point.frame();
+    let cosine = SphericalGaussian::clamped_cosine(point.normal.as_dvec3().to_array());
+    let frame = point.basis();
     let outgoing = (frame.transpose() * point.outgoing).as_dvec3().to_array();
     let mut shine = Vec3::ZERO;
-    for lobe in prepared.specular.lobes.iter().flat_map(|lobe| lobe.warp_published(outgoing)) {
+    for lobe in prepared.specular.lobes.iter().flat_map(|lobe| lobe.warp_isotropic(outgoing)) {
         let axis = lobe.axis;
         if axis[2] <= 0.0 {
             continue;
@@ -91,12 +91,12 @@ pub(super) fn reflected(scene: &Scene, point: &Point, prepared: &Prepared) -> Ve
         let smooth = single(prepared.specular.brdf.evaluate(axis, outgoing)) / distribution.max(1e-30) as f32;
         let world = SphericalGaussian { axis: (frame * single(axis)).as_dvec3().to_array(), ..lobe };
         let product = cosine.product(&world);
-        let distance = occlusion.map(|o| o.towards(point.places, point.shares, single(product.axis)) as f64);
+        let distance = occlusion.map(|o| o.distance_towards(point.places, point.shares, single(product.axis)) as f64);
         let shadowed = match distance {
-            Some(distance) => product.shadowed_published(distance),
+            Some(distance) => product.shadowed_wang(distance),
             None => product,
         };
-        let mean = light.prefiltered(product.axis, product.sharpness);
+        let mean = light.prefiltered_radiance(product.axis, product.sharpness);
         shine += smooth * single(shadowed.integral()) * Vec3::from_array(mean);
     }
     shine
@@ -104,7 +104,7 @@ pub(super) fn reflected(scene: &Scene, point: &Point, prepared: &Prepared) -> Ve
 
 /// `1 - exp(-x)`.
 #[inline]
-pub(super) fn whole(x: f32) -> f32 {
+pub(super) fn one_minus_exp(x: f32) -> f32 {
     1.0 - exp(-x)
 }
 

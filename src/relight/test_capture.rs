@@ -24,7 +24,7 @@ pub fn load(name: &str) -> Option<Asset> {
     let mesh = std::mem::take(&mut capture.mesh);
     let observations = crate::separate::separate(&mut capture).unwrap();
     let mut asset = Asset { mesh, white: observations.white, components: observations.components, ..Asset::default() };
-    for frame in observations.frames {
+    for frame in observations.views {
         let covered = || rasterise(&asset.mesh, &frame.view.camera).coverage();
         let mask = frame.mask.unwrap_or_else(covered);
         asset.photographs.push(Some(Photograph { mask, images: frame.images }));
@@ -34,11 +34,11 @@ pub fn load(name: &str) -> Option<Asset> {
 }
 
 /// Adds charts and fitted reflectance.
-pub fn fit(asset: &mut Asset, density: f64) -> AtlasRaster {
+pub fn fit_reflectance(asset: &mut Asset, density: f64) -> AtlasRaster {
     let cameras: Vec<Camera> = asset.views.iter().map(|v| v.camera).collect();
     let charts = layout(&asset.mesh, texels_per_unit(&asset.mesh, &cameras, density)).unwrap();
     let raster = rasterise_atlas(&asset.mesh, &charts).unwrap();
-    let sources = crate::reflectance::gather::Sources {
+    let sources = crate::reflectance::gather::ReflectanceSources {
         mesh: &asset.mesh,
         views: &asset.views,
         components: &asset.components,

@@ -1,7 +1,7 @@
 //! Materials that vary over the surface: a file's reflectance maps, and parameters driven by pictures.
 
-use super::appearance::{Appearance, Look, Prepared, Uniform};
-use super::material::{Material, Specular};
+use super::appearance::{PreparedSpecular, ShadingModel, ShadingParameters, UniformMaterial};
+use super::material::{Material, SpecularPart};
 use super::models::{PaletteHighlight, TorranceSparrow};
 use crate::asset::Asset;
 use crate::brdf::Brdf;
@@ -10,7 +10,7 @@ use crate::image::Grid;
 use crate::reflectance::maps::ReflectanceMaps;
 use crate::reflectance::palette::PaletteTables;
 use crate::reflectance::torrance_sparrow::SIGMA_RANGE;
-use crate::surface::atlas::{atlas_position, read_colour, read_number};
+use crate::surface::atlas::{atlas_position, sample_colour, sample_number};
 use crate::surface::charts::Charts;
 use glam::{DVec3, Vec3};
 use std::sync::Arc;
@@ -19,13 +19,13 @@ use std::sync::Arc;
 const STEPS: usize = 64;
 
 /// Reflection functions for a range of widths, evenly spaced in the logarithm.
-struct Range {
-    least: f64,
-    most: f64,
-    prepared: Vec<Prepared>,
+struct SpecularRange {
+    min_width: f64,
+    max_width: f64,
+    prepared: Vec<PreparedSpecular>,
 }
 
-impl Range {
+impl SpecularRange {
     fn new(
         [least, most]: [f64; 2],
         taps: usize,
@@ -33,26 +33,27 @@ impl Range {
     ) -> Result<Self> {
         let steps = if most > least { STEPS } else { 1 };
         let width = |k: usize| least * (most / least).powf(k as f64 / (steps.max(2) - 1) as f64);
-        let prepared = crate::parallel::map(steps, |k| Ok(Prepared::new(Specular::new(part(width(k))?), taps)));
-        Ok(Range { least, most, prepared: prepared.into_iter().collect::<Result<_>>()? })
+        let prepared =
+            crate::parallel::map(steps, |k| Ok(PreparedSpecular::new(SpecularPart::new(part(width(k))?), taps)));
+        Ok(SpecularRange { min_width: least, max_width: most, prepared: prepared.into_iter().collect::<Result<_>>()? })
     }
 
-    fn at(&self, width: f64) -> Option<&Prepared> {
-        let place = (width / self.least).ln() / (self.most / self.least).ln().max(1e-12);
+    fn at(&self, width: f64) -> Option<&PreparedSpecular> {
+        let place = (width / self.min_width).ln() / (self.max_width / self.min_width).ln().max(1e-12);
         let last = self.prepared.len().saturating_sub(1);
         self.prepared.get(((place * last as f64).round().max(0.0) as usize).min(last))
     }
 }
 
 /// The reflectance of a decoded file, per texel.
-pub struct AssetLook<'a> {
+pub struct AssetShading<'a> {
     charts: &'a Charts,
     maps: &'a ReflectanceMaps,
-    range: Option<Range>,
+    range: Option<SpecularRange>,
 }
 
-impl<'a> AssetLook<'a> {
-    /// An error for files without reflectance; `taps` as in [`Prepared::new`].
+impl<'a> AssetShading<'a> {
+    /// An error for files without reflectance; `taps` as in [`PreparedSpecular::new`].
     pub fn new(asset: &'a Asset, taps: usize) -> Result<Self> {
         let (Some(charts), Some(maps)) = (&asset.charts, &asset.reflectance) else {
             return Err(Error::Unsupported("relighting: this file has no reflectance".into()));
@@ -78,24 +79,24 @@ impl<'a> AssetLook<'a> {
             }
             Ok(Box::new(PaletteHighlight { palette: palette.clone(), sigma: sigma as f32 }))
         };
-        let range = if shiny { Some(Range::new([least as f64, most as f64], taps, part)?) } else { None };
-        Ok(AssetLook { charts, maps, range })
+        let range = if shiny { Some(SpecularRange::new([least as f64, most as f64], taps, part)?) } else { None };
+        Ok(AssetShading { charts, maps, range })
     }
 }
 
-impl Look for AssetLook<'_> {
-    fn at(&self, triangle: usize, _: Vec3, position: Vec3) -> Appearance<'_> {
+impl ShadingModel for AssetShading<'_> {
+    fn parameters_at(&self, triangle: usize, _: Vec3, position: Vec3) -> ShadingParameters<'_> {
         let at = atlas_position(self.charts, triangle, DVec3::from_array(position.to_array().map(f64::from)));
         let vector = |c: [f64; 3]| Vec3::from_array(c.map(|x| x as f32));
         // K_d is radiance over irradiance.
-        let albedo = vector(read_colour(&self.maps.diffuse, at)) * std::f32::consts::PI;
+        let albedo = vector(sample_colour(&self.maps.diffuse, at)) * std::f32::consts::PI;
         match &self.range {
-            Some(range) => Appearance {
+            Some(range) => ShadingParameters {
                 albedo,
-                specular_scale: vector(read_colour(&self.maps.specular, at)),
-                specular: range.at(read_number(&self.maps.sigma, at)),
+                specular_scale: vector(sample_colour(&self.maps.specular, at)),
+                specular: range.at(sample_number(&self.maps.sigma, at)),
             },
-            None => Appearance { albedo, specular_scale: Vec3::ZERO, specular: None },
+            None => ShadingParameters { albedo, specular_scale: Vec3::ZERO, specular: None },
         }
     }
 }
@@ -121,7 +122,7 @@ impl Texture {
         let (x0, x1) = (wrap(x.floor(), width), wrap(x.floor() + 1.0, width));
         let (y0, y1) = (wrap(y.floor(), height), wrap(y.floor() + 1.0, height));
         let (s, t) = (x - x.floor(), y - y.floor());
-        let at = |x: usize, y: usize| Vec3::from_array(*self.image.at(x, y));
+        let at = |x: usize, y: usize| Vec3::from_array(*self.image.value_at(x, y));
         let upper = at(x0, y0).lerp(at(x1, y0), s);
         let lower = at(x0, y1).lerp(at(x1, y1), s);
         upper.lerp(lower, t) * self.scale
@@ -142,13 +143,13 @@ pub struct Textures {
 }
 
 /// A material with parameters driven by pictures.
-pub struct TexturedLook {
-    base: Uniform,
+pub struct TexturedShading {
+    base: UniformMaterial,
     textures: Textures,
-    range: Option<Range>,
+    range: Option<SpecularRange>,
 }
 
-impl TexturedLook {
+impl TexturedShading {
     /// `part` makes the specular part for a roughness. Coordinates must be there for all `triangles`.
     pub fn new(
         material: Material,
@@ -168,17 +169,17 @@ impl TexturedLook {
             Some(texture) => {
                 let values = texture.image.data.iter().map(|p| (p[0] * texture.scale).clamp(0.005, 2.0));
                 let (least, most) = values.fold((2.0f32, 0.005f32), |(l, m), v| (l.min(v), m.max(v)));
-                Some(Range::new([least as f64, most as f64], taps, part)?)
+                Some(SpecularRange::new([least as f64, most as f64], taps, part)?)
             }
             None => None,
         };
-        Ok(TexturedLook { base: Uniform::new(material, taps), textures, range })
+        Ok(TexturedShading { base: UniformMaterial::new(material, taps), textures, range })
     }
 }
 
-impl Look for TexturedLook {
-    fn at(&self, triangle: usize, weights: Vec3, position: Vec3) -> Appearance<'_> {
-        let base = self.base.at(triangle, weights, position);
+impl ShadingModel for TexturedShading {
+    fn parameters_at(&self, triangle: usize, weights: Vec3, position: Vec3) -> ShadingParameters<'_> {
+        let base = self.base.parameters_at(triangle, weights, position);
         let corners = self.textures.coordinates[triangle];
         let at =
             std::array::from_fn(|k| weights.x * corners[0][k] + weights.y * corners[1][k] + weights.z * corners[2][k]);
@@ -188,7 +189,7 @@ impl Look for TexturedLook {
             Some(range) => rough().and_then(|r| range.at(r)),
             None => base.specular,
         };
-        Appearance {
+        ShadingParameters {
             albedo: read(&self.textures.diffuse, base.albedo),
             specular_scale: read(&self.textures.specular, base.specular_scale),
             specular,
@@ -212,10 +213,10 @@ mod tests {
         };
         let material = Material { albedo: [1.0; 3], specular: None, specular_scale: [0.3; 3] };
         let part = |sigma: f64| Ok(Box::new(TorranceSparrow { sigma }) as Box<dyn Brdf + Send>);
-        let look = TexturedLook::new(material, textures, 1, 8, part).unwrap();
-        let (left, right) = (look.at(0, Vec3::X, Vec3::ZERO), look.at(0, Vec3::Y, Vec3::ZERO));
+        let look = TexturedShading::new(material, textures, 1, 8, part).unwrap();
+        let (left, right) = (look.parameters_at(0, Vec3::X, Vec3::ZERO), look.parameters_at(0, Vec3::Y, Vec3::ZERO));
         assert!((left.albedo.x - 0.1).abs() < 1e-6 && (right.albedo.x - 0.5).abs() < 1e-6);
-        let width = |a: &Appearance| a.specular.unwrap().specular.lobes[0].sharpness[0];
+        let width = |a: &ShadingParameters| a.specular.unwrap().specular.lobes[0].sharpness[0];
         assert!(width(&left) > 15.0 * width(&right), "{} {}", width(&left), width(&right));
         assert_eq!(left.specular_scale.x, 0.3);
     }

@@ -2,16 +2,16 @@
 //!
 //! One function serves both directions, so that they can't disagree. Normative text: `spec/planes.md`.
 
-use super::contexts::{BLOCK, Bands, Codes, Contexts, Known, Place};
-use super::direct::Direct;
-use super::gains::{self, BAND_CLASSES, GainModels, GainSums, Gains};
-use super::mixed::Mixed;
+use super::contexts::{BLOCK, BandClass, CodedBand, CodedBands, CoefficientCoder, ContextModel};
+use super::direct::DirectModel;
+use super::gains::{self, BAND_CLASSES, GainModels, GainSums, PredictionGains};
+use super::mixed::MixedModel;
 use crate::entropy::{BitCoder, RangeDecoder, RansDecoder};
 #[cfg(feature = "encode")]
 use crate::entropy::{RangeEncoder, RansEncoder};
-use crate::quantise::bands::{Choice, Quantiser, is_worth};
+use crate::quantise::bands::{Quantiser, RateDistortion, saves_cost};
 use crate::transform::masked::Coefficients;
-use crate::transform::shape_adaptive::{Band, Orientation, Pixel, Plan};
+use crate::transform::shape_adaptive::{ColourLanes, Orientation, Subband, WaveletPlan};
 
 /// How a picture's decisions are predicted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -25,33 +25,33 @@ pub enum Modelling {
 
 /// Adaptive state of one component; handed from a picture to those coded after it.
 #[derive(Debug, Clone)]
-pub struct Models(Kind);
+pub struct CoefficientModels(ModellingState);
 
 #[derive(Debug, Clone)]
-enum Kind {
-    Mixed(Box<State<Mixed>>),
-    Direct(Box<State<Direct>>),
+enum ModellingState {
+    Mixed(Box<CoefficientState<MixedModel>>),
+    Direct(Box<CoefficientState<DirectModel>>),
 }
 
-impl Models {
+impl CoefficientModels {
     /// Fresh models.
     pub fn new(modelling: Modelling) -> Self {
-        Models(match modelling {
-            Modelling::Mixed => Kind::Mixed(Box::new(State::new())),
-            Modelling::Direct => Kind::Direct(Box::new(State::new())),
+        CoefficientModels(match modelling {
+            Modelling::Mixed => ModellingState::Mixed(Box::new(CoefficientState::new())),
+            Modelling::Direct => ModellingState::Direct(Box::new(CoefficientState::new())),
         })
     }
 }
 
 #[derive(Debug, Clone)]
-struct State<K> {
+struct CoefficientState<K> {
     values: K,
     gains: GainModels,
 }
 
-impl<K: Contexts> State<K> {
+impl<K: ContextModel> CoefficientState<K> {
     fn new() -> Self {
-        State { values: K::new(), gains: GainModels::default() }
+        CoefficientState { values: K::new(), gains: GainModels::default() }
     }
 }
 
@@ -61,21 +61,21 @@ impl<K: Contexts> State<K> {
 /// `plan`.
 #[cfg(feature = "encode")]
 pub fn encode(
-    models: &mut Models,
-    plan: &Plan,
+    models: &mut CoefficientModels,
+    plan: &WaveletPlan,
     quantiser: &Quantiser,
-    predicted: Option<&[Vec<Pixel>]>,
-    target: &[Vec<Pixel>],
-    choice: Choice,
+    predicted: Option<&[Vec<ColourLanes>]>,
+    target: &[Vec<ColourLanes>],
+    choice: RateDistortion,
 ) -> (Vec<u8>, Coefficients) {
     let target = Some((target, choice));
     match &mut models.0 {
-        Kind::Mixed(state) => {
+        ModellingState::Mixed(state) => {
             let mut coder = RangeEncoder::new();
             let decoded = code_with(&mut coder, state, plan, quantiser, predicted, target, Coefficients::default());
             (coder.finish(), decoded)
         }
-        Kind::Direct(state) => {
+        ModellingState::Direct(state) => {
             let mut coder = RansEncoder::new();
             let decoded = code_with(&mut coder, state, plan, quantiser, predicted, target, Coefficients::default());
             (coder.finish(), decoded)
@@ -87,19 +87,19 @@ pub fn encode(
 /// what an earlier call has returned.
 pub fn decode(
     stream: &[u8],
-    models: &mut Models,
-    plan: &Plan,
+    models: &mut CoefficientModels,
+    plan: &WaveletPlan,
     quantiser: &Quantiser,
-    predicted: Option<&[Vec<Pixel>]>,
+    predicted: Option<&[Vec<ColourLanes>]>,
     scratch: Coefficients,
 ) -> Option<Coefficients> {
     let (coefficients, is_whole) = match &mut models.0 {
-        Kind::Mixed(state) => {
+        ModellingState::Mixed(state) => {
             let mut coder = RangeDecoder::new(stream);
             let decoded = code_with(&mut coder, state, plan, quantiser, predicted, None, scratch);
             (decoded, coder.ends_as_written(0))
         }
-        Kind::Direct(state) => {
+        ModellingState::Direct(state) => {
             let mut coder = RansDecoder::new(stream);
             let decoded = code_with(&mut coder, state, plan, quantiser, predicted, None, scratch);
             (decoded, coder.ends_as_written())
@@ -111,20 +111,20 @@ pub fn decode(
 /// Codes the coefficients of a picture without a prediction, by fresh models, among what else a coder takes. `target` is for encoding.
 pub fn code_alone<C: BitCoder>(
     coder: &mut C,
-    plan: &Plan,
+    plan: &WaveletPlan,
     quantiser: &Quantiser,
-    target: Option<(&[Vec<Pixel>], Choice)>,
+    target: Option<(&[Vec<ColourLanes>], RateDistortion)>,
 ) -> Coefficients {
-    code_with(coder, &mut State::<Mixed>::new(), plan, quantiser, None, target, Coefficients::default())
+    code_with(coder, &mut CoefficientState::<MixedModel>::new(), plan, quantiser, None, target, Coefficients::default())
 }
 
-fn code_with<C: BitCoder, K: Codes<C>>(
+fn code_with<C: BitCoder, K: CoefficientCoder<C>>(
     coder: &mut C,
-    models: &mut State<K>,
-    plan: &Plan,
+    models: &mut CoefficientState<K>,
+    plan: &WaveletPlan,
     quantiser: &Quantiser,
-    predicted: Option<&[Vec<Pixel>]>,
-    target: Option<(&[Vec<Pixel>], Choice)>,
+    predicted: Option<&[Vec<ColourLanes>]>,
+    target: Option<(&[Vec<ColourLanes>], RateDistortion)>,
     mut coefficients: Coefficients,
 ) -> Coefficients {
     let bands = plan.bands();
@@ -140,7 +140,7 @@ fn code_with<C: BitCoder, K: Codes<C>>(
         models.gains.code(coder, &mut gains, &used);
     }
     coefficients.reset(bands.len());
-    let mut known: Vec<Known<K::Lanes>> = Vec::with_capacity(bands.len());
+    let mut known: Vec<CodedBand<K::Magnitudes>> = Vec::with_capacity(bands.len());
     for (index, band) in bands.iter().enumerate() {
         let step = quantiser.band_step(band);
         let task = BandTask {
@@ -168,12 +168,12 @@ fn code_with<C: BitCoder, K: Codes<C>>(
 
 /// One band of a picture, as it is to be coded.
 struct BandTask<'a> {
-    band: &'a Band,
-    predicted: Option<&'a [Pixel]>,
+    band: &'a Subband,
+    predicted: Option<&'a [ColourLanes]>,
     /// Of the prediction, by colour and bucket.
     gains: &'a [[i32; gains::BUCKETS]; 3],
     /// In encoding.
-    target: Option<(&'a [Pixel], Choice)>,
+    target: Option<(&'a [ColourLanes], RateDistortion)>,
     step: f32,
     inverse: f32,
 }
@@ -181,7 +181,7 @@ struct BandTask<'a> {
 impl BandTask<'_> {
     /// What a position's values are added to; `out` is decoded before it.
     #[inline(always)]
-    fn prediction(&self, flat: usize, out: &[Pixel]) -> [f32; 3] {
+    fn prediction(&self, flat: usize, out: &[ColourLanes]) -> [f32; 3] {
         match self.predicted {
             Some(predicted) => std::array::from_fn(|colour| {
                 let p = predicted[flat][colour];
@@ -197,22 +197,22 @@ impl BandTask<'_> {
     }
     /// In encoding: what the values should be, in steps.
     #[inline(always)]
-    fn wanted<C: BitCoder>(&self, flat: usize, prediction: &[f32; 3]) -> Option<([f32; 3], Choice)> {
+    fn wanted<C: BitCoder>(&self, flat: usize, prediction: &[f32; 3]) -> Option<([f32; 3], RateDistortion)> {
         let (target, choice) = self.target.filter(|_| !C::DECODES)?;
         Some((std::array::from_fn(|k| (target[flat][k] - prediction[k]) * self.inverse), choice))
     }
     /// In encoding: whether positions are worth being coded.
-    fn is_worth<C: BitCoder>(&self, places: &[usize], out: &[Pixel]) -> bool {
+    fn saves_cost<C: BitCoder>(&self, places: &[usize], out: &[ColourLanes]) -> bool {
         let wanted = places.iter().filter_map(|&flat| self.wanted::<C>(flat, &self.prediction(flat, out)));
-        self.target.is_some_and(|(_, choice)| is_worth(wanted.map(|(wanted, _)| wanted), choice))
+        self.target.is_some_and(|(_, choice)| saves_cost(wanted.map(|(wanted, _)| wanted), choice))
     }
-    fn place(&self) -> Place {
+    fn band_class(&self) -> BandClass {
         let (level, orientation) = (self.band.level, self.band.orientation);
         let (level, level_class) = match orientation {
             Orientation::Low => (0, 3),
             _ => (level, level.min(3) - 1),
         };
-        Place {
+        BandClass {
             is_predicted: self.predicted.is_some(),
             band_class: level_class * 2 + (orientation == Orientation::Diagonal) as usize,
             level,
@@ -222,18 +222,18 @@ impl BandTask<'_> {
 
 /// Codes a band into `out`; returns its magnitudes. Not inlined, so that what lies in registers is what it needs.
 #[inline(never)]
-fn code_band<C: BitCoder, K: Codes<C>>(
+fn code_band<C: BitCoder, K: CoefficientCoder<C>>(
     coder: &mut C,
     models: &mut K,
     quantiser: &Quantiser,
     task: &BandTask,
-    (parent, siblings): (Option<&Known<K::Lanes>>, &[Known<K::Lanes>]),
-    out: &mut [Pixel],
-) -> Known<K::Lanes> {
+    (parent, siblings): (Option<&CodedBand<K::Magnitudes>>, &[CodedBand<K::Magnitudes>]),
+    out: &mut [ColourLanes],
+) -> CodedBand<K::Magnitudes> {
     let BandTask { band, predicted, step, inverse, .. } = *task;
     let quarters = 4.0 / step;
-    let mut here = Known::new(band, predicted, |p| K::hint(p, quarters));
-    let place = task.place();
+    let mut here = CodedBand::new(band, predicted, |p| K::prediction_magnitude(p, quarters));
+    let place = task.band_class();
     let width = band.mask.width;
     // By block of the row of blocks: whether it holds anything but zeros.
     let mut occupied = vec![true; width.div_ceil(BLOCK)];
@@ -242,8 +242,8 @@ fn code_band<C: BitCoder, K: Codes<C>>(
             break;
         }
         if y % BLOCK == 0 && place.level == 1 {
-            let is_wanted = |places: &[usize]| task.is_worth::<C>(places, out);
-            let bands = Bands { here: &here, parent, siblings };
+            let is_wanted = |places: &[usize]| task.saves_cost::<C>(places, out);
+            let bands = CodedBands { here: &here, parent, siblings };
             models.code_blocks(coder, &bands, &band.mask, y, &mut occupied, is_wanted);
         }
         let row = band.mask.row(y);
@@ -261,7 +261,7 @@ fn code_band<C: BitCoder, K: Codes<C>>(
             let prediction = task.prediction(flat, out);
             let mut decoded = [prediction[0], prediction[1], prediction[2], 0.0];
             if !is_empty {
-                let around = K::around(&Bands { here: &here, parent, siblings }, x, y);
+                let around = K::neighbourhood(&CodedBands { here: &here, parent, siblings }, x, y);
                 let wanted = match task.wanted::<C>(flat, &prediction) {
                     Some((wanted, choice)) => models.choose(wanted, quantiser, choice, &place, &around),
                     None => [0; 3],
@@ -269,7 +269,7 @@ fn code_band<C: BitCoder, K: Codes<C>>(
                 let values = models.code(coder, &place, &around, (&prediction, inverse), wanted);
                 if values != [0; 3] {
                     let at = here.index(x, y);
-                    here.values[at] = K::lanes(&values);
+                    here.values[at] = K::magnitudes(&values);
                     for colour in 0..3 {
                         decoded[colour] += quantiser.dequantise(values[colour], step);
                     }
@@ -283,10 +283,10 @@ fn code_band<C: BitCoder, K: Codes<C>>(
 }
 
 /// Mean of the decoded neighbours left and above, for the low band of a picture coded alone.
-fn neighbour_mean(out: &[Pixel], band: &Band, x: usize, y: usize, colour: usize) -> f32 {
+fn neighbour_mean(out: &[ColourLanes], band: &Subband, x: usize, y: usize, colour: usize) -> f32 {
     let (width, mask) = (band.mask.width, &band.mask);
-    let left = x > 0 && *mask.at(x - 1, y);
-    let above = y > 0 && *mask.at(x, y - 1);
+    let left = x > 0 && *mask.value_at(x - 1, y);
+    let above = y > 0 && *mask.value_at(x, y - 1);
     match (left, above) {
         (true, true) => (out[y * width + x - 1][colour] + out[(y - 1) * width + x][colour]) * 0.5,
         (true, false) => out[y * width + x - 1][colour],
@@ -296,12 +296,12 @@ fn neighbour_mean(out: &[Pixel], band: &Band, x: usize, y: usize, colour: usize)
 }
 
 fn choose_gains(
-    gains: &mut Gains,
-    bands: &[Band],
+    gains: &mut PredictionGains,
+    bands: &[Subband],
     quantiser: &Quantiser,
-    predicted: &[Vec<Pixel>],
-    target: &[Vec<Pixel>],
-    choice: Choice,
+    predicted: &[Vec<ColourLanes>],
+    target: &[Vec<ColourLanes>],
+    choice: RateDistortion,
 ) {
     let mut sums = [[[GainSums::default(); gains::BUCKETS]; 3]; BAND_CLASSES];
     for (index, band) in bands.iter().enumerate().take(predicted.len()) {

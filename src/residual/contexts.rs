@@ -2,48 +2,48 @@
 //!
 //! All numbers here are part of the format (`spec/planes.md`).
 
-use crate::entropy::{BitCoder, Number};
+use crate::entropy::{BitCoder, NumberModel};
 use crate::image::Mask;
-use crate::quantise::bands::{Choice, LARGEST, Quantiser};
-use crate::transform::shape_adaptive::{Band, Pixel};
+use crate::quantise::bands::{MAX_MAGNITUDE, Quantiser, RateDistortion};
+use crate::transform::shape_adaptive::{ColourLanes, Subband};
 
 /// Side of a block, in positions.
 pub(super) const BLOCK: usize = 4;
 
 /// How values are told apart: what is known around a position, and what learns from them.
-pub(super) trait Contexts: Clone + std::fmt::Debug {
+pub(super) trait ContextModel: Clone + std::fmt::Debug {
     /// Magnitudes of the three colours at a position.
-    type Lanes: Copy + Default;
+    type Magnitudes: Copy + Default;
     /// What is known around a position.
-    type Around;
+    type Neighbourhood;
 
     /// Models that have seen nothing.
     fn new() -> Self;
     /// Magnitudes of what was coded at a position.
-    fn lanes(values: &[i32; 3]) -> Self::Lanes;
+    fn magnitudes(values: &[i32; 3]) -> Self::Magnitudes;
     /// Magnitudes of a predicted coefficient; `inverse` is four over the step.
-    fn hint(predicted: &Pixel, inverse: f32) -> Self::Lanes;
+    fn prediction_magnitude(predicted: &ColourLanes, inverse: f32) -> Self::Magnitudes;
     /// Gathers what is known around a position.
-    fn around(bands: &Bands<Self::Lanes>, x: usize, y: usize) -> Self::Around;
+    fn neighbourhood(bands: &CodedBands<Self::Magnitudes>, x: usize, y: usize) -> Self::Neighbourhood;
     /// The values with the least squared error plus rate among those near `wanted`, which are given in steps.
     fn choose(
         &self,
         wanted: [f32; 3],
         quantiser: &Quantiser,
-        choice: Choice,
-        place: &Place,
-        around: &Self::Around,
+        choice: RateDistortion,
+        place: &BandClass,
+        around: &Self::Neighbourhood,
     ) -> [i32; 3];
 }
 
 /// Contexts whose values a coder can code.
-pub(super) trait Codes<C: BitCoder>: Contexts {
+pub(super) trait CoefficientCoder<C: BitCoder>: ContextModel {
     /// Codes the three colours of a position. `prediction` is what they will be added to, `inverse` one over the step.
     fn code(
         &mut self,
         coder: &mut C,
-        place: &Place,
-        around: &Self::Around,
+        place: &BandClass,
+        around: &Self::Neighbourhood,
         prediction: (&[f32; 3], f32),
         wanted: [i32; 3],
     ) -> [i32; 3];
@@ -52,7 +52,7 @@ pub(super) trait Codes<C: BitCoder>: Contexts {
     fn code_blocks(
         &mut self,
         _coder: &mut C,
-        _bands: &Bands<Self::Lanes>,
+        _bands: &CodedBands<Self::Magnitudes>,
         _mask: &Mask,
         _y: usize,
         _occupied: &mut [bool],
@@ -63,35 +63,35 @@ pub(super) trait Codes<C: BitCoder>: Contexts {
 
 /// A band and those coded before it.
 #[derive(Clone, Copy)]
-pub(super) struct Bands<'a, T> {
-    pub(super) here: &'a Known<T>,
+pub(super) struct CodedBands<'a, T> {
+    pub(super) here: &'a CodedBand<T>,
     /// The band of this orientation one level coarser.
-    pub(super) parent: Option<&'a Known<T>>,
+    pub(super) parent: Option<&'a CodedBand<T>>,
     /// Those of this level.
-    pub(super) siblings: &'a [Known<T>],
+    pub(super) siblings: &'a [CodedBand<T>],
 }
 
 /// What is known of a band: magnitudes of what was coded and of the prediction, with a margin of two columns and rows before the first
 /// and of as many behind the last as a block may reach, so that neighbours need no checks.
-pub(super) struct Known<T> {
+pub(super) struct CodedBand<T> {
     pub(super) stride: usize,
     pub(super) values: Vec<T>,
     /// Empty where there is no prediction.
-    hints: Vec<T>,
+    prediction_magnitudes: Vec<T>,
 }
 
-impl<T: Copy + Default> Known<T> {
+impl<T: Copy + Default> CodedBand<T> {
     /// A band of which nothing is coded.
-    pub(super) fn new(band: &Band, predicted: Option<&[Pixel]>, hint: impl Fn(&Pixel) -> T) -> Self {
+    pub(super) fn new(band: &Subband, predicted: Option<&[ColourLanes]>, hint: impl Fn(&ColourLanes) -> T) -> Self {
         let (width, height) = (band.mask.width, band.mask.height);
         let stride = width + 2 + BLOCK;
         let empty = vec![T::default(); stride * (height + 1 + BLOCK)];
-        let mut known = Known { stride, values: empty, hints: Vec::new() };
+        let mut known = CodedBand { stride, values: empty, prediction_magnitudes: Vec::new() };
         if let Some(predicted) = predicted {
-            known.hints = vec![T::default(); known.values.len()];
+            known.prediction_magnitudes = vec![T::default(); known.values.len()];
             for y in 0..height {
                 let at = known.index(0, y);
-                for (place, p) in known.hints[at..].iter_mut().zip(&predicted[y * width..][..width]) {
+                for (place, p) in known.prediction_magnitudes[at..].iter_mut().zip(&predicted[y * width..][..width]) {
                     *place = hint(p);
                 }
             }
@@ -105,21 +105,21 @@ impl<T: Copy + Default> Known<T> {
     }
     /// The prediction's magnitudes, 0 without one.
     #[inline(always)]
-    pub(super) fn hint(&self, at: usize) -> T {
-        self.hints.get(at).copied().unwrap_or_default()
+    pub(super) fn prediction_magnitude(&self, at: usize) -> T {
+        self.prediction_magnitudes.get(at).copied().unwrap_or_default()
     }
 }
 
 /// Classes of bands by level and direction, for each colour.
 pub(super) const CLASSES: usize = 8 * 3;
 
-/// Codes a magnitude that is at least `least`, and at most [`LARGEST`].
-pub(super) fn code_large<C: BitCoder>(coder: &mut C, number: &mut Number, least: u32, goal: u32) -> u32 {
-    least.saturating_add(number.code(coder, goal.wrapping_sub(least))).min(LARGEST)
+/// Codes a magnitude that is at least `least`, and at most [`MAX_GAIN`].
+pub(super) fn code_escaped<C: BitCoder>(coder: &mut C, number: &mut NumberModel, least: u32, goal: u32) -> u32 {
+    least.saturating_add(number.code(coder, goal.wrapping_sub(least))).min(MAX_MAGNITUDE)
 }
 
 /// What is the same for a whole band.
-pub(super) struct Place {
+pub(super) struct BandClass {
     pub(super) is_predicted: bool,
     pub(super) band_class: usize,
     pub(super) level: usize,
@@ -127,7 +127,7 @@ pub(super) struct Place {
 
 /// Classes of a non-negative sum, finer where it is small: 0, 1, 2, 3, 4, 5-6, 7-8, 9-11, 12-15, 16-22, 23-36, 37 and more.
 #[inline(always)]
-pub(super) fn class_12(value: u32) -> u32 {
+pub(super) fn bucket_12(value: u32) -> u32 {
     const TABLE: [u8; 40] = [
         0, 1, 2, 3, 4, 5, 5, 6, 6, 7, 7, 7, 8, 8, 8, 8, 9, 9, 9, 9, 9, 9, 9, 10, 10, 10, 10, 10, 10, 10, 10, 10, 10,
         10, 10, 10, 10, 11, 11, 11,
@@ -137,20 +137,20 @@ pub(super) fn class_12(value: u32) -> u32 {
 
 /// 0, 1, 2, 3-4, 5-7, 8-12, 13-24, 25 and more.
 #[inline(always)]
-pub(super) fn class_8(value: u32) -> u32 {
+pub(super) fn bucket_8(value: u32) -> u32 {
     const TABLE: [u8; 26] = [0, 1, 2, 3, 3, 4, 4, 4, 5, 5, 5, 5, 5, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 7];
     TABLE[value.min(25) as usize] as u32
 }
 
 /// 0 and 1, 2-4, 5-12, 13 and more.
 #[inline(always)]
-pub(super) fn few(value: u32) -> u32 {
-    class_8(value).min(6) / 2
+pub(super) fn bucket_4(value: u32) -> u32 {
+    bucket_8(value).min(6) / 2
 }
 
 /// Half-octave classes up to `most`.
 #[inline(always)]
-pub(super) fn logarithmic(value: u32, most: u32) -> u32 {
+pub(super) fn log2_bucket(value: u32, most: u32) -> u32 {
     if value < 2 {
         return value;
     }

@@ -4,140 +4,141 @@
 //! All numbers here are part of the format (`spec/planes.md`).
 
 use super::contexts::{
-    BLOCK, Bands, CLASSES, Codes, Contexts, Known, Place, class_8, class_12, code_large, few, logarithmic,
+    BLOCK, BandClass, CLASSES, CodedBand, CodedBands, CoefficientCoder, ContextModel, bucket_4, bucket_8, bucket_12,
+    code_escaped, log2_bucket,
 };
-use crate::entropy::average::Average;
-use crate::entropy::mixer::cost;
-use crate::entropy::symbol::{Starts, Symbols, VALUES, interval};
-use crate::entropy::{Number, SymbolCoder};
+use crate::entropy::average::AverageModel;
+use crate::entropy::mixer::bit_cost;
+use crate::entropy::symbol::{SYMBOL_VALUES, SymbolModel, SymbolStarts, interval};
+use crate::entropy::{NumberModel, SymbolCoder};
 use crate::image::Mask;
-use crate::quantise::bands::{Choice, LARGEST, Quantiser, candidates};
-use crate::transform::shape_adaptive::Pixel;
+use crate::quantise::bands::{MAX_MAGNITUDE, Quantiser, RateDistortion, candidate_magnitudes};
+use crate::transform::shape_adaptive::ColourLanes;
 
 /// Magnitudes of the three colours and their sum, each at most 255, in 16 bits each, the first lowest; of the prediction in half steps.
 /// Sums of a few of them are sums in each lane.
-type Lanes = u64;
+type PackedMagnitudes = u64;
 
 /// What surrounds a position. Bands have margins, so that it is there; nothing where it were not.
 #[derive(Default)]
-pub(super) struct Around {
-    parent: Lanes,
-    hint: Lanes,
+pub(super) struct DirectNeighbourhood {
+    parent: PackedMagnitudes,
+    hint: PackedMagnitudes,
     /// `2 (west + north) + north_west + north_east`.
-    near: Lanes,
+    near: PackedMagnitudes,
     /// `near` of the sums and what is farther off.
     wide: u32,
 }
 
 /// Symbols of 16 values.
 #[derive(Debug, Clone)]
-pub(super) struct Direct {
-    /// The three magnitudes of a position, each up to [`MOST`].
-    pattern: Symbols,
+pub(super) struct DirectModel {
+    /// The three magnitudes of a position, each up to [`MAX_IN_PATTERN`].
+    pattern: SymbolModel,
     /// By how much a magnitude is larger.
-    more: Symbols,
+    more: SymbolModel,
     /// What is even larger.
-    escape: Number,
+    escape: NumberModel,
     /// Whether a block has anything but zeros.
-    block: Average,
+    block: AverageModel,
 }
 
 /// Lane of the sum.
 const SUM: usize = 3;
 /// The largest magnitudes that a pattern tells apart from larger ones, and the value of each in it.
-const MOST: [u32; 3] = [3, 1, 1];
+const MAX_IN_PATTERN: [u32; 3] = [3, 1, 1];
 const WEIGHTS: [u32; 3] = [1, 4, 8];
 /// The symbol of magnitudes beyond those that symbols tell.
-const ESCAPE: u32 = VALUES as u32 - 1;
+const ESCAPE: u32 = SYMBOL_VALUES as u32 - 1;
 
 #[inline(always)]
-fn with_sum([a, b, c]: [u32; 3]) -> Lanes {
+fn with_sum([a, b, c]: [u32; 3]) -> PackedMagnitudes {
     (a | b << 16) as u64 | ((c | (a + b + c).min(255) << 16) as u64) << 32
 }
 
 #[inline(always)]
-fn lane(lanes: Lanes, k: usize) -> u32 {
+fn lane(lanes: PackedMagnitudes, k: usize) -> u32 {
     (lanes >> (16 * k)) as u32 & 0xffff
 }
 
 /// The pattern of magnitudes.
 #[inline(always)]
 fn pattern(magnitudes: [u32; 3]) -> u32 {
-    (0..3).map(|k| magnitudes[k].min(MOST[k]) * WEIGHTS[k]).sum()
+    (0..3).map(|k| magnitudes[k].min(MAX_IN_PATTERN[k]) * WEIGHTS[k]).sum()
 }
 
 /// What a symbol costs.
-fn bits_of(starts: &Starts, symbol: u32) -> f32 {
+fn symbol_cost(starts: &SymbolStarts, symbol: u32) -> f32 {
     let [_, size] = interval(starts, symbol as usize);
-    cost(size as u32, true)
+    bit_cost(size as u32, true)
 }
 
-impl Direct {
+impl DirectModel {
     /// Contexts of a position's pattern.
     #[inline(always)]
-    fn pattern_contexts(place: &Place, around: &Around) -> [u32; 2] {
+    fn pattern_contexts(place: &BandClass, around: &DirectNeighbourhood) -> [u32; 2] {
         let class = place.band_class as u32;
         let hint = lane(around.hint, SUM);
-        let hint_class = if place.is_predicted { class_8(hint) } else { 8 };
+        let hint_class = if place.is_predicted { bucket_8(hint) } else { 8 };
         let total = around.wide + 4 * hint;
         [
-            (class * 12 + class_12(lane(around.near, SUM))) * 9 + hint_class,
-            (class * 32 + logarithmic(2 * total, 31)) * 4 + few(lane(around.near, 1) + lane(around.near, 2)),
+            (class * 12 + bucket_12(lane(around.near, SUM))) * 9 + hint_class,
+            (class * 32 + log2_bucket(2 * total, 31)) * 4 + bucket_4(lane(around.near, 1) + lane(around.near, 2)),
         ]
     }
 
     /// Contexts of how much larger a magnitude is than its pattern tells; `before` are the magnitudes of the colours before it.
     #[inline(always)]
-    fn more_contexts(place: &Place, around: &Around, colour: usize, before: u32) -> [u32; 2] {
+    fn more_contexts(place: &BandClass, around: &DirectNeighbourhood, colour: usize, before: u32) -> [u32; 2] {
         let [near, hint, parent] = [around.near, around.hint, around.parent].map(|lanes| lane(lanes, colour));
         let class = (place.band_class * 3 + colour) as u32;
         let total = 3 * near + 3 * parent + 4 * before + 2 * hint;
         [
-            (class * 12 + class_12(near)) * 8 + class_8(hint),
-            (class * 8 + class_8(2 * before)) * 16 + logarithmic(total + around.wide / 4, 15),
+            (class * 12 + bucket_12(near)) * 8 + bucket_8(hint),
+            (class * 8 + bucket_8(2 * before)) * 16 + log2_bucket(total + around.wide / 4, 15),
         ]
     }
 }
 
-impl Contexts for Direct {
-    type Lanes = Lanes;
-    type Around = Around;
+impl ContextModel for DirectModel {
+    type Magnitudes = PackedMagnitudes;
+    type Neighbourhood = DirectNeighbourhood;
 
     fn new() -> Self {
-        Direct {
-            pattern: Symbols::new([8 * 12 * 9, 8 * 32 * 4]),
-            more: Symbols::new([CLASSES * 12 * 8, CLASSES * 8 * 16]),
-            escape: Number::default(),
-            block: Average::new([3 * 4 * 12, 4 * 3 * 8 * 4]),
+        DirectModel {
+            pattern: SymbolModel::new([8 * 12 * 9, 8 * 32 * 4]),
+            more: SymbolModel::new([CLASSES * 12 * 8, CLASSES * 8 * 16]),
+            escape: NumberModel::default(),
+            block: AverageModel::new([3 * 4 * 12, 4 * 3 * 8 * 4]),
         }
     }
 
     #[inline(always)]
-    fn lanes(values: &[i32; 3]) -> Lanes {
+    fn magnitudes(values: &[i32; 3]) -> PackedMagnitudes {
         with_sum(values.map(|value| value.unsigned_abs().min(255)))
     }
 
     #[inline(always)]
-    fn hint(predicted: &Pixel, inverse: f32) -> Lanes {
+    fn prediction_magnitude(predicted: &ColourLanes, inverse: f32) -> PackedMagnitudes {
         with_sum([0, 1, 2].map(|k| (predicted[k].abs() * (0.5 * inverse)).min(255.0) as u32))
     }
 
     #[inline(always)]
-    fn around(bands: &Bands<Lanes>, x: usize, y: usize) -> Around {
-        let Bands { here, parent, siblings } = bands;
+    fn neighbourhood(bands: &CodedBands<PackedMagnitudes>, x: usize, y: usize) -> DirectNeighbourhood {
+        let CodedBands { here, parent, siblings } = bands;
         let at = here.index(x, y);
         let stride = here.stride;
         let rows: [&[u64]; 3] =
             [at - 2 * stride, at - stride - 1, at - 2].map(|at| here.values.get(at..).unwrap_or_default());
-        let [north_north, ..] = rows[0] else { return Around::default() };
-        let [north_west, north, north_east, ..] = rows[1] else { return Around::default() };
-        let [west_west, west, ..] = rows[2] else { return Around::default() };
+        let [north_north, ..] = rows[0] else { return DirectNeighbourhood::default() };
+        let [north_west, north, north_east, ..] = rows[1] else { return DirectNeighbourhood::default() };
+        let [west_west, west, ..] = rows[2] else { return DirectNeighbourhood::default() };
         let parent = parent.map_or(0, |parent| parent.values[parent.index(x / 2, y / 2)]);
         let siblings: u64 = siblings.iter().map(|other| other.values[at]).sum();
         let near = 2 * (west + north) + north_west + north_east;
         let wide = lane(3 * near + 2 * (west_west + north_north) + 3 * parent + 2 * siblings, SUM);
-        let hint = here.hint(at);
-        Around { parent, hint, near, wide }
+        let hint = here.prediction_magnitude(at);
+        DirectNeighbourhood { parent, hint, near, wide }
     }
 
     /// All values together: each colour's among the nearest and those nearer to zero.
@@ -145,11 +146,11 @@ impl Contexts for Direct {
         &self,
         wanted: [f32; 3],
         quantiser: &Quantiser,
-        choice: Choice,
-        place: &Place,
-        around: &Around,
+        choice: RateDistortion,
+        place: &BandClass,
+        around: &DirectNeighbourhood,
     ) -> [i32; 3] {
-        let wanted_magnitudes = wanted.map(|w| w.abs().min(LARGEST as f32 - 1.0));
+        let wanted_magnitudes = wanted.map(|w| w.abs().min(MAX_MAGNITUDE as f32 - 1.0));
         if wanted_magnitudes.iter().all(|&w| w < 0.5) {
             return [0; 3];
         }
@@ -157,26 +158,26 @@ impl Contexts for Direct {
         let value_of = |colour: usize, magnitude: u32, before: u32| {
             let error = wanted_magnitudes[colour] - quantiser.dequantise(magnitude as i32, 1.0);
             let mut bits = (magnitude > 0) as u32 as f32;
-            if magnitude >= MOST[colour] {
+            if magnitude >= MAX_IN_PATTERN[colour] {
                 let more = self.more.starts(Self::more_contexts(place, around, colour, before));
-                bits += bits_of(&more, (magnitude - MOST[colour]).min(ESCAPE));
+                bits += symbol_cost(&more, (magnitude - MAX_IN_PATTERN[colour]).min(ESCAPE));
             }
             error * error + choice.lambda * bits
         };
         let mut best = (f32::INFINITY, [0; 3]);
         let mut consider = |magnitudes: [u32; 3], value: f32| {
-            let value = value + choice.lambda * bits_of(&patterns, pattern(magnitudes));
+            let value = value + choice.lambda * symbol_cost(&patterns, pattern(magnitudes));
             if value < best.0 {
                 best = (value, magnitudes);
             }
         };
         // None at all is always worth a thought.
         consider([0; 3], wanted_magnitudes.iter().map(|w| w * w).sum());
-        for first in candidates(wanted_magnitudes[0]) {
+        for first in candidate_magnitudes(wanted_magnitudes[0]) {
             let of_first = value_of(0, first, 0);
-            for second in candidates(wanted_magnitudes[1]) {
+            for second in candidate_magnitudes(wanted_magnitudes[1]) {
                 let of_second = of_first + value_of(1, second, first.min(255));
-                for third in candidates(wanted_magnitudes[2]) {
+                for third in candidate_magnitudes(wanted_magnitudes[2]) {
                     let before = first.min(255) + second.min(255);
                     consider([first, second, third], of_second + value_of(2, third, before));
                 }
@@ -187,13 +188,13 @@ impl Contexts for Direct {
     }
 }
 
-impl<C: SymbolCoder> Codes<C> for Direct {
+impl<C: SymbolCoder> CoefficientCoder<C> for DirectModel {
     #[inline(always)]
     fn code(
         &mut self,
         coder: &mut C,
-        place: &Place,
-        around: &Around,
+        place: &BandClass,
+        around: &DirectNeighbourhood,
         _prediction: (&[f32; 3], f32),
         wanted: [i32; 3],
     ) -> [i32; 3] {
@@ -202,15 +203,15 @@ impl<C: SymbolCoder> Codes<C> for Direct {
         if pattern == 0 {
             return [0; 3];
         }
-        let mut magnitudes: [u32; 3] = std::array::from_fn(|k| (pattern / WEIGHTS[k]) & MOST[k]);
+        let mut magnitudes: [u32; 3] = std::array::from_fn(|k| (pattern / WEIGHTS[k]) & MAX_IN_PATTERN[k]);
         let mut before = 0;
         for colour in 0..3 {
-            if magnitudes[colour] == MOST[colour] {
+            if magnitudes[colour] == MAX_IN_PATTERN[colour] {
                 let contexts = Self::more_contexts(place, around, colour, before);
-                let goal = goals[colour].wrapping_sub(MOST[colour]);
+                let goal = goals[colour].wrapping_sub(MAX_IN_PATTERN[colour]);
                 let mut more = self.more.code(coder, contexts, goal.min(ESCAPE) as usize) as u32;
                 if more == ESCAPE {
-                    more = code_large(coder, &mut self.escape, ESCAPE, goal);
+                    more = code_escaped(coder, &mut self.escape, ESCAPE, goal);
                 }
                 magnitudes[colour] += more;
             }
@@ -237,7 +238,7 @@ impl<C: SymbolCoder> Codes<C> for Direct {
     fn code_blocks(
         &mut self,
         coder: &mut C,
-        bands: &Bands<Lanes>,
+        bands: &CodedBands<PackedMagnitudes>,
         mask: &Mask,
         y: usize,
         occupied: &mut [bool],
@@ -264,8 +265,8 @@ impl<C: SymbolCoder> Codes<C> for Direct {
 
 /// Contexts of the decision whether a block ([`BLOCK`] positions square, counted by `x` and `y`) has anything but zeros. `beside` says it
 /// of the block before it and the one above it.
-fn block_contexts(bands: &Bands<Lanes>, beside: [bool; 2], x: usize, y: usize) -> [u32; 2] {
-    let total = |known: &Known<Lanes>, side: usize| -> u32 {
+fn block_contexts(bands: &CodedBands<PackedMagnitudes>, beside: [bool; 2], x: usize, y: usize) -> [u32; 2] {
+    let total = |known: &CodedBand<PackedMagnitudes>, side: usize| -> u32 {
         let rows = (y * side..(y + 1) * side).map(|y| known.index(x * side, y));
         let rows = rows.filter_map(|at| known.values.get(at..at + side));
         rows.flatten().map(|&lanes| lane(lanes, SUM)).sum()
@@ -275,7 +276,7 @@ fn block_contexts(bands: &Bands<Lanes>, beside: [bool; 2], x: usize, y: usize) -
     let beside = beside[0] as u32 + 2 * beside[1] as u32;
     let orientation = bands.siblings.len() as u32;
     [
-        (orientation * 4 + beside) * 12 + class_12(parent),
-        ((beside * 3 + orientation) * 8 + class_8(siblings)) * 4 + few(parent),
+        (orientation * 4 + beside) * 12 + bucket_12(parent),
+        ((beside * 3 + orientation) * 8 + bucket_8(siblings)) * 4 + bucket_4(parent),
     ]
 }

@@ -3,8 +3,8 @@
 //! A prediction is right in its coarse bands and large coefficients and little more than noise in the fine and small
 //! ones, so it is scaled by a least-squares gain for each class of band, colour and magnitude before it is subtracted.
 
-use crate::entropy::{BitCoder, Number};
-use crate::transform::shape_adaptive::{Band, Orientation};
+use crate::entropy::{BitCoder, NumberModel};
+use crate::transform::shape_adaptive::{Orientation, Subband};
 
 /// Classes of magnitude of a predicted coefficient, in quantiser steps.
 pub const BUCKETS: usize = 3;
@@ -13,10 +13,10 @@ pub const BAND_CLASSES: usize = 11;
 /// A gain is this many times smaller than its stored number.
 pub const UNITY: i32 = 16;
 /// Largest stored gain.
-const LARGEST: i32 = 24;
+const MAX_GAIN: i32 = 24;
 
 /// Class of a band among [`BAND_CLASSES`].
-pub fn band_class(band: &Band) -> usize {
+pub fn band_class(band: &Subband) -> usize {
     match band.orientation {
         Orientation::Low => 10,
         Orientation::Horizontal | Orientation::Vertical => 2 * (band.level - 1),
@@ -31,13 +31,13 @@ pub fn bucket(steps: f32) -> usize {
 }
 
 /// Gains of one picture: `[band class][colour][bucket]`, in 1/[`UNITY`].
-pub type Gains = [[[i32; BUCKETS]; 3]; BAND_CLASSES];
+pub type PredictionGains = [[[i32; BUCKETS]; 3]; BAND_CLASSES];
 
 /// What the next picture's gains are coded from.
 #[derive(Debug, Clone)]
 pub struct GainModels {
-    last: Gains,
-    difference: [Number; BUCKETS],
+    last: PredictionGains,
+    difference: [NumberModel; BUCKETS],
 }
 
 impl Default for GainModels {
@@ -50,18 +50,18 @@ impl Default for GainModels {
 
 impl GainModels {
     /// The gains of the picture before, which the encoder falls back to.
-    pub fn last(&self) -> &Gains {
+    pub fn last(&self) -> &PredictionGains {
         &self.last
     }
     /// Codes the gains of the classes that `used` says.
-    pub fn code<C: BitCoder>(&mut self, coder: &mut C, gains: &mut Gains, used: &[bool; BAND_CLASSES]) {
+    pub fn code<C: BitCoder>(&mut self, coder: &mut C, gains: &mut PredictionGains, used: &[bool; BAND_CLASSES]) {
         for class in (0..BAND_CLASSES).filter(|&c| used[c]) {
             for colour in 0..3 {
                 for bucket in 0..BUCKETS {
                     let last = &mut self.last[class][colour][bucket];
                     let difference = gains[class][colour][bucket].wrapping_sub(*last);
                     let difference = self.difference[bucket].code_signed(coder, difference);
-                    *last = last.wrapping_add(difference).clamp(0, LARGEST);
+                    *last = last.wrapping_add(difference).clamp(0, MAX_GAIN);
                     gains[class][colour][bucket] = *last;
                 }
             }
@@ -85,7 +85,7 @@ impl GainSums {
         if self.square <= 0.0 {
             return last;
         }
-        let best = ((self.cross / self.square * UNITY as f64).round() as i32).clamp(0, LARGEST);
+        let best = ((self.cross / self.square * UNITY as f64).round() as i32).clamp(0, MAX_GAIN);
         let error = |gain: i32| {
             let g = gain as f64 / UNITY as f64;
             g * g * self.square - 2.0 * g * self.cross

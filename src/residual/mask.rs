@@ -3,7 +3,7 @@
 //! A photograph's mask follows the silhouette of the mesh to a pixel or two, so the mesh's coverage, known on both sides,
 //! is the context: far from its border a mask costs next to nothing. Normative text: `spec/planes.md`.
 
-use crate::entropy::mixer::{Context, INPUTS, Mixer};
+use crate::entropy::mixer::{INPUTS, Mixer, MixerContext};
 use crate::entropy::{BitCoder, BitModel};
 use crate::image::Mask;
 
@@ -28,24 +28,24 @@ impl Default for MaskModels {
 }
 
 /// A grid of bits with a margin of three, so that neighbours need no checks.
-struct Padded {
+struct PaddedMask {
     stride: usize,
     bits: Vec<u8>,
 }
 
 const MARGIN: usize = 3;
 
-impl Padded {
+impl PaddedMask {
     fn new(width: usize, height: usize) -> Self {
         let stride = width + 2 * MARGIN;
-        Padded { stride, bits: vec![0; stride * (height + 2 * MARGIN)] }
+        PaddedMask { stride, bits: vec![0; stride * (height + 2 * MARGIN)] }
     }
     fn index(&self, x: usize, y: usize) -> usize {
         (y + MARGIN) * self.stride + x + MARGIN
     }
     /// Bits at the given offsets (columns, rows), first offset highest.
     #[inline(always)]
-    fn read(&self, at: usize, offsets: &[(isize, isize)]) -> u32 {
+    fn bits_at(&self, at: usize, offsets: &[(isize, isize)]) -> u32 {
         offsets.iter().fold(0, |bits, &(dx, dy)| {
             let index = at as isize + dy * self.stride as isize + dx;
             bits << 1 | self.bits[index as usize] as u32
@@ -62,16 +62,16 @@ const COVERAGE: [(isize, isize); 10] =
 
 /// Where nothing around a row's pixels tells of a border: each a byte of 0 or 1, for the sides outside and inside. Of the coded
 /// neighbours only those of the rows above are looked at.
-struct Plain([Vec<u8>; 2]);
+struct PlainPixels([Vec<u8>; 2]);
 
-impl Plain {
+impl PlainPixels {
     fn new(width: usize) -> Self {
-        Plain([vec![0; width], vec![0; width]])
+        PlainPixels([vec![0; width], vec![0; width]])
     }
 
     /// Looks at a row.
-    fn look(&mut self, coded: &Padded, covered: &Padded, y: usize, width: usize) {
-        let Plain([outside, inside]) = self;
+    fn scan_row(&mut self, coded: &PaddedMask, covered: &PaddedMask, y: usize, width: usize) {
+        let PlainPixels([outside, inside]) = self;
         outside.fill(0);
         inside.fill(1);
         let parts = CAUSAL.iter().filter(|(_, dy)| *dy < 0).map(|offset| (coded, offset));
@@ -88,25 +88,25 @@ impl Plain {
 }
 
 /// Codes a mask; in decoding `mask` is `None` and the read one is returned.
-pub fn code<C: BitCoder>(coder: &mut C, models: &mut MaskModels, coverage: &Mask, mask: Option<&Mask>) -> Mask {
+pub fn code_mask<C: BitCoder>(coder: &mut C, models: &mut MaskModels, coverage: &Mask, mask: Option<&Mask>) -> Mask {
     let (width, height) = (coverage.width, coverage.height);
-    let mut covered = Padded::new(width, height);
+    let mut covered = PaddedMask::new(width, height);
     for y in 0..height {
         let at = covered.index(0, y);
         for (bit, set) in covered.bits[at..at + width].iter_mut().zip(coverage.row(y)) {
             *bit = *set as u8;
         }
     }
-    let mut coded = Padded::new(width, height);
+    let mut coded = PaddedMask::new(width, height);
     let mut out = Mask::filled(width, height, false);
-    let mut plain = Plain::new(width);
+    let mut plain = PlainPixels::new(width);
     for y in 0..height {
         if coder.is_exhausted() {
             break;
         }
-        plain.look(&coded, &covered, y, width);
+        plain.scan_row(&coded, &covered, y, width);
         let start = covered.index(0, y);
-        let wanted = |x: usize| mask.is_some_and(|m| *m.at(x, y));
+        let wanted = |x: usize| mask.is_some_and(|m| *m.value_at(x, y));
         // The side of a pixel without a border around it; `before` are the two coded before it, the nearer one first.
         let side = |x: usize, before: [u8; 2]| (0..2).find(|&side| plain.0[side][x] == 1 && before == [side as u8; 2]);
         let differs = mask.is_some_and(|mask| {
@@ -128,9 +128,9 @@ pub fn code<C: BitCoder>(coder: &mut C, models: &mut MaskModels, coverage: &Mask
                 }
                 Some(side) => models.plain[side].code(coder, wanted(x)),
                 None => {
-                    let causal = coded.read(at, &CAUSAL);
-                    let around = covered.read(at, &COVERAGE);
-                    let past = covered.read(at, &CAUSAL[..6]);
+                    let causal = coded.bits_at(at, &CAUSAL);
+                    let around = covered.bits_at(at, &COVERAGE);
+                    let past = covered.bits_at(at, &CAUSAL[..6]);
                     let slots: [u32; INPUTS] = [
                         (causal >> 6) << 5 | around >> 5,
                         causal,
@@ -142,7 +142,7 @@ pub fn code<C: BitCoder>(coder: &mut C, models: &mut MaskModels, coverage: &Mask
                         ((causal ^ past << 4) >> 4) & 63,
                     ];
                     let selectors = [causal >> 6, around >> 5];
-                    models.border.code(coder, &Context { slots, selectors }, wanted(x))
+                    models.border.code(coder, &MixerContext { slots, selectors }, wanted(x))
                 }
             };
             coded.bits[at] = bit as u8;
@@ -166,7 +166,7 @@ mod tests {
             for x in 0..120 {
                 let (dx, dy) = (x as f64 - 60.0, y as f64 - 50.0);
                 let edge = radius + wobble * (dy.atan2(dx) * 9.0).sin();
-                *mask.at_mut(x, y) = (dx * dx + dy * dy).sqrt() < edge;
+                *mask.value_at_mut(x, y) = (dx * dx + dy * dy).sqrt() < edge;
             }
         }
         mask
@@ -179,13 +179,13 @@ mod tests {
             let mut encoder = RangeEncoder::new();
             let mut models = MaskModels::default();
             for _ in 0..8 {
-                code(&mut encoder, &mut models, coverage, Some(&mask));
+                code_mask(&mut encoder, &mut models, coverage, Some(&mask));
             }
             let bytes = encoder.finish();
             let mut decoder = RangeDecoder::new(&bytes);
             let mut models = MaskModels::default();
             for _ in 0..8 {
-                assert_eq!(code(&mut decoder, &mut models, coverage, None), mask);
+                assert_eq!(code_mask(&mut decoder, &mut models, coverage, None), mask);
             }
             bytes.len()
         };

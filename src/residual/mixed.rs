@@ -2,25 +2,28 @@
 //!
 //! All numbers here are part of the format (`spec/planes.md`).
 
-use super::contexts::{Bands, CLASSES, Codes, Contexts, Known, Place, class_8, class_12, code_large, few, logarithmic};
+use super::contexts::{
+    BandClass, CLASSES, CodedBand, CodedBands, CoefficientCoder, ContextModel, bucket_4, bucket_8, bucket_12,
+    code_escaped, log2_bucket,
+};
 use super::gains;
-use crate::entropy::mixer::{Context, INPUTS, Mixer, cost};
-use crate::entropy::{BitCoder, BitModel, Number};
-use crate::quantise::bands::{Choice, LARGEST, Quantiser, candidates};
-use crate::transform::shape_adaptive::Pixel;
+use crate::entropy::mixer::{INPUTS, Mixer, MixerContext, bit_cost};
+use crate::entropy::{BitCoder, BitModel, NumberModel};
+use crate::quantise::bands::{MAX_MAGNITUDE, Quantiser, RateDistortion, candidate_magnitudes};
+use crate::transform::shape_adaptive::ColourLanes;
 
 /// Magnitudes of the three colours, at most 255 or, of the prediction in quarter steps, 8191; the fourth lane is unused.
-type Lanes = [i16; 4];
+type MagnitudeLanes = [i16; 4];
 
 /// Eight contexts of each decision, mixed.
 #[derive(Debug, Clone)]
-pub(super) struct Mixed {
+pub(super) struct MixedModel {
     /// Whether any of the three colours is not zero.
     any: Mixer,
     /// Whether a magnitude is larger.
     magnitude: Mixer,
     sign: Vec<BitModel>,
-    escape: Number,
+    escape: NumberModel,
 }
 
 /// Magnitudes from here on are coded by [`Number`].
@@ -28,9 +31,9 @@ const ESCAPE: u32 = 14;
 /// Decisions that have slots of their own: larger than 0, than 1, than 2 or more.
 const KINDS: usize = 3;
 
-impl Contexts for Mixed {
-    type Lanes = Lanes;
-    type Around = Around;
+impl ContextModel for MixedModel {
+    type Magnitudes = MagnitudeLanes;
+    type Neighbourhood = MixedNeighbourhood;
 
     fn new() -> Self {
         let base = CLASSES * KINDS;
@@ -49,23 +52,23 @@ impl Contexts for Mixed {
             ],
             [2 * base, KINDS * 16],
         );
-        Mixed { any, magnitude, sign: vec![BitModel::default(); 8 * 7 * 9], escape: Number::default() }
+        MixedModel { any, magnitude, sign: vec![BitModel::default(); 8 * 7 * 9], escape: NumberModel::default() }
     }
 
     #[inline(always)]
-    fn lanes(values: &[i32; 3]) -> Lanes {
+    fn magnitudes(values: &[i32; 3]) -> MagnitudeLanes {
         let value = |k: usize| values[k].unsigned_abs().min(255) as i16;
         [value(0), value(1), value(2), 0]
     }
 
     #[inline(always)]
-    fn hint(predicted: &Pixel, inverse: f32) -> Lanes {
+    fn prediction_magnitude(predicted: &ColourLanes, inverse: f32) -> MagnitudeLanes {
         std::array::from_fn(|k| (predicted[k].abs() * inverse).min(8191.0) as i16)
     }
 
     #[inline(always)]
-    fn around(bands: &Bands<Lanes>, x: usize, y: usize) -> Around {
-        let Bands { here, parent, siblings } = bands;
+    fn neighbourhood(bands: &CodedBands<MagnitudeLanes>, x: usize, y: usize) -> MixedNeighbourhood {
+        let CodedBands { here, parent, siblings } = bands;
         let at = here.index(x, y);
         let parent = parent.map_or([0; 4], |parent| parent.values[parent.index(x / 2, y / 2)]);
         let mut sibling = [0i16; 4];
@@ -73,7 +76,7 @@ impl Contexts for Mixed {
             let other = &other.values[at];
             (0..4).for_each(|k| sibling[k] += other[k]);
         }
-        Around::new(here, at, parent, sibling)
+        MixedNeighbourhood::new(here, at, parent, sibling)
     }
 
     /// Each colour's among the nearest and those nearer to zero, then these together or none.
@@ -82,21 +85,21 @@ impl Contexts for Mixed {
         &self,
         wanted: [f32; 3],
         quantiser: &Quantiser,
-        choice: Choice,
-        place: &Place,
-        around: &Around,
+        choice: RateDistortion,
+        place: &BandClass,
+        around: &MixedNeighbourhood,
     ) -> [i32; 3] {
         if wanted.iter().all(|w| w.abs() < 0.5) {
             return [0; 3];
         }
         let probability = self.any.probability(&any_context(place, around));
         let mut values = [0i32; 3];
-        let mut together = choice.lambda * cost(probability, true);
-        let mut none = choice.lambda * cost(probability, false);
+        let mut together = choice.lambda * bit_cost(probability, true);
+        let mut none = choice.lambda * bit_cost(probability, false);
         for colour in 0..3 {
-            let magnitude = wanted[colour].abs().min(LARGEST as f32 - 1.0);
+            let magnitude = wanted[colour].abs().min(MAX_MAGNITUDE as f32 - 1.0);
             none += magnitude * magnitude;
-            let (lowest, nearest) = candidates(magnitude).into_inner();
+            let (lowest, nearest) = candidate_magnitudes(magnitude).into_inner();
             let context = magnitude_context(place, around, colour, &values);
             let implied = colour == 2 && values[0] == 0 && values[1] == 0;
             let mut bits = 0.0;
@@ -106,7 +109,7 @@ impl Contexts for Mixed {
                 let (stop, go) = if implied && index == 0 {
                     (0.0, 0.0)
                 } else {
-                    (cost(probability, false), cost(probability, true))
+                    (bit_cost(probability, false), bit_cost(probability, true))
                 };
                 if index >= lowest || index == ESCAPE {
                     let candidate = if index == ESCAPE { nearest } else { index };
@@ -126,13 +129,13 @@ impl Contexts for Mixed {
     }
 }
 
-impl<C: BitCoder> Codes<C> for Mixed {
+impl<C: BitCoder> CoefficientCoder<C> for MixedModel {
     #[inline(always)]
     fn code(
         &mut self,
         coder: &mut C,
-        place: &Place,
-        around: &Around,
+        place: &BandClass,
+        around: &MixedNeighbourhood,
         (prediction, inverse): (&[f32; 3], f32),
         wanted: [i32; 3],
     ) -> [i32; 3] {
@@ -152,7 +155,7 @@ impl<C: BitCoder> Codes<C> for Mixed {
                 magnitude += 1;
             }
             if magnitude == ESCAPE {
-                magnitude = code_large(coder, &mut self.escape, ESCAPE, goal);
+                magnitude = code_escaped(coder, &mut self.escape, ESCAPE, goal);
             }
             if magnitude > 0 {
                 let sign = sign_context(place, colour, &values, prediction[colour], inverse);
@@ -166,17 +169,17 @@ impl<C: BitCoder> Codes<C> for Mixed {
 
 /// Context of the decision whether a magnitude is larger than `index`, from that of the first one.
 #[inline(always)]
-fn decision(first: &Context, index: u32) -> Context {
+fn decision(first: &MixerContext, index: u32) -> MixerContext {
     let kind = index.min(KINDS as u32 - 1);
-    let Context { slots, selectors } = first;
-    Context {
+    let MixerContext { slots, selectors } = first;
+    MixerContext {
         slots: std::array::from_fn(|k| slots[k] + kind * STRIDES[k]),
         selectors: [selectors[0] + kind, selectors[1] + kind * 16],
     }
 }
 
 /// What surrounds a position, each for three colours (the fourth lane is unused).
-pub(super) struct Around {
+pub(super) struct MixedNeighbourhood {
     west: [i16; 4],
     north: [i16; 4],
     north_west: [i16; 4],
@@ -195,9 +198,9 @@ pub(super) struct Around {
     wide: [i32; 4],
 }
 
-impl Around {
+impl MixedNeighbourhood {
     #[inline(always)]
-    fn new(here: &Known<Lanes>, at: usize, parent: [i16; 4], siblings: [i16; 4]) -> Self {
+    fn new(here: &CodedBand<MagnitudeLanes>, at: usize, parent: [i16; 4], siblings: [i16; 4]) -> Self {
         let (v, stride) = (&here.values, here.stride);
         let (west, north) = (v[at - 1], v[at - stride]);
         let (north_west, north_east) = (v[at - stride - 1], v[at - stride + 1]);
@@ -207,10 +210,10 @@ impl Around {
         let wide = std::array::from_fn(|k| {
             3 * near[k] as i32 + 2 * far[k] as i32 + 3 * parent[k] as i32 + 2 * siblings[k] as i32
         });
-        let [a, b, c, d] = [at - 1, at + 1, at - stride, at + stride].map(|at| here.hint(at));
+        let [a, b, c, d] = [at - 1, at + 1, at - stride, at + stride].map(|at| here.prediction_magnitude(at));
         let hints_near = std::array::from_fn(|k| a[k] as i32 + b[k] as i32 + c[k] as i32 + d[k] as i32);
-        let hint = here.hint(at);
-        Around { west, north, north_west, north_east, far, parent, siblings, hint, hints_near, near, wide }
+        let hint = here.prediction_magnitude(at);
+        MixedNeighbourhood { west, north, north_west, north_east, far, parent, siblings, hint, hints_near, near, wide }
     }
 }
 
@@ -222,9 +225,9 @@ fn sum(lanes: [i16; 4]) -> u32 {
 
 /// Context of the decision whether any of the three colours is not zero.
 #[inline(always)]
-fn any_context(place: &Place, around: &Around) -> Context {
+fn any_context(place: &BandClass, around: &MixedNeighbourhood) -> MixerContext {
     let near = sum(around.near);
-    let hint_class = |steps: u32| if place.is_predicted { class_8(steps) } else { 8 };
+    let hint_class = |steps: u32| if place.is_predicted { bucket_8(steps) } else { 8 };
     let others = |lanes: [i16; 4]| (lanes[1] as i32 + lanes[2] as i32) as u32;
     let wide = (around.wide[0] + around.wide[1] + around.wide[2]) as u32;
     let hint = sum(around.hint);
@@ -235,18 +238,18 @@ fn any_context(place: &Place, around: &Around) -> Context {
     let tight =
         least(around.west) << 6 | least(around.north) << 4 | least(around.north_east) << 2 | least(around.north_west);
     let total = wide + 2 * hint;
-    Context {
+    MixerContext {
         slots: [
-            (class * 12 + class_12(near)) * 9 + hint_class(hint / 2),
-            (class * 12 + class_12(around.near[0] as u32)) * 12 + class_12(others(around.near)),
-            place.level as u32 * 24 + logarithmic(wide, 23),
-            (class * 8 + class_8(2 * sum(around.parent))) * 8 + class_8(2 * sum(around.siblings) + sum(around.far)),
-            (class * 9 + hint_class(first_hint / 2)) * 8 + class_8(hints_near / 4),
-            tight * 4 + few(hint / 2),
-            logarithmic(2 * total, 31) * 4 + class / 2,
-            (hint_class(first_hint) * 9 + hint_class(others(around.hint))) * 8 + class_8(near / 2),
+            (class * 12 + bucket_12(near)) * 9 + hint_class(hint / 2),
+            (class * 12 + bucket_12(around.near[0] as u32)) * 12 + bucket_12(others(around.near)),
+            place.level as u32 * 24 + log2_bucket(wide, 23),
+            (class * 8 + bucket_8(2 * sum(around.parent))) * 8 + bucket_8(2 * sum(around.siblings) + sum(around.far)),
+            (class * 9 + hint_class(first_hint / 2)) * 8 + bucket_8(hints_near / 4),
+            tight * 4 + bucket_4(hint / 2),
+            log2_bucket(2 * total, 31) * 4 + class / 2,
+            (hint_class(first_hint) * 9 + hint_class(others(around.hint))) * 8 + bucket_8(near / 2),
         ],
-        selectors: [place.is_predicted as u32 * 8 + class, logarithmic(total, 15)],
+        selectors: [place.is_predicted as u32 * 8 + class, log2_bucket(total, 15)],
     }
 }
 
@@ -256,13 +259,13 @@ const STRIDES: [u32; INPUTS] = [12 * 9, 12 * 8, 24, 8 * 8, 9 * 8, 256 * 4, 32 * 
 /// What predicts one coefficient's magnitude once its place is known not to be empty, as the context of its first decision.
 /// `before` are the values of the colours before it.
 #[inline(always)]
-fn magnitude_context(place: &Place, around: &Around, colour: usize, before: &[i32; 3]) -> Context {
+fn magnitude_context(place: &BandClass, around: &MixedNeighbourhood, colour: usize, before: &[i32; 3]) -> MixerContext {
     let colours: u32 = before[..colour].iter().map(|v| v.unsigned_abs().min(255)).sum();
     let lane = |lanes: &[i16; 4]| lanes[colour] as u32;
     let other = |lanes: [i16; 4]| sum(lanes) - lanes[colour] as u32;
     let others_near = other(around.west) + other(around.north);
     let (near, hint) = (lane(&around.near), lane(&around.hint));
-    let hint_class = if place.is_predicted { class_8(hint / 2) } else { 8 };
+    let hint_class = if place.is_predicted { bucket_8(hint / 2) } else { 8 };
     let wide = around.wide[colour] as u32;
     let total = wide + 4 * colours + hint;
     let class = (place.band_class * 3 + colour) as u32;
@@ -274,24 +277,24 @@ fn magnitude_context(place: &Place, around: &Around, colour: usize, before: &[i3
         | least(&around.north_west);
     let kinds = KINDS as u32;
     let slots = [
-        (class * kinds * 12 + class_12(near)) * 9 + hint_class,
-        (class * kinds * 12 + class_12(near)) * 8 + class_8(2 * colours + others_near / 2),
-        (c * 6 + place.level as u32) * kinds * 24 + logarithmic(wide, 23),
-        (class * kinds * 8 + class_8(2 * lane(&around.parent))) * 8
-            + class_8(lane(&around.siblings) * 2 + lane(&around.far)),
-        (class * kinds * 9 + hint_class) * 8 + class_8(around.hints_near[colour] as u32 / 4),
-        (c * kinds * 256 + tight) * 4 + few(hint / 2),
-        (c * kinds * 32 + logarithmic(2 * total, 31)) * 4 + place.band_class as u32 / 2,
-        ((c * kinds * 8 + class_8(colours * 2)) * 8 + class_8(others_near)) * 4 + few(near / 2),
+        (class * kinds * 12 + bucket_12(near)) * 9 + hint_class,
+        (class * kinds * 12 + bucket_12(near)) * 8 + bucket_8(2 * colours + others_near / 2),
+        (c * 6 + place.level as u32) * kinds * 24 + log2_bucket(wide, 23),
+        (class * kinds * 8 + bucket_8(2 * lane(&around.parent))) * 8
+            + bucket_8(lane(&around.siblings) * 2 + lane(&around.far)),
+        (class * kinds * 9 + hint_class) * 8 + bucket_8(around.hints_near[colour] as u32 / 4),
+        (c * kinds * 256 + tight) * 4 + bucket_4(hint / 2),
+        (c * kinds * 32 + log2_bucket(2 * total, 31)) * 4 + place.band_class as u32 / 2,
+        ((c * kinds * 8 + bucket_8(colours * 2)) * 8 + bucket_8(others_near)) * 4 + bucket_4(near / 2),
     ];
     let set = place.is_predicted as u32;
-    let selectors = [(set * CLASSES as u32 + class) * kinds, logarithmic(total, 15)];
-    Context { slots, selectors }
+    let selectors = [(set * CLASSES as u32 + class) * kinds, log2_bucket(total, 15)];
+    MixerContext { slots, selectors }
 }
 
 /// Context of the sign: the prediction's sign and size, and the signs of the colours before.
 #[inline(always)]
-fn sign_context(place: &Place, colour: usize, before: &[i32; 3], prediction: f32, inverse: f32) -> usize {
+fn sign_context(place: &BandClass, colour: usize, before: &[i32; 3], prediction: f32, inverse: f32) -> usize {
     let size = gains::bucket(prediction.abs() * inverse * 2.0) + 1;
     let signed = if prediction > 0.0 {
         3 + size

@@ -7,35 +7,35 @@ use crate::transform::daubechies::{self, VolumeShape};
 /// Working memory for volumes of `L` interleaved planes.
 #[derive(Debug)]
 #[cfg_attr(not(feature = "encode"), allow(dead_code))]
-pub struct Workspace<const L: usize> {
+pub struct VolumeScratch<const L: usize> {
     scratch: Vec<[f32; L]>,
     filled: Vec<[f32; L]>,
     kept: Vec<[f32; L]>,
 }
 
-impl<const L: usize> Default for Workspace<L> {
+impl<const L: usize> Default for VolumeScratch<L> {
     fn default() -> Self {
-        Workspace { scratch: Vec::new(), filled: Vec::new(), kept: Vec::new() }
+        VolumeScratch { scratch: Vec::new(), filled: Vec::new(), kept: Vec::new() }
     }
 }
 
 /// How many times [`truncate`] goes through the free samples.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Effort {
+pub struct FillEffort {
     /// Rounds in which the coefficients to keep are chosen.
     pub choosing: u32,
     /// Rounds in which the chosen ones are fitted to the visible samples.
     pub fitting: u32,
 }
 
-impl Effort {
+impl FillEffort {
     /// Free samples are left at zero and coded as if they had been seen.
-    pub const HOLES_ARE_ZERO: Effort = Effort { choosing: 0, fitting: 0 };
+    pub const HOLES_ARE_ZERO: FillEffort = FillEffort { choosing: 0, fitting: 0 };
 }
 
-impl Default for Effort {
+impl Default for FillEffort {
     fn default() -> Self {
-        Effort { choosing: 4, fitting: 3 }
+        FillEffort { choosing: 4, fitting: 3 }
     }
 }
 
@@ -50,11 +50,11 @@ pub fn truncate<const L: usize>(
     visible: &[bool],
     shape: VolumeShape,
     threshold: f32,
-    effort: Effort,
-    work: &mut Workspace<L>,
+    effort: FillEffort,
+    work: &mut VolumeScratch<L>,
 ) -> Vec<[f32; L]> {
-    let Workspace { scratch, filled, kept } = work;
-    if effort == Effort::HOLES_ARE_ZERO {
+    let VolumeScratch { scratch, filled, kept } = work;
+    if effort == FillEffort::HOLES_ARE_ZERO {
         place_visible(residual, visible, shape, filled);
     } else {
         fill_along_views(residual, visible, shape, filled);
@@ -95,7 +95,7 @@ pub fn restore<const L: usize>(
     mut coefficients: Vec<[f32; L]>,
     shape: VolumeShape,
     views: usize,
-    work: &mut Workspace<L>,
+    work: &mut VolumeScratch<L>,
 ) -> Vec<[f32; L]> {
     if coefficients.iter().flatten().any(|c| *c != 0.0) {
         daubechies::inverse(&mut coefficients, shape, &mut work.scratch);
@@ -194,18 +194,18 @@ mod tests {
         let visible: Vec<bool> = (0..views * 16).map(|i| (i / 16 + i % 3) % views < 6).collect();
         let residual: Vec<[f32; 1]> =
             (0..views * 16).map(|i| [(0.4 * (i / 16) as f32).sin() + 0.05 * ((i * 37) % 11) as f32]).collect();
-        let error = |threshold: f32, effort: Effort| {
-            let mut work = Workspace::default();
+        let error = |threshold: f32, effort: FillEffort| {
+            let mut work = VolumeScratch::default();
             let coefficients = truncate(&residual, &visible, shape, threshold, effort, &mut work);
             let count = coefficients.iter().filter(|c| c[0] != 0.0).count();
             let samples = restore(coefficients, shape, views, &mut work);
             let squares = (0..residual.len()).filter(|&i| visible[i]).map(|i| (samples[i][0] - residual[i][0]).powi(2));
             (squares.sum::<f32>(), count)
         };
-        let (tight, _) = error(1e-3, Effort::default());
+        let (tight, _) = error(1e-3, FillEffort::default());
         assert!(tight < 1e-4, "{tight}");
-        let plain = error(0.3, Effort { choosing: 0, fitting: 0 });
-        let filled = error(0.3, Effort::default());
+        let plain = error(0.3, FillEffort { choosing: 0, fitting: 0 });
+        let filled = error(0.3, FillEffort::default());
         assert!(filled.0 < 1.1 * plain.0 && filled.1 < plain.1, "{filled:?} {plain:?}");
     }
 
@@ -213,7 +213,7 @@ mod tests {
     fn nothing_visible_keeps_nothing() {
         let shape = VolumeShape::padded(2, 5, 2);
         let coefficients =
-            truncate(&[[1.0]; 80], &[false; 80], shape, 0.1, Effort::default(), &mut Workspace::default());
+            truncate(&[[1.0]; 80], &[false; 80], shape, 0.1, FillEffort::default(), &mut VolumeScratch::default());
         assert!(coefficients.is_empty());
     }
 }

@@ -18,7 +18,7 @@ pub struct SphericalGaussian {
 }
 
 /// Sharpness and amplitude of the clamped cosine as one lobe (Wang 2009).
-pub const COSINE_PUBLISHED: (f64, f64) = (2.133, 1.170);
+pub const CLAMPED_COSINE: (f64, f64) = (2.133, 1.170);
 
 /// Sub-lobes of [`SphericalGaussian::split`].
 pub const SPLIT: usize = 7;
@@ -30,8 +30,8 @@ impl SphericalGaussian {
     }
 
     /// The clamped cosine about a normal as one lobe, 8 % too bright in all, largest error 0.17 (Wang 2009).
-    pub fn cosine_published(normal: [f64; 3]) -> Self {
-        Self::grey(normal, COSINE_PUBLISHED.0, COSINE_PUBLISHED.1)
+    pub fn clamped_cosine(normal: [f64; 3]) -> Self {
+        Self::grey(normal, CLAMPED_COSINE.0, CLAMPED_COSINE.1)
     }
 
     /// Value in a unit direction.
@@ -68,8 +68,8 @@ impl SphericalGaussian {
     }
 
     /// The same by Wang's logistic fit, error 2.5 % of the lobe for sharpness 5 to 1312.
-    pub fn visible_published(&self, distance: f64) -> [f64; 3] {
-        let part = half_space_published(self.sharpness, distance);
+    pub fn visible_wang(&self, distance: f64) -> [f64; 3] {
+        let part = half_space_wang(self.sharpness, distance);
         self.amplitude.map(|m| m * part)
     }
 
@@ -80,9 +80,9 @@ impl SphericalGaussian {
     }
 
     /// As [`Self::shadowed`] with Wang's fit.
-    pub fn shadowed_published(&self, distance: f64) -> Self {
-        let whole = half_space_published(self.sharpness, PI / 2.0);
-        self.scaled(half_space_published(self.sharpness, distance) / whole)
+    pub fn shadowed_wang(&self, distance: f64) -> Self {
+        let whole = half_space_wang(self.sharpness, PI / 2.0);
+        self.scaled(half_space_wang(self.sharpness, distance) / whole)
     }
 
     /// With the amplitude scaled.
@@ -150,14 +150,14 @@ pub fn half_space(sharpness: f64, sine: f64) -> f64 {
 }
 
 /// The same by the signed angle and Wang's fit.
-pub fn half_space_published(sharpness: f64, distance: f64) -> f64 {
-    half_space_share_published(sharpness.max(1e-3).ln() as f32, distance as f32) as f64 * hemisphere_integral(sharpness)
+pub fn half_space_wang(sharpness: f64, distance: f64) -> f64 {
+    half_space_share_wang(sharpness.max(1e-3).ln() as f32, distance as f32) as f64 * hemisphere_integral(sharpness)
 }
 
-/// [`half_space_published`] over the hemisphere's integral, by the natural logarithm of the sharpness: a logistic function of the angle, its
+/// [`half_space_wang`] over the hemisphere's integral, by the natural logarithm of the sharpness: a logistic function of the angle, its
 /// steepness a polynomial of the logarithm.
 #[inline]
-pub fn half_space_share_published(log: f32, distance: f32) -> f32 {
+pub fn half_space_share_wang(log: f32, distance: f32) -> f32 {
     let steep = ((0.204 * log - 0.892) * log + 2.995) * log + 0.067;
     // Overflow and underflow are slow.
     1.05 / (1.0 + (-steep * distance).clamp(-80.0, 80.0).exp()) - 0.025
@@ -274,7 +274,7 @@ mod tests {
                 let whole = lobe.integral()[0];
                 worst = worst.max((lobe.visible(distance)[0] - exact).abs() / whole);
                 if sharpness >= 5.0 {
-                    worst_published = worst_published.max((lobe.visible_published(distance)[0] - exact).abs() / whole);
+                    worst_published = worst_published.max((lobe.visible_wang(distance)[0] - exact).abs() / whole);
                 }
                 let kept = lobe.shadowed(distance).integral()[0];
                 assert!((kept - lobe.visible(distance)[0]).abs() < 1e-9 * whole);
@@ -293,7 +293,7 @@ mod tests {
                 let exact = integrate(lobe.axis, sharpness, |v| v[2].max(0.0) * lobe.evaluate(v)[0]);
                 let whole = lobe.integral()[0];
                 worst = worst.max((lobe.irradiance(normal)[0] - exact).abs() / whole);
-                let published = lobe.inner_product(&SphericalGaussian::cosine_published(normal))[0];
+                let published = lobe.inner_product(&SphericalGaussian::clamped_cosine(normal))[0];
                 worst_published = worst_published.max((published - exact).abs() / whole);
             }
         }

@@ -15,7 +15,7 @@ pub fn direction(u: f64, v: f64) -> [f64; 3] {
 
 /// Place of a direction (of any length but 0) on the square, both coordinates -1 to 1.
 #[inline]
-pub fn place(direction: [f64; 3]) -> [f64; 2] {
+pub fn square_position(direction: [f64; 3]) -> [f64; 2] {
     let [x, y, z] = direction;
     let sum = x.abs() + y.abs() + z.abs();
     let (u, v) = (x / sum, z / sum);
@@ -24,7 +24,7 @@ pub fn place(direction: [f64; 3]) -> [f64; 2] {
 
 /// Four cells around a direction and their bilinear weights.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Taps {
+pub struct OctahedralTaps {
     /// Indices of cells, `row * size + column`.
     pub cells: [u32; 4],
     /// Weights, which sum to 1.
@@ -33,9 +33,9 @@ pub struct Taps {
 
 /// The four cells around a direction in a grid of `size * size` cells (`size` at least 1).
 #[inline]
-pub fn taps(direction: [f64; 3], size: usize) -> Taps {
+pub fn taps(direction: [f64; 3], size: usize) -> OctahedralTaps {
     let n = size as f64;
-    let [u, v] = place(direction).map(|x| {
+    let [u, v] = square_position(direction).map(|x| {
         let at = (x + 1.0) * 0.5 * n - 0.5;
         // A direction that is not a number falls on the first cell.
         if at >= -0.5 { at.min(n - 0.5) } else { -0.5 }
@@ -44,7 +44,7 @@ pub fn taps(direction: [f64; 3], size: usize) -> Taps {
     let (a, b) = ((u - column) as f32, (v - row) as f32);
     let (column, row) = (column as isize, row as isize);
     let cell = |c: isize, r: isize| wrap(c, r, size) as u32;
-    Taps {
+    OctahedralTaps {
         cells: [cell(column, row), cell(column + 1, row), cell(column, row + 1), cell(column + 1, row + 1)],
         weights: [(1.0 - a) * (1.0 - b), a * (1.0 - b), (1.0 - a) * b, a * b],
     }

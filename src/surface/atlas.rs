@@ -92,7 +92,7 @@ pub fn bilinear_taps(width: usize, height: usize, at: [f64; 2]) -> [(usize, f64)
 }
 
 /// Bilinear reading of colours.
-pub fn read_colour(grid: &Grid<[f32; 3]>, at: [f64; 2]) -> [f64; 3] {
+pub fn sample_colour(grid: &Grid<[f32; 3]>, at: [f64; 2]) -> [f64; 3] {
     let mut sum = [0.0; 3];
     for (index, weight) in bilinear_taps(grid.width, grid.height, at) {
         for c in 0..3 {
@@ -103,7 +103,7 @@ pub fn read_colour(grid: &Grid<[f32; 3]>, at: [f64; 2]) -> [f64; 3] {
 }
 
 /// Bilinear reading of numbers.
-pub fn read_number(grid: &Grid<f32>, at: [f64; 2]) -> f64 {
+pub fn sample_number(grid: &Grid<f32>, at: [f64; 2]) -> f64 {
     bilinear_taps(grid.width, grid.height, at).iter().map(|&(index, weight)| weight * grid.data[index] as f64).sum()
 }
 
@@ -232,21 +232,21 @@ pub fn dilate(image: &mut Grid<[f32; 3]>, mask: &Mask, rings: usize) {
         let old = image.clone();
         for y in 0..height {
             for x in 0..width {
-                if *before.at(x, y) {
+                if *before.value_at(x, y) {
                     continue;
                 }
                 let mut sum = [0f32; 3];
                 let mut count = 0f32;
                 for (dx, dy) in [(-1, 0), (1, 0), (0, -1), (0, 1), (-1, -1), (1, -1), (-1, 1), (1, 1)] {
                     let (Some(nx), Some(ny)) = (x.checked_add_signed(dx), y.checked_add_signed(dy)) else { continue };
-                    if nx < width && ny < height && *before.at(nx, ny) {
-                        (0..3).for_each(|c| sum[c] += old.at(nx, ny)[c]);
+                    if nx < width && ny < height && *before.value_at(nx, ny) {
+                        (0..3).for_each(|c| sum[c] += old.value_at(nx, ny)[c]);
                         count += 1.0;
                     }
                 }
                 if count > 0.0 {
-                    *image.at_mut(x, y) = sum.map(|s| s / count);
-                    *known.at_mut(x, y) = true;
+                    *image.value_at_mut(x, y) = sum.map(|s| s / count);
+                    *known.value_at_mut(x, y) = true;
                 }
             }
         }
@@ -313,7 +313,7 @@ pub(crate) mod tests {
                         weights[k] * DVec3::from_array(v.map(f64::from))
                     })
                     .sum();
-                let back = DVec3::from_array(read_colour(&positions, atlas_position(&charts, t, p)));
+                let back = DVec3::from_array(sample_colour(&positions, atlas_position(&charts, t, p)));
                 let error = (back - p).length() * charts.texels_per_unit;
                 assert!(error.is_finite(), "triangle {t} reads an unused texel");
                 worst = worst.max(error);

@@ -3,7 +3,7 @@
 //! Triangles are visited in an order that follows from the mesh alone; each is predicted to belong to the chart of one of
 //! its neighbours that were visited before, so that only the borders between charts cost bits.
 
-use crate::entropy::{BitCoder, BitModel, Number, RangeDecoder, RangeEncoder};
+use crate::entropy::{BitCoder, BitModel, NumberModel, RangeDecoder, RangeEncoder};
 use crate::error::{Error, Result};
 use crate::limits::{Budget, check};
 use crate::mesh::Mesh;
@@ -133,15 +133,15 @@ pub fn dominant(normal: [f64; 3]) -> u8 {
 
 /// Models of the section, used the same way in both directions.
 #[derive(Default)]
-struct Models {
+struct ChartModels {
     keeps: [[BitModel; 6]; 16],
     other: [[BitModel; 4]; 2],
     fresh: BitModel,
     dominant: BitModel,
     facing: [BitModel; 8],
-    index: Number,
-    size: Number,
-    offset: [Number; 2],
+    index: NumberModel,
+    size: NumberModel,
+    offset: [NumberModel; 2],
 }
 
 /// What both directions know while they visit the triangles.
@@ -150,7 +150,7 @@ struct Visit<'a> {
     neighbours: Vec<[u32; 3]>,
     chart_of_triangle: Vec<u32>,
     facings: Vec<u8>,
-    models: Models,
+    models: ChartModels,
 }
 
 impl Visit<'_> {
@@ -237,7 +237,7 @@ pub fn encode(mesh: &Mesh, charts: &Charts) -> Result<Vec<u8>> {
     let neighbours = neighbours(mesh);
     let order = visiting_order(&neighbours);
     let chart_of_triangle = vec![NONE; mesh.triangles.len()];
-    let mut visit = Visit { mesh, neighbours, chart_of_triangle, facings: Vec::new(), models: Models::default() };
+    let mut visit = Visit { mesh, neighbours, chart_of_triangle, facings: Vec::new(), models: ChartModels::default() };
     visit.models.size.code(&mut coder, charts.width);
     visit.models.size.code(&mut coder, charts.height);
     for &t in &order {
@@ -282,10 +282,10 @@ pub fn decode(bytes: &[u8], mesh: &Mesh, budget: &Budget) -> Result<Charts> {
     let neighbours = neighbours(mesh);
     let order = visiting_order(&neighbours);
     let chart_of_triangle = vec![NONE; mesh.triangles.len()];
-    let mut visit = Visit { mesh, neighbours, chart_of_triangle, facings: Vec::new(), models: Models::default() };
+    let mut visit = Visit { mesh, neighbours, chart_of_triangle, facings: Vec::new(), models: ChartModels::default() };
     let width = visit.models.size.code(&mut coder, 0);
     let height = visit.models.size.code(&mut coder, 0);
-    let side = budget.limits().picture_side as u64;
+    let side = budget.limits().image_side as u64;
     check("atlas width", width as u64, side)?;
     check("atlas height", height as u64, side)?;
     for &t in &order {

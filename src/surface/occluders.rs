@@ -46,7 +46,7 @@ impl Occluders {
         Occluders { hierarchy, triangles, bias: 2e-4 * diagonal(mesh) }
     }
     /// Whether the segment between a surface point and a camera is free. The point's own surroundings do not block it.
-    pub fn visible(&self, point: [f64; 3], camera_centre: [f64; 3]) -> bool {
+    pub fn is_visible(&self, point: [f64; 3], camera_centre: [f64; 3]) -> bool {
         let (direction, squared) = crate::vector::direction(point, camera_centre);
         let distance = squared.sqrt();
         if self.triangles.is_empty() || distance.is_nan() || distance <= self.bias {
@@ -55,12 +55,12 @@ impl Occluders {
         ray(point, direction, distance as f32).is_none_or(|ray| self.misses(ray, self.bias as f32))
     }
     /// Whether a ray from a surface point leaves the object. The point's own surroundings do not block it.
-    pub fn free(&self, point: [f32; 3], direction: [f32; 3]) -> bool {
-        self.free_beyond(self.bias as f32, point, direction)
+    pub fn is_free(&self, point: [f32; 3], direction: [f32; 3]) -> bool {
+        self.is_free_beyond(self.bias as f32, point, direction)
     }
     /// Whether a ray leaves the object, whatever it meets nearer than `bias`.
     #[inline]
-    pub fn free_beyond(&self, bias: f32, point: [f32; 3], direction: [f32; 3]) -> bool {
+    pub fn is_free_beyond(&self, bias: f32, point: [f32; 3], direction: [f32; 3]) -> bool {
         self.triangles.is_empty() || self.misses(Ray::new_inf(point.into(), direction.into()), bias)
     }
     /// The bias applies in the intersection: the hierarchy's `t` starts at zero.
@@ -163,16 +163,16 @@ impl Footprint {
         &self.usable
     }
     /// The image position of a point, if its pixel is usable and does not lie on a surface in front of or behind it by
-    /// more than the margin. Occlusion is [`Occluders::visible`]'s business.
-    pub fn place(&self, point: [f64; 3]) -> Option<[f64; 2]> {
+    /// more than the margin. Occlusion is [`Occluders::is_visible`]'s business.
+    pub fn project(&self, point: [f64; 3]) -> Option<[f64; 2]> {
         let (at, depth) = self.camera.project(point)?;
         let inside = at[0] >= 0.0 && at[1] >= 0.0;
         let (x, y) = (at[0] as usize, at[1] as usize);
-        if !inside || x >= self.usable.width || y >= self.usable.height || !self.usable.at(x, y) {
+        if !inside || x >= self.usable.width || y >= self.usable.height || !self.usable.value_at(x, y) {
             return None;
         }
         // Rays that just miss the scan do not speak against a point that the mask holds.
-        let seen = *self.depth.at(x, y);
+        let seen = *self.depth.value_at(x, y);
         let other = seen.is_finite() && (seen - depth as f32).abs() > self.margin;
         (!other).then_some(at)
     }
@@ -207,18 +207,18 @@ mod tests {
         let (mesh, camera) = (squares(), camera());
         let occluders = Occluders::new(&mesh);
         let centre = camera.centre();
-        assert!(!occluders.visible([0.1, 0.05, 0.0], centre));
-        assert!(occluders.visible([0.8, 0.1, 0.0], centre));
-        assert!(occluders.visible([0.1, 0.05, -1.0], centre));
+        assert!(!occluders.is_visible([0.1, 0.05, 0.0], centre));
+        assert!(occluders.is_visible([0.8, 0.1, 0.0], centre));
+        assert!(occluders.is_visible([0.1, 0.05, -1.0], centre));
         let hit = occluders.first_hit(&camera, [32.0, 34.0]).unwrap();
         assert!(hit.triangle >= 2 && (hit.depth - 3.0).abs() < 1e-6, "{hit:?}");
         let depth = occluders.depth_map(&camera);
-        assert_eq!(*depth.at(1, 1), f32::INFINITY);
-        assert!((*depth.at(20, 32) - 4.0).abs() < 1e-5);
+        assert_eq!(*depth.value_at(1, 1), f32::INFINITY);
+        assert!((*depth.value_at(20, 32) - 4.0).abs() < 1e-5);
         // Rays that single precision does not hold meet nothing, and nothing hides such a camera.
         let wide = Camera { focal: [64.0, 1e-44], ..camera };
         assert!(occluders.first_hit(&wide, [32.0, 34.0]).is_none());
-        assert!(occluders.visible([0.8, 0.1, 0.0], [1e200, 0.0, 0.0]));
+        assert!(occluders.is_visible([0.8, 0.1, 0.0], [1e200, 0.0, 0.0]));
     }
 
     #[test]
@@ -226,12 +226,12 @@ mod tests {
         let (mesh, camera) = (squares(), camera());
         let occluders = Occluders::new(&mesh);
         let mut image = RgbImage::filled(64, 64, [0.5; 3]);
-        image.at_mut(20, 32)[1] = f32::NAN;
+        image.value_at_mut(20, 32)[1] = f32::NAN;
         let footprint = Footprint::new(&occluders, &mesh, &camera, None, &[image]);
         let at = |x: f64, y: f64| {
             let ray = camera.ray([x, y]);
             let centre = camera.centre();
-            footprint.place(std::array::from_fn(|i| centre[i] + 4.0 * ray[i]))
+            footprint.project(std::array::from_fn(|i| centre[i] + 4.0 * ray[i]))
         };
         assert!(at(22.5, 20.5).is_some());
         assert!(at(20.9, 32.4).is_none(), "on a missing pixel");

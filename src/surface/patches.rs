@@ -9,11 +9,11 @@ use crate::vector::{cross, dot};
 use std::collections::BTreeSet;
 
 /// Largest binary logarithm of a patch's side: 16 samples.
-pub const LARGEST_SIDE_LOG2: u8 = 4;
+pub const MAX_SIDE_LOG2: u8 = 4;
 
 /// One or two triangles on the unit square.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Patch {
+pub struct SurfacePatch {
     /// Index of the triangle with `u + v <= 1`.
     pub first: u32,
     /// Index of the triangle with `u + v > 1`, if there is one.
@@ -31,7 +31,7 @@ pub struct PatchPoint {
     pub weights: [f64; 4],
 }
 
-impl Patch {
+impl SurfacePatch {
     /// The point at `(u, v)`; `None` in the empty half of a single triangle.
     pub fn point(&self, u: f64, v: f64) -> Option<PatchPoint> {
         if u + v <= 1.0 {
@@ -68,7 +68,7 @@ impl Patch {
 
 /// Pairs the triangles of a mesh whose indices are valid: those with the fewest free neighbours first, each with the free
 /// neighbour whose common edge comes nearest to a hypotenuse. Patches are in the order of their first triangles.
-pub fn pair_triangles(mesh: &Mesh) -> Vec<Patch> {
+pub fn pair_triangles(mesh: &Mesh) -> Vec<SurfacePatch> {
     let neighbours = neighbours(mesh);
     let count = mesh.triangles.len();
     let mut partner: Vec<Option<(u32, u8)>> = vec![None; count];
@@ -119,11 +119,11 @@ pub fn pair_triangles(mesh: &Mesh) -> Vec<Patch> {
                 let (b, c, a) = (edge as usize, (edge as usize + 1) % 3, (edge as usize + 2) % 3);
                 let far = mesh.triangles[other as usize];
                 let d = far.iter().copied().find(|&x| x != v[b] && x != v[c]).unwrap_or(v[a]);
-                Patch { first: t as u32, second: Some(other), corners: [v[a], v[b], v[c], d] }
+                SurfacePatch { first: t as u32, second: Some(other), corners: [v[a], v[b], v[c], d] }
             }
             None => {
                 let v = mesh.triangles[t];
-                Patch { first: t as u32, second: None, corners: [v[0], v[1], v[2], v[0]] }
+                SurfacePatch { first: t as u32, second: None, corners: [v[0], v[1], v[2], v[0]] }
             }
         })
         .collect()

@@ -74,11 +74,11 @@ fn pixel_from(position: f64) -> usize {
 
 // Comparisons, not `f64::min` and `max`: those are calls where the processor's instructions treat NaN otherwise.
 #[inline(always)]
-fn least(a: f64, b: f64) -> f64 {
+fn min(a: f64, b: f64) -> f64 {
     if b < a { b } else { a }
 }
 #[inline(always)]
-fn most(a: f64, b: f64) -> f64 {
+fn max(a: f64, b: f64) -> f64 {
     if b > a { b } else { a }
 }
 
@@ -127,9 +127,9 @@ pub fn rasterise(mesh: &Mesh, camera: &Camera) -> Raster {
         // Pixels whose centres lie within the bounds.
         let bounds = |axis: usize, size: usize| {
             let [a, b, c] = [c[0][axis], c[1][axis], c[2][axis]];
-            let end = most(most(a, b), c) + 0.5;
+            let end = max(max(a, b), c) + 0.5;
             let end = if end > 0.0 { (end as usize).min(size) } else { 0 };
-            pixel_from(least(least(a, b), c))..end
+            pixel_from(min(min(a, b), c))..end
         };
         let (columns, rows) = (bounds(0, width), bounds(1, height));
         if columns.is_empty() || rows.is_empty() {
@@ -174,7 +174,7 @@ pub fn rasterise(mesh: &Mesh, camera: &Camera) -> Raster {
 }
 
 /// Most pixels that all triangles' bounds may hold together, for each pixel of the picture.
-const MOST_LAYERS: f64 = 4096.0;
+const MAX_LAYERS: f64 = 4096.0;
 
 /// Refuses a mesh and camera whose drawing would take unreasonably long: thousands of triangles that each fill the picture.
 pub fn check_work(mesh: &Mesh, camera: &Camera) -> Result<()> {
@@ -186,14 +186,14 @@ pub fn check_work(mesh: &Mesh, camera: &Camera) -> Result<()> {
         let mut bounds = [[f64::INFINITY, f64::NEG_INFINITY]; 2];
         for position in corners.map(|vertex| projected[vertex as usize]).iter().filter(|position| position[2] > 0.0) {
             for k in 0..2 {
-                bounds[k] = [least(bounds[k][0], position[k]), most(bounds[k][1], position[k])];
+                bounds[k] = [min(bounds[k][0], position[k]), max(bounds[k][1], position[k])];
             }
         }
-        let side = |k: usize| most(least(bounds[k][1], size[k]) - most(bounds[k][0], 0.0), 0.0);
+        let side = |k: usize| max(min(bounds[k][1], size[k]) - max(bounds[k][0], 0.0), 0.0);
         work += side(0) * side(1);
     }
     let asked = (work / pixels.max(1.0)) as u64;
-    check("layers of triangles over a picture", asked, MOST_LAYERS as u64)
+    check("layers of triangles over a picture", asked, MAX_LAYERS as u64)
 }
 
 /// Unit normals of the vertices: the mean of the adjacent triangles' normals weighted by their areas, outward for

@@ -4,19 +4,19 @@
 //! `spec/planes.md`).
 
 use super::raster::Raster;
-use super::view_geometry::Geometry;
-use crate::transform::frame::Frame;
-use crate::transform::shape_adaptive::Run;
+use super::view_geometry::ViewGeometry;
+use crate::transform::frame::Window;
+use crate::transform::shape_adaptive::PixelRun;
 use crate::views::{Camera, View};
 
 /// A point is hidden in a reference when it lies behind the nearest surface there by this share of its depth.
 const DEPTH_MARGIN: f64 = 0.004;
 /// Least cosine between normal and light that a shading ratio takes into account.
-const LEAST_COSINE: f64 = 0.05;
+const MIN_COSINE: f64 = 0.05;
 
 /// Where a target pixel is found in a reference view.
 #[derive(Debug, Clone, Copy)]
-pub struct Source {
+pub struct Reprojection {
     /// Position in the reference in pixels (centres at +0.5).
     pub(super) position: [f32; 2],
     /// Share of this reference in a blend: the squared cosine between normal and reference, 0 where it is hidden.
@@ -27,7 +27,7 @@ pub struct Source {
 
 /// What a decoded view is asked for by those predicted from it.
 #[derive(Debug, Clone)]
-pub struct Seen {
+pub struct ReferenceView {
     view: View,
     width: usize,
     height: usize,
@@ -35,9 +35,9 @@ pub struct Seen {
     farthest: Vec<f64>,
 }
 
-impl Seen {
+impl ReferenceView {
     /// What later views ask of a decoded one.
-    pub fn new(geometry: Geometry) -> Self {
+    pub fn new(geometry: ViewGeometry) -> Self {
         let Raster { width, height, depth, .. } = geometry.raster;
         // The farthest of the nine pixels around: along rows, then along columns.
         let farther = |a: f64, b: f64| if b > a { b } else { a };
@@ -60,7 +60,7 @@ impl Seen {
             }
             here.iter_mut().for_each(|far| *far *= 1.0 + DEPTH_MARGIN);
         }
-        Seen { view: geometry.view, width, height, farthest }
+        ReferenceView { view: geometry.view, width, height, farthest }
     }
 
     /// Bytes of memory that it takes.
@@ -82,48 +82,53 @@ impl Seen {
 
 /// Pixels that are worked on side by side.
 const LANES: usize = 8;
-type Lanes = [f64; LANES];
+type PixelLanes = [f64; LANES];
 
 #[inline(always)]
-fn lanes(of: impl FnMut(usize) -> f64) -> Lanes {
+fn lanes(of: impl FnMut(usize) -> f64) -> PixelLanes {
     std::array::from_fn(of)
 }
 
 #[inline(always)]
-fn dot_lanes(a: &[Lanes; 3], b: &[Lanes; 3]) -> Lanes {
+fn dot_lanes(a: &[PixelLanes; 3], b: &[PixelLanes; 3]) -> PixelLanes {
     lanes(|i| a[0][i] * b[0][i] + a[1][i] * b[1][i] + a[2][i] * b[2][i])
 }
 
 /// From the points to a place.
 #[inline(always)]
-fn towards(points: &[Lanes; 3], place: [f64; 3]) -> [Lanes; 3] {
+fn towards(points: &[PixelLanes; 3], place: [f64; 3]) -> [PixelLanes; 3] {
     [0, 1, 2].map(|k| lanes(|i| place[k] - points[k][i]))
 }
 
 /// Irradiance of points by a light of unit intensity.
 #[inline(always)]
-fn irradiance(points: &[Lanes; 3], normals: &[Lanes; 3], light: [f64; 3]) -> Lanes {
+fn irradiance(points: &[PixelLanes; 3], normals: &[PixelLanes; 3], light: [f64; 3]) -> PixelLanes {
     let l = towards(points, light);
     let (square, along) = (dot_lanes(&l, &l), dot_lanes(normals, &l));
     lanes(|i| {
         let cosine = along[i] / square[i].sqrt();
-        (if cosine > LEAST_COSINE { cosine } else { LEAST_COSINE }) / square[i]
+        (if cosine > MIN_COSINE { cosine } else { MIN_COSINE }) / square[i]
     })
 }
 
 /// A reference and what is the same for all pixels: the light's place in it, and how much brighter the target's is.
-struct Target<'a> {
-    seen: &'a Seen,
+struct ReprojectionTarget<'a> {
+    seen: &'a ReferenceView,
     eye: [f64; 3],
     light: Option<([f64; 3], f64)>,
 }
 
 /// Finds every mask pixel of `target` (`rows` of a frame, to which its geometry is extended) in each reference; pixels in
 /// the rows' order.
-pub fn find(target: &Geometry, references: &[&Seen], frame: &Frame, rows: &[Run]) -> Vec<Vec<Source>> {
+pub fn reproject(
+    target: &ViewGeometry,
+    references: &[&ReferenceView],
+    frame: &Window,
+    rows: &[PixelRun],
+) -> Vec<Vec<Reprojection>> {
     let from = &target.view.camera;
     let (centre, r) = (from.centre(), &from.rotation);
-    let to: Vec<Target> = references
+    let to: Vec<ReprojectionTarget> = references
         .iter()
         .map(|&seen| {
             let light = target
@@ -131,11 +136,11 @@ pub fn find(target: &Geometry, references: &[&Seen], frame: &Frame, rows: &[Run]
                 .light
                 .zip(seen.view.light)
                 .map(|(here, there)| (there.position, mean(here.intensity) / mean(there.intensity)));
-            Target { seen, eye: seen.view.camera.centre(), light }
+            ReprojectionTarget { seen, eye: seen.view.camera.centre(), light }
         })
         .collect();
     let count = rows.iter().map(|run| run.length as usize).sum();
-    let mut found: Vec<Vec<Source>> = references.iter().map(|_| Vec::with_capacity(count)).collect();
+    let mut found: Vec<Vec<Reprojection>> = references.iter().map(|_| Vec::with_capacity(count)).collect();
     for run in rows {
         let y = frame.top + run.line as usize;
         let q1 = (y as f64 + 0.5 - from.principal[1]) / from.focal[1];
@@ -152,19 +157,24 @@ pub fn find(target: &Geometry, references: &[&Seen], frame: &Frame, rows: &[Run]
             let normals = [0, 1, 2].map(|k| lanes(|i| target.normals[at(i)][k] as f64));
             let here = target.view.light.map(|light| irradiance(&points, &normals, light.position));
             for (to, found) in to.iter().zip(&mut found) {
-                let sources = find_points(&points, &normals, here.as_ref(), to);
-                found.extend((0..used).map(|i| if depths[i] != 0.0 { sources[i] } else { NOWHERE }));
+                let sources = reproject_points(&points, &normals, here.as_ref(), to);
+                found.extend((0..used).map(|i| if depths[i] != 0.0 { sources[i] } else { HIDDEN }));
             }
         }
     }
     found
 }
 
-const NOWHERE: Source = Source { position: [0.0; 2], weight: 0.0, shading: 1.0 };
+const HIDDEN: Reprojection = Reprojection { position: [0.0; 2], weight: 0.0, shading: 1.0 };
 
 /// Where a reference shows points; `here` is the irradiance that the target's light gives them.
 #[inline(always)]
-fn find_points(points: &[Lanes; 3], normals: &[Lanes; 3], here: Option<&Lanes>, to: &Target) -> [Source; LANES] {
+fn reproject_points(
+    points: &[PixelLanes; 3],
+    normals: &[PixelLanes; 3],
+    here: Option<&PixelLanes>,
+    to: &ReprojectionTarget,
+) -> [Reprojection; LANES] {
     let Camera { rotation: r, translation: t, focal, principal, .. } = &to.seen.view.camera;
     let q =
         [0, 1, 2].map(|k| lanes(|i| r[k][0] * points[0][i] + r[k][1] * points[1][i] + r[k][2] * points[2][i] + t[k]));
@@ -190,9 +200,9 @@ fn find_points(points: &[Lanes; 3], normals: &[Lanes; 3], here: Option<&Lanes>, 
     };
     std::array::from_fn(|i| {
         if !to.seen.shows([x[i], y[i]], q[2][i]) {
-            return NOWHERE;
+            return HIDDEN;
         }
-        Source { position: [x[i] as f32, y[i] as f32], weight: weights[i] as f32, shading: shading[i] as f32 }
+        Reprojection { position: [x[i] as f32, y[i] as f32], weight: weights[i] as f32, shading: shading[i] as f32 }
     })
 }
 

@@ -8,39 +8,39 @@ use std::borrow::Cow;
 use std::collections::HashMap;
 
 /// Most parts of an edge. Part of the format.
-pub const MOST_PARTS: u8 = 32;
+pub const MAX_PARTS: u8 = 32;
 
 /// The places of a mesh: its vertices first, then those on edges and within triangles, in the order in which the triangles name them.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Places {
+pub struct SurfaceSamples {
     spacing: f32,
     vertices: usize,
     /// Triangles and the place in their grids of what is no vertex.
-    inner: Vec<Inner>,
+    inner: Vec<InnerSample>,
     /// Empty where the places are the vertices.
-    cuts: Vec<Cut>,
+    cuts: Vec<TriangleGrid>,
     /// Triangles of places, those of each triangle of the mesh one after the other.
     triangles: Vec<[u32; 3]>,
 }
 
 /// Column and row in the grid of a triangle.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Inner {
+struct InnerSample {
     triangle: u32,
     at: [u8; 2],
 }
 
 /// How a triangle is cut.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Cut {
+struct TriangleGrid {
     parts: u8,
     first: u32,
 }
 
-impl Places {
+impl SurfaceSamples {
     /// The vertices alone.
     pub fn at_vertices(vertices: usize) -> Self {
-        Places { spacing: 0.0, vertices, inner: Vec::new(), cuts: Vec::new(), triangles: Vec::new() }
+        SurfaceSamples { spacing: 0.0, vertices, inner: Vec::new(), cuts: Vec::new(), triangles: Vec::new() }
     }
 
     /// Cuts edges into 1, 2, 4 ... 32 parts, until these are no longer than `spacing`; a triangle is cut as its longest edge. With a
@@ -63,18 +63,18 @@ impl Places {
         let mut on_edges: HashMap<(u32, u32, u8), u32> = HashMap::new();
         let mut numbers = Vec::new();
         for (index, (corners, &parts)) in mesh.triangles.iter().zip(&parts).enumerate() {
-            places.cuts.push(Cut { parts, first: places.triangles.len() as u32 });
+            places.cuts.push(TriangleGrid { parts, first: places.triangles.len() as u32 });
             numbers.clear();
             for j in 0..=parts {
                 for i in 0..=parts - j {
                     let next = (vertices + places.inner.len()) as u32;
                     let number = match key(corners, parts, [i, j]) {
-                        Key::Vertex(vertex) => vertex,
-                        Key::Edge(key) => *on_edges.entry(key).or_insert(next),
-                        Key::Inside => next,
+                        SampleKey::Vertex(vertex) => vertex,
+                        SampleKey::Edge(key) => *on_edges.entry(key).or_insert(next),
+                        SampleKey::Inside => next,
                     };
                     if number == next {
-                        places.inner.push(Inner { triangle: index as u32, at: [i, j] });
+                        places.inner.push(InnerSample { triangle: index as u32, at: [i, j] });
                     }
                     numbers.push(number);
                 }
@@ -97,7 +97,7 @@ impl Places {
 
     /// The finest of a mesh that has no more than `most` places, found by halving; the vertices alone where there are that many.
     #[cfg(feature = "encode")]
-    pub fn most(mesh: &Mesh, most: usize) -> Result<Self> {
+    pub fn with_max_count(mesh: &Mesh, most: usize) -> Result<Self> {
         let longest = (mesh.triangles.iter())
             .flat_map(|corners| (0..3).map(|k| squared_length(mesh, corners[k], corners[(k + 1) % 3])))
             .fold(0.0, f64::max)
@@ -106,7 +106,7 @@ impl Places {
         if most <= best.count() {
             return Ok(best);
         }
-        let (mut fine, mut coarse) = (longest / (2.0 * MOST_PARTS as f64), longest);
+        let (mut fine, mut coarse) = (longest / (2.0 * MAX_PARTS as f64), longest);
         for _ in 0..12 {
             let middle = (fine * coarse).sqrt();
             // More than six times as many triangles as places are wanted need not be tried.
@@ -134,15 +134,15 @@ impl Places {
     pub fn are_on(&self, mesh: &Mesh) -> bool {
         self.vertices == mesh.positions.len() && (self.cuts.is_empty() || self.cuts.len() == mesh.triangles.len())
     }
-    /// Longest part of an edge that is not cut into [`MOST_PARTS`], in units of the mesh; 0 where the places are the vertices.
+    /// Longest part of an edge that is not cut into [`MAX_PARTS`], in units of the mesh; 0 where the places are the vertices.
     pub fn spacing(&self) -> f32 {
         self.spacing
     }
 
     /// The three places around a point of a triangle, and their weights. `corners` are the triangle's vertices, `weights` theirs.
     #[inline]
-    pub fn around(&self, triangle: usize, corners: [u32; 3], weights: [f32; 3]) -> ([u32; 3], [f32; 3]) {
-        let Some(&Cut { parts, first }) = self.cuts.get(triangle) else { return (corners, weights) };
+    pub fn interpolation(&self, triangle: usize, corners: [u32; 3], weights: [f32; 3]) -> ([u32; 3], [f32; 3]) {
+        let Some(&TriangleGrid { parts, first }) = self.cuts.get(triangle) else { return (corners, weights) };
         if parts == 1 {
             return (corners, weights);
         }
@@ -162,7 +162,7 @@ impl Places {
 
     /// For each place beyond the vertices the triangle that it lies in, and the weights of that triangle's corners.
     pub fn inner(&self) -> impl ExactSizeIterator<Item = (usize, [f64; 3])> {
-        self.inner.iter().map(|&Inner { triangle, at: [i, j] }| {
+        self.inner.iter().map(|&InnerSample { triangle, at: [i, j] }| {
             let parts = self.cuts[triangle as usize].parts as f64;
             let (b, c) = (i as f64 / parts, j as f64 / parts);
             (triangle as usize, [1.0 - b - c, b, c])
@@ -170,7 +170,7 @@ impl Places {
     }
 
     /// The mesh cut at its places, which are the vertices of it.
-    pub fn cut<'a>(&self, mesh: &'a Mesh) -> Cow<'a, Mesh> {
+    pub fn subdivided<'a>(&self, mesh: &'a Mesh) -> Cow<'a, Mesh> {
         if self.cuts.is_empty() {
             return Cow::Borrowed(mesh);
         }
@@ -183,27 +183,27 @@ impl Places {
     }
 }
 
-enum Key {
+enum SampleKey {
     Vertex(u32),
     /// The edge's ends, the smaller first, and how many 32nds of it the place lies from there.
     Edge((u32, u32, u8)),
     Inside,
 }
 
-fn key(corners: &[u32; 3], parts: u8, [i, j]: [u8; 2]) -> Key {
+fn key(corners: &[u32; 3], parts: u8, [i, j]: [u8; 2]) -> SampleKey {
     let edge = |from: u32, to: u32, k: u8| {
-        let step = MOST_PARTS / parts;
-        Key::Edge(if from <= to { (from, to, k * step) } else { (to, from, (parts - k) * step) })
+        let step = MAX_PARTS / parts;
+        SampleKey::Edge(if from <= to { (from, to, k * step) } else { (to, from, (parts - k) * step) })
     };
     let [a, b, c] = *corners;
     match (i, j) {
-        (0, 0) => Key::Vertex(a),
-        _ if i == parts => Key::Vertex(b),
-        _ if j == parts => Key::Vertex(c),
+        (0, 0) => SampleKey::Vertex(a),
+        _ if i == parts => SampleKey::Vertex(b),
+        _ if j == parts => SampleKey::Vertex(c),
         (i, 0) => edge(a, b, i),
         (0, j) => edge(a, c, j),
         (i, j) if i + j == parts => edge(b, c, j),
-        _ => Key::Inside,
+        _ => SampleKey::Inside,
     }
 }
 
@@ -212,7 +212,7 @@ fn parts(mesh: &Mesh, corners: &[u32; 3], spacing: f32) -> u8 {
     let edges = [(0, 1), (1, 2), (2, 0)].map(|(i, j)| squared_length(mesh, corners[i], corners[j]));
     let longest = edges.into_iter().fold(0.0, |most: f64, edge| if edge > most { edge } else { most });
     let mut parts = 1;
-    while parts < MOST_PARTS && longest > (spacing as f64 * parts as f64) * (spacing as f64 * parts as f64) {
+    while parts < MAX_PARTS && longest > (spacing as f64 * parts as f64) * (spacing as f64 * parts as f64) {
         parts *= 2;
     }
     parts
@@ -239,17 +239,17 @@ mod tests {
     fn every_point_lies_between_its_places() {
         let mesh = mesh();
         let budget = Budget::new(Limits::default());
-        let places = Places::new(&mesh, 0.5, &budget).unwrap();
+        let places = SurfaceSamples::new(&mesh, 0.5, &budget).unwrap();
         // 4 parts and 32: of the shared edge the coarse places are among the fine ones.
         assert_eq!(places.count(), 33 * 34 / 2 + 5 * 6 / 2 - 5);
-        let cut = places.cut(&mesh);
+        let cut = places.subdivided(&mesh);
         assert_eq!((cut.positions.len(), cut.triangles.len()), (places.count(), 16 + 1024));
         for (triangle, corners) in mesh.triangles.iter().enumerate() {
             for k in 0..200 {
                 let (b, c) = ((k as f32 * 0.618).fract(), (k as f32 * 0.414).fract());
                 let (b, c) = if b + c > 1.0 { (1.0 - b, 1.0 - c) } else { (b, c) };
                 let weights = [1.0 - b - c, b, c];
-                let (around, shares) = places.around(triangle, *corners, weights);
+                let (around, shares) = places.interpolation(triangle, *corners, weights);
                 assert!(shares.iter().all(|share| *share > -1e-4), "{shares:?}");
                 for axis in 0..3 {
                     let sum = |vertices: [u32; 3], weights: [f32; 3]| -> f32 {
@@ -259,21 +259,25 @@ mod tests {
                 }
             }
             for (k, weights) in [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]].into_iter().enumerate() {
-                let (around, shares) = places.around(triangle, *corners, weights);
+                let (around, shares) = places.interpolation(triangle, *corners, weights);
                 let whole = shares.iter().position(|&share| share > 0.9999).unwrap();
                 assert_eq!(around[whole], corners[k]);
             }
         }
-        assert_eq!(Places::new(&mesh, 0.0, &budget).unwrap(), Places::at_vertices(4));
-        let most = Places::most(&mesh, 150).unwrap();
+        assert_eq!(SurfaceSamples::new(&mesh, 0.0, &budget).unwrap(), SurfaceSamples::at_vertices(4));
+        let most = SurfaceSamples::with_max_count(&mesh, 150).unwrap();
         assert!((40..=150).contains(&most.count()), "{}", most.count());
     }
 
     #[test]
     fn the_memory_is_asked_for_first() {
         let tight = Budget::new(Limits { memory_bytes: 1000, ..Limits::default() });
-        assert!(matches!(Places::new(&mesh(), 1e-6, &tight), Err(Error::Limits { .. })));
+        assert!(matches!(SurfaceSamples::new(&mesh(), 1e-6, &tight), Err(Error::Limits { .. })));
         let budget = Budget::new(Limits::default());
-        assert!([f32::NAN, -1.0, f32::INFINITY].iter().all(|&spacing| Places::new(&mesh(), spacing, &budget).is_err()));
+        assert!(
+            [f32::NAN, -1.0, f32::INFINITY]
+                .iter()
+                .all(|&spacing| SurfaceSamples::new(&mesh(), spacing, &budget).is_err())
+        );
     }
 }

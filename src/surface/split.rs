@@ -8,7 +8,7 @@ use std::collections::HashMap;
 
 /// Vertices in the order in which the triangles name them.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct Geometry {
+pub struct RenderMesh {
     /// Positions in the world of the mesh.
     pub positions: Vec<[f32; 3]>,
     /// Smooth unit normals.
@@ -24,8 +24,8 @@ pub struct Geometry {
 }
 
 /// Vertices and smooth normals of a mesh without an atlas.
-pub fn whole(mesh: &Mesh) -> Geometry {
-    Geometry {
+pub fn render_mesh(mesh: &Mesh) -> RenderMesh {
+    RenderMesh {
         positions: mesh.positions.clone(),
         normals: vertex_normals(mesh).iter().map(|normal| unit_or(*normal, || [0.0; 3]).map(|x| x as f32)).collect(),
         tangents: Vec::new(),
@@ -36,9 +36,9 @@ pub fn whole(mesh: &Mesh) -> Geometry {
 }
 
 /// Splits the vertices where charts meet.
-pub fn split(mesh: &Mesh, charts: &Charts) -> Geometry {
+pub fn render_mesh_with_atlas(mesh: &Mesh, charts: &Charts) -> RenderMesh {
     let smooth = vertex_normals(mesh);
-    let mut geometry = Geometry::default();
+    let mut geometry = RenderMesh::default();
     let mut number: HashMap<(u32, u32), u32> = HashMap::new();
     let size = [charts.width as f64, charts.height as f64];
     for (index, corners) in mesh.triangles.iter().enumerate() {

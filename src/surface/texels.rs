@@ -29,7 +29,7 @@ pub fn from_signal(signal: [f32; 3], white: [f64; 3]) -> [f32; 3] {
 }
 
 /// Four texels and weights.
-type Taps = [(u32, f32); 4];
+type BilinearTaps = [(u32, f32); 4];
 
 /// The texels of one view.
 #[derive(Debug, Clone, PartialEq)]
@@ -42,15 +42,15 @@ pub struct ViewTexels {
 
 /// How the pixels of one view read the atlas: for each pixel that shows the surface four texels and weights.
 #[derive(Debug, Clone)]
-pub struct Reading {
+pub struct TexelReading {
     width: usize,
     height: usize,
     atlas: (usize, usize),
     /// Pixel index and taps.
-    pixels: Vec<(u32, Taps)>,
+    pixels: Vec<(u32, BilinearTaps)>,
 }
 
-impl Reading {
+impl TexelReading {
     /// The reading of the pixels of `mask` that meet the mesh.
     pub fn new(mesh: &Mesh, charts: &Charts, camera: &Camera, raster: &Raster, mask: &Mask) -> Result<Self> {
         if mask.data.len() != raster.triangle.len() || charts.chart_of_triangle.len() != mesh.triangles.len() {
@@ -66,7 +66,7 @@ impl Reading {
             let taps = bilinear_taps(width, height, at).map(|(texel, weight)| (texel as u32, weight as f32));
             pixels.push((k as u32, taps));
         }
-        Ok(Reading { width: raster.width, height: raster.height, atlas: (width, height), pixels })
+        Ok(TexelReading { width: raster.width, height: raster.height, atlas: (width, height), pixels })
     }
 
     /// Pixels read.
@@ -80,7 +80,7 @@ impl Reading {
     }
 
     /// The picture that texels show: linear radiance, 0 where the surface is not shown.
-    pub fn read(&self, texels: &Grid<[f32; 3]>, white: [f64; 3]) -> RgbImage {
+    pub fn render_texels(&self, texels: &Grid<[f32; 3]>, white: [f64; 3]) -> RgbImage {
         let mut image = Grid::filled(self.width, self.height, [0f32; 3]);
         for (pixel, taps) in &self.pixels {
             image.data[*pixel as usize] = from_signal(gather(&texels.data, taps), white);
@@ -94,7 +94,7 @@ impl Reading {
         if image.data.len() != self.width * self.height || atlas.triangle.data.len() != width * height {
             return Err(Error::parameter("the photograph has not the size that was read"));
         }
-        let observed: Vec<(&Taps, [f32; 3])> = self
+        let observed: Vec<(&BilinearTaps, [f32; 3])> = self
             .pixels
             .iter()
             .map(|(pixel, taps)| (taps, to_signal(image.data[*pixel as usize], white)))
@@ -156,7 +156,7 @@ impl Reading {
 }
 
 #[inline]
-fn gather(x: &[[f32; 3]], taps: &Taps) -> [f32; 3] {
+fn gather(x: &[[f32; 3]], taps: &BilinearTaps) -> [f32; 3] {
     let mut sum = [0f32; 3];
     for &(texel, weight) in taps {
         (0..3).for_each(|c| sum[c] += weight * x[texel as usize][c]);
@@ -165,7 +165,7 @@ fn gather(x: &[[f32; 3]], taps: &Taps) -> [f32; 3] {
 }
 
 #[inline]
-fn scatter(y: &mut [[f32; 3]], taps: &Taps, value: [f32; 3]) {
+fn scatter(y: &mut [[f32; 3]], taps: &BilinearTaps, value: [f32; 3]) {
     for &(texel, weight) in taps {
         (0..3).for_each(|c| y[texel as usize][c] += weight * value[c]);
     }
@@ -217,7 +217,7 @@ mod tests {
     use super::super::atlas::{layout, rasterise_atlas, texels_per_unit};
     use super::super::raster::rasterise;
     use super::*;
-    use crate::metrics::FrameError;
+    use crate::metrics::PhotographError;
     use crate::relight::test_capture::load;
 
     /// Image PSNR (sum) of fitted texels over some views, with texels per pixel and seconds a view.
@@ -226,23 +226,23 @@ mod tests {
         let cameras: Vec<Camera> = asset.views.iter().map(|v| v.camera).collect();
         let charts = layout(&asset.mesh, texels_per_unit(&asset.mesh, &cameras, density)).unwrap();
         let atlas = rasterise_atlas(&asset.mesh, &charts).unwrap();
-        let mut error = FrameError::default();
+        let mut error = PhotographError::default();
         let (mut texels, mut pixels, mut seconds) = (0, 0, 0.0);
         for &k in views {
             let photograph = asset.photographs[k].as_ref().unwrap();
             let raster = rasterise(&asset.mesh, &cameras[k]);
             let start = std::time::Instant::now();
-            let reading = Reading::new(&asset.mesh, &charts, &cameras[k], &raster, &photograph.mask).unwrap();
+            let reading = TexelReading::new(&asset.mesh, &charts, &cameras[k], &raster, &photograph.mask).unwrap();
             let mut decoded = photograph.clone();
             for (image, original) in decoded.images.iter_mut().zip(&photograph.images) {
                 let fit = reading.fit(&atlas, original, asset.white).unwrap();
-                *image = reading.read(&fit.texels, asset.white);
+                *image = reading.render_texels(&fit.texels, asset.white);
                 texels += fit.fitted.count();
                 pixels += reading.len();
             }
             seconds += start.elapsed().as_secs_f64();
             let covered = raster.coverage();
-            error.join(&FrameError::of(photograph, &decoded, &asset.components, &covered, asset.white));
+            error.merge(&PhotographError::compare(photograph, &decoded, &asset.components, &covered, asset.white));
         }
         Some((error.psnr().sum.unwrap(), texels as f64 / pixels as f64, seconds / views.len() as f64))
     }

@@ -2,23 +2,23 @@
 
 use super::raster::{self, Raster};
 use crate::mesh::Mesh;
-use crate::transform::frame::Frame;
-use crate::transform::shape_adaptive::Run;
+use crate::transform::frame::Window;
+use crate::transform::shape_adaptive::PixelRun;
 use crate::vector::dot;
 use crate::views::View;
 use std::borrow::Cow;
 
 /// A mesh with what every view needs of it.
 #[derive(Debug)]
-pub struct Surface<'a> {
+pub struct ViewedMesh<'a> {
     mesh: Cow<'a, Mesh>,
     normals: Vec<[f64; 3]>,
 }
 
-impl<'a> Surface<'a> {
+impl<'a> ViewedMesh<'a> {
     /// Prepares a mesh.
     pub fn new(mesh: Cow<'a, Mesh>) -> Self {
-        Surface { normals: raster::vertex_normals(&mesh), mesh }
+        ViewedMesh { normals: raster::vertex_normals(&mesh), mesh }
     }
     /// The mesh.
     pub fn mesh(&self) -> &Mesh {
@@ -28,7 +28,7 @@ impl<'a> Surface<'a> {
 
 /// What a view sees of the surface.
 #[derive(Debug, Clone)]
-pub struct Geometry {
+pub struct ViewGeometry {
     /// The view.
     pub view: View,
     /// Nearest triangle, depth and barycentrics of each pixel.
@@ -40,9 +40,9 @@ pub struct Geometry {
 /// Pixels of the mask beside the mesh take the depth of their neighbours, this many rings far.
 const DEPTH_RINGS: usize = 8;
 
-impl Geometry {
+impl ViewGeometry {
     /// Draws the surface into a view.
-    pub fn new(surface: &Surface, view: View) -> Self {
+    pub fn new(surface: &ViewedMesh, view: View) -> Self {
         let raster = raster::rasterise(&surface.mesh, &view.camera);
         let normals = (raster.triangle.iter().zip(&raster.barycentric))
             .map(|(&triangle, b)| {
@@ -57,12 +57,12 @@ impl Geometry {
                 if length > 0.0 { n.map(|v| (v / length) as f32) } else { [0.0; 3] }
             })
             .collect();
-        Geometry { view, raster, normals }
+        ViewGeometry { view, raster, normals }
     }
 
     /// Gives the mask's pixels (`rows` of a frame) that miss the mesh the mean depth and normal of their neighbours, ring by
     /// ring.
-    pub fn extend(&mut self, frame: &Frame, rows: &[Run]) {
+    pub fn extend(&mut self, frame: &Window, rows: &[PixelRun]) {
         let (width, height) = (self.raster.width, self.raster.height);
         let mut missing = Vec::new();
         for run in rows {

@@ -3,23 +3,23 @@
 //! Decoded pictures are predicted with it, so it is bit-exact: IEEE `+ - * / sqrt` and comparisons in the order written
 //! (normative, `spec/planes.md`).
 
-use super::reproject::Source;
+use super::reproject::Reprojection;
 use super::view_geometry::for_neighbours;
 use crate::image::Mask;
-use crate::transform::frame::Frame;
-use crate::transform::masked::{self, MaskedPixels, Rows};
-use crate::transform::shape_adaptive::{Pixel, Run};
+use crate::transform::frame::Window;
+use crate::transform::masked::{self, MaskedPixels, RowRuns};
+use crate::transform::shape_adaptive::{ColourLanes, PixelRun};
 use glam::Vec4;
 
 /// A decoded picture in the sqrt domain, filled beyond its mask so that interpolation may read anywhere.
 #[derive(Debug, Clone)]
-pub struct Reference {
+pub struct ReferenceImage {
     /// Size of the picture, of which the pixels are the part in the frame.
     size: [usize; 2],
-    frame: Frame,
+    frame: Window,
     /// The mask.
-    rows: Rows,
-    pixels: Vec<Pixel>,
+    rows: RowRuns,
+    pixels: Vec<ColourLanes>,
 }
 
 /// Rings of pixels that are filled beyond the mask of a reference.
@@ -27,11 +27,11 @@ pub const REFERENCE_RINGS: usize = 4;
 /// Rings of pixels that are filled where no reference shows the target.
 const HOLE_RINGS: usize = 64;
 
-impl Reference {
+impl ReferenceImage {
     /// Fills a few rings beyond the mask with the mean of the neighbours inside, what lies beyond them with 0. The frame leaves
     /// room for the rings wherever the picture does.
-    pub fn new(picture: MaskedPixels, size: [usize; 2], frame: Frame) -> Self {
-        let Frame { width, height, .. } = frame;
+    pub fn new(picture: MaskedPixels, size: [usize; 2], frame: Window) -> Self {
+        let Window { width, height, .. } = frame;
         let rows = picture.rows().clone();
         let mut pixels = picture.zero_outside();
         let mut known = vec![false; width * height];
@@ -58,7 +58,7 @@ impl Reference {
             wanted.sort_unstable();
             wanted.dedup();
         }
-        Reference { size, frame, rows, pixels }
+        ReferenceImage { size, frame, rows, pixels }
     }
 
     /// Bytes of memory that it takes.
@@ -66,7 +66,7 @@ impl Reference {
         (size_of_val(&self.pixels[..]) + size_of_val(&self.rows[..])) as u64
     }
     /// The mask's runs with their pixels.
-    pub fn runs(&self) -> impl Iterator<Item = (&Run, &[Pixel])> {
+    pub fn runs(&self) -> impl Iterator<Item = (&PixelRun, &[ColourLanes])> {
         masked::runs(&self.rows, self.frame.width, &self.pixels)
     }
 
@@ -77,10 +77,10 @@ impl Reference {
         let (left, top) = (floor(x), floor(y));
         let (wx, wy) = (catmull_rom(x - left as f32), catmull_rom(y - top as f32));
         let (left, top) = (left as i64 - 1, top as i64 - 1);
-        let Frame { left: x0, top: y0, width, height } = self.frame;
+        let Window { left: x0, top: y0, width, height } = self.frame;
         let (inner_left, inner_top) = (left - x0 as i64, top - y0 as i64);
         let mut sum = Vec4::ZERO;
-        let mut add = |j: usize, taps: &[Pixel; 4]| {
+        let mut add = |j: usize, taps: &[ColourLanes; 4]| {
             let mut line = Vec4::ZERO;
             for (wx, pixel) in wx.into_iter().zip(taps) {
                 line += Vec4::splat(wx) * Vec4::from_array(*pixel);
@@ -138,8 +138,14 @@ fn border(mask: &Mask) -> Vec<usize> {
 }
 
 /// Sets each wanted pixel to the mean of its known neighbours; returns those that had one.
-fn fill_ring(pixels: &mut [Pixel], known: &mut [bool], wanted: &[usize], width: usize, height: usize) -> Vec<usize> {
-    let ring: Vec<(usize, Pixel)> = wanted
+fn fill_ring(
+    pixels: &mut [ColourLanes],
+    known: &mut [bool],
+    wanted: &[usize],
+    width: usize,
+    height: usize,
+) -> Vec<usize> {
+    let ring: Vec<(usize, ColourLanes)> = wanted
         .iter()
         .filter_map(|&at| {
             let (mut sum, mut count) = ([0.0f32; 4], 0.0f32);
@@ -174,10 +180,10 @@ fn catmull_rom(t: f32) -> [f32; 4] {
 /// lamp, highlights do not). The result covers the frame, 0 outside the mask.
 pub fn predict(
     [width, height]: [usize; 2],
-    rows: &[Run],
-    references: &[(&Reference, &[Source], f32)],
+    rows: &[PixelRun],
+    references: &[(&ReferenceImage, &[Reprojection], f32)],
     shaded: bool,
-) -> Vec<Pixel> {
+) -> Vec<ColourLanes> {
     let mut out = vec![[0.0f32; 4]; width * height];
     let mut known = vec![false; width * height];
     let mut holes = Vec::new();
@@ -216,8 +222,8 @@ pub fn predict(
 mod tests {
     use super::*;
     use crate::mesh::Mesh;
-    use crate::surface::reproject::{Seen, find};
-    use crate::surface::view_geometry::{Geometry, Surface};
+    use crate::surface::reproject::{ReferenceView, reproject};
+    use crate::surface::view_geometry::{ViewGeometry, ViewedMesh};
     use crate::views::View;
     use crate::views::{Camera, PointLight};
     use std::borrow::Cow;
@@ -241,15 +247,15 @@ mod tests {
             },
             light: Some(PointLight { position: [0.0, 0.0, 0.0], intensity: [intensity; 3] }),
         };
-        let surface = Surface::new(Cow::Borrowed(&mesh));
-        let (here, there) = (Geometry::new(&surface, view(0.5, 4.0)), Geometry::new(&surface, view(0.0, 1.0)));
+        let surface = ViewedMesh::new(Cow::Borrowed(&mesh));
+        let (here, there) = (ViewGeometry::new(&surface, view(0.5, 4.0)), ViewGeometry::new(&surface, view(0.0, 1.0)));
         let mask = here.raster.coverage();
         assert_eq!(mask.count(), 48 * 32);
-        let frame = Frame { left: 0, top: 0, width: 48, height: 32 };
-        let rows: Vec<Run> = (0..32).map(|line| Run { line, start: 0, length: 48 }).collect();
-        let picture: Vec<Pixel> = (0..48 * 32).map(|i| [(i % 48) as f32, (i / 48) as f32, 1.0, 0.0]).collect();
-        let reference = Reference::new(MaskedPixels::new(48, rows[..].into(), picture), [48, 32], frame);
-        let sources = &find(&here, &[&Seen::new(there)], &frame, &rows)[0];
+        let frame = Window { left: 0, top: 0, width: 48, height: 32 };
+        let rows: Vec<PixelRun> = (0..32).map(|line| PixelRun { line, start: 0, length: 48 }).collect();
+        let picture: Vec<ColourLanes> = (0..48 * 32).map(|i| [(i % 48) as f32, (i / 48) as f32, 1.0, 0.0]).collect();
+        let reference = ReferenceImage::new(MaskedPixels::new(48, rows[..].into(), picture), [48, 32], frame);
+        let sources = &reproject(&here, &[&ReferenceView::new(there)], &frame, &rows)[0];
         let predicted = predict([48, 32], &rows, &[(&reference, sources, 1.0)], true);
         // Parallax: 40 * 0.5 / 4 = 5 pixels; brightness: sqrt(4).
         let at = 16 * 48 + 20;

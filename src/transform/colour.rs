@@ -1,25 +1,25 @@
 //! Orthonormal rotation of colours, chosen for a file.
 
 /// Rows are the axes, strongest first.
-pub type Rotation = [[f32; 3]; 3];
+pub type ColourRotation = [[f32; 3]; 3];
 
 /// No rotation.
-pub const IDENTITY: Rotation = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+pub const IDENTITY: ColourRotation = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 
 /// Colour to axes.
 #[inline(always)]
-pub fn forward(rotation: &Rotation, x: [f32; 3]) -> [f32; 3] {
+pub fn forward(rotation: &ColourRotation, x: [f32; 3]) -> [f32; 3] {
     rotation.map(|axis| axis[0] * x[0] + axis[1] * x[1] + axis[2] * x[2])
 }
 
 /// Axes to colour: the transpose.
 #[inline(always)]
-pub fn inverse(rotation: &Rotation, y: [f32; 3]) -> [f32; 3] {
+pub fn inverse(rotation: &ColourRotation, y: [f32; 3]) -> [f32; 3] {
     std::array::from_fn(|c| rotation[0][c] * y[0] + rotation[1][c] * y[1] + rotation[2][c] * y[2])
 }
 
 /// The axes of the largest second moments: eigenvectors of `sum x x^T` by Jacobi rotations.
-pub fn principal(moments: [[f64; 3]; 3]) -> Rotation {
+pub fn principal_axes(moments: [[f64; 3]; 3]) -> ColourRotation {
     let mut a = moments;
     let mut axes = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0f64]];
     if !moments.iter().flatten().all(|x| x.is_finite()) {
@@ -65,11 +65,11 @@ mod tests {
         let moments = std::array::from_fn(|i| {
             std::array::from_fn(|j| 5.0 * axis[i] * axis[j] + if i == j { 0.1 + 0.1 * i as f64 } else { 0.0 })
         });
-        let rotation = principal(moments);
+        let rotation = principal_axes(moments);
         assert!((0..3).all(|c| (rotation[0][c] as f64 - axis[c]).abs() < 0.03), "{rotation:?}");
         let x = [0.3, -2.0, 0.7];
         let back = inverse(&rotation, forward(&rotation, x));
         assert!((0..3).all(|c| (back[c] - x[c]).abs() < 1e-6), "{back:?}");
-        assert_eq!(principal([[0.0; 3]; 3]), IDENTITY);
+        assert_eq!(principal_axes([[0.0; 3]; 3]), IDENTITY);
     }
 }

@@ -5,7 +5,7 @@ use crate::image::Mask;
 
 /// The part of a picture that holds its mask: what lies around takes neither time nor memory.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Frame {
+pub struct Window {
     /// First column; a multiple of `2^MAX_LEVELS`, so that parities stay at every level.
     pub left: usize,
     /// First row; likewise.
@@ -16,11 +16,11 @@ pub struct Frame {
     pub height: usize,
 }
 
-impl Frame {
+impl Window {
     /// The smallest frame that holds a mask and `margin` pixels around it, as far as the picture goes.
-    pub fn around(mask: &Mask, margin: usize) -> Self {
+    pub fn around_mask(mask: &Mask, margin: usize) -> Self {
         let mut rows = (0..mask.height).filter(|&y| mask.row(y).contains(&true));
-        let Some(first) = rows.next() else { return Frame::default() };
+        let Some(first) = rows.next() else { return Window::default() };
         let last = rows.next_back().unwrap_or(first);
         let (mut left, mut right) = (mask.width, 0);
         for y in first..=last {
@@ -32,20 +32,20 @@ impl Frame {
         let start = |at: usize| at.saturating_sub(margin) >> MAX_LEVELS << MAX_LEVELS;
         let (left, top) = (start(left), start(first));
         let (right, bottom) = ((right + margin).min(mask.width), (last + 1 + margin).min(mask.height));
-        Frame { left, top, width: right - left, height: bottom - top }
+        Window { left, top, width: right - left, height: bottom - top }
     }
     /// Number of its pixels.
-    pub fn pixels(&self) -> u64 {
+    pub fn pixel_count(&self) -> u64 {
         self.width as u64 * self.height as u64
     }
     /// The frame of the low band after some levels.
-    pub fn low(&self, levels: usize) -> Self {
+    pub fn low_band(&self, levels: usize) -> Self {
         let size = |size: usize| size.div_ceil(1 << levels);
         let (width, height) = (size(self.width), size(self.height));
-        Frame { left: self.left >> levels, top: self.top >> levels, width, height }
+        Window { left: self.left >> levels, top: self.top >> levels, width, height }
     }
     /// The part of a picture of `width` columns that lies in the frame.
-    pub fn cut<T: Copy>(&self, picture: &[T], width: usize) -> Vec<T> {
+    pub fn crop<T: Copy>(&self, picture: &[T], width: usize) -> Vec<T> {
         let mut part = Vec::with_capacity(self.width * self.height);
         for y in self.top..self.top + self.height {
             part.extend_from_slice(&picture[y * width + self.left..][..self.width]);
@@ -61,13 +61,13 @@ mod tests {
     #[test]
     fn a_frame_holds_the_mask_and_its_margin_at_the_same_parities() {
         let mut mask = Mask::filled(200, 150, false);
-        *mask.at_mut(70, 40) = true;
-        *mask.at_mut(121, 90) = true;
-        let frame = Frame::around(&mask, 8);
-        assert_eq!(frame, Frame { left: 32, top: 32, width: 98, height: 67 });
-        assert_eq!(frame.low(2), Frame { left: 8, top: 8, width: 25, height: 17 });
-        let part = frame.cut(&mask.data, 200);
+        *mask.value_at_mut(70, 40) = true;
+        *mask.value_at_mut(121, 90) = true;
+        let frame = Window::around_mask(&mask, 8);
+        assert_eq!(frame, Window { left: 32, top: 32, width: 98, height: 67 });
+        assert_eq!(frame.low_band(2), Window { left: 8, top: 8, width: 25, height: 17 });
+        let part = frame.crop(&mask.data, 200);
         assert!(part[8 * 98 + 38] && part[58 * 98 + 89] && part.iter().filter(|&&set| set).count() == 2);
-        assert_eq!(Frame::around(&Mask::filled(9, 9, false), 3), Frame::default());
+        assert_eq!(Window::around_mask(&Mask::filled(9, 9, false), 3), Window::default());
     }
 }

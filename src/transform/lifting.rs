@@ -6,11 +6,11 @@ use glam::Vec4;
 use std::ops::Range;
 
 /// Four channels of one pixel.
-pub type Pixel = [f32; 4];
+pub type ColourLanes = [f32; 4];
 
 /// A run of pixels along a row or a column.
 #[derive(Debug, Clone, Copy)]
-pub struct Run {
+pub struct PixelRun {
     /// The row or column.
     pub line: u32,
     /// First pixel in it.
@@ -29,7 +29,13 @@ const SINGLE: f32 = std::f32::consts::SQRT_2;
 
 /// Puts each coefficient of a transformed run into its half, low or high; the line's place for slot `k` is `first + k * stride`.
 #[inline(always)]
-pub(super) fn scatter(line: &[Pixel], run: &Run, halves: &mut [&mut [Pixel]; 2], first: usize, stride: usize) {
+pub(super) fn scatter(
+    line: &[ColourLanes],
+    run: &PixelRun,
+    halves: &mut [&mut [ColourLanes]; 2],
+    first: usize,
+    stride: usize,
+) {
     let start = run.start as usize;
     if let [single] = line {
         halves[0][first + start / 2 * stride] = *single;
@@ -55,8 +61,8 @@ fn lifted(value: Vec4, factor: f32, before: Vec4, after: Vec4) -> Vec4 {
 /// One lifting step on the pixels of one parity of two or more: adds `factor` times the sum of both neighbours; at an end of the run
 /// the only neighbour counts twice.
 #[inline(always)]
-fn lift(line: &mut [Pixel], first: usize, factor: f32) {
-    let lifted = |value: &Pixel, before: &Pixel, after: &Pixel| {
+fn lift(line: &mut [ColourLanes], first: usize, factor: f32) {
+    let lifted = |value: &ColourLanes, before: &ColourLanes, after: &ColourLanes| {
         let [value, before, after] = [value, before, after].map(|pixel| Vec4::from_array(*pixel));
         lifted(value, factor, before, after).to_array()
     };
@@ -78,7 +84,7 @@ fn lift(line: &mut [Pixel], first: usize, factor: f32) {
 
 /// Scales the pixels of the parity of the first one, and the others.
 #[inline(always)]
-fn scale(line: &mut [Pixel], [first, second]: [f32; 2]) {
+fn scale(line: &mut [ColourLanes], [first, second]: [f32; 2]) {
     let (pairs, rest) = line.as_chunks_mut::<2>();
     for [a, b] in pairs {
         *a = a.map(|value| value * first);
@@ -88,7 +94,7 @@ fn scale(line: &mut [Pixel], [first, second]: [f32; 2]) {
 }
 
 /// Transforms a run that starts at a position of parity `start % 2`; even positions become low.
-pub(super) fn analyse(line: &mut [Pixel], start: u32) {
+pub(super) fn analyse(line: &mut [ColourLanes], start: u32) {
     if line.len() == 1 {
         return scale(line, [SINGLE; 2]);
     }
@@ -115,7 +121,7 @@ pub(super) struct Synthesiser {
 
 impl Synthesiser {
     /// For the run after `start - 1` and before `end`.
-    pub(super) fn new(run: &Run) -> Self {
+    pub(super) fn new(run: &PixelRun) -> Self {
         Synthesiser { start: run.start as isize, end: (run.start + run.length) as isize, ..Default::default() }
     }
     /// Slots whose coefficients, and the pixels that are settled with them, all lie in the run.
@@ -127,7 +133,7 @@ impl Synthesiser {
     }
     /// The pixels at `2 slot - 3` and `2 slot - 2`, from the coefficients of an inner slot; they are taken one after the other.
     #[inline(always)]
-    pub(super) fn next(&mut self, low: Pixel, high: Pixel) -> [Pixel; 2] {
+    pub(super) fn next(&mut self, low: ColourLanes, high: ColourLanes) -> [ColourLanes; 2] {
         let high = Vec4::from_array(high) * (1.0 / HIGH);
         let low = lifted(Vec4::from_array(low) * (1.0 / LOW), -LIFT[3], self.high, high);
         let lifted_high = lifted(self.high, -LIFT[2], self.low, low);
@@ -137,11 +143,19 @@ impl Synthesiser {
         [odd.to_array(), lifted_low.to_array()]
     }
     /// What comes before the inner slots. `coefficients` gives those of a slot, `put` takes the pixel of a position.
-    pub(super) fn begin(&mut self, coefficients: impl Fn(usize) -> [Pixel; 2], put: impl FnMut(usize, Pixel)) {
+    pub(super) fn synthesise_start(
+        &mut self,
+        coefficients: impl Fn(usize) -> [ColourLanes; 2],
+        put: impl FnMut(usize, ColourLanes),
+    ) {
         self.near_an_end(self.start / 2 - 2..(self.inner().start as isize).min(self.behind()), coefficients, put);
     }
     /// What comes after the inner slots.
-    pub(super) fn end(&mut self, coefficients: impl Fn(usize) -> [Pixel; 2], put: impl FnMut(usize, Pixel)) {
+    pub(super) fn synthesise_end(
+        &mut self,
+        coefficients: impl Fn(usize) -> [ColourLanes; 2],
+        put: impl FnMut(usize, ColourLanes),
+    ) {
         self.near_an_end(self.inner().end as isize..self.behind(), coefficients, put);
     }
     /// Behind the slot with which the last pixel is settled.
@@ -151,8 +165,8 @@ impl Synthesiser {
     fn near_an_end(
         &mut self,
         slots: Range<isize>,
-        coefficients: impl Fn(usize) -> [Pixel; 2],
-        mut put: impl FnMut(usize, Pixel),
+        coefficients: impl Fn(usize) -> [ColourLanes; 2],
+        mut put: impl FnMut(usize, ColourLanes),
     ) {
         let (start, end) = (self.start, self.end);
         if end - start == 1 {

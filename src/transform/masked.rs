@@ -1,11 +1,11 @@
 //! Memory that is used again for the next picture, and what may be read of it.
 //!
 //! Pictures are worked on in memory that is not cleared. So that nobody reads what an earlier picture has left there, memory
-//! to be used again has no values ([`Scratch`]), a picture has those of its mask alone ([`MaskedPixels`]), and all of it has
+//! to be used again has no values ([`PixelScratch`]), a picture has those of its mask alone ([`MaskedPixels`]), and all of it has
 //! values only once what lies outside the mask is set to 0 ([`MaskedPixels::zero_outside`]). In tests and fuzzing the memory
 //! holds NaN at first, which no comparison survives.
 
-use super::lifting::{Pixel, Run};
+use super::lifting::{ColourLanes, PixelRun};
 use std::sync::Arc;
 
 /// Whether memory that is used again is filled with NaN first, so that whatever is read of it unwritten is found.
@@ -13,17 +13,17 @@ const IS_POISONED: bool = cfg!(any(test, fuzzing, debug_assertions));
 
 /// Memory for pixels, to be used again: what it held is not to be had.
 #[derive(Debug, Default)]
-pub struct Scratch(Vec<Pixel>);
+pub struct PixelScratch(Vec<ColourLanes>);
 
-impl Scratch {
+impl PixelScratch {
     /// Room for `length` pixels, which are to be written before they are read.
-    pub(super) fn into_pixels(mut self, length: usize) -> Vec<Pixel> {
+    pub(super) fn into_pixels(mut self, length: usize) -> Vec<ColourLanes> {
         self.pixels(length);
         self.0.truncate(length);
         self.0
     }
     /// The first `length` pixels, which are to be written before they are read.
-    pub(super) fn pixels(&mut self, length: usize) -> &mut [Pixel] {
+    pub(super) fn pixels(&mut self, length: usize) -> &mut [ColourLanes] {
         if IS_POISONED {
             self.0.fill([f32::NAN; 4]);
         }
@@ -34,50 +34,50 @@ impl Scratch {
     }
     /// Bytes of memory that it takes.
     pub fn bytes(&self) -> u64 {
-        (self.0.capacity() * size_of::<Pixel>()) as u64
+        (self.0.capacity() * size_of::<ColourLanes>()) as u64
     }
-    /// What was written to the first `length` pixels since [`Scratch::pixels`].
-    pub(super) fn written(&self, length: usize) -> &[Pixel] {
+    /// What was written to the first `length` pixels since [`PixelScratch::pixel_count`].
+    pub(super) fn written(&self, length: usize) -> &[ColourLanes] {
         &self.0[..length]
     }
 }
 
-impl From<Vec<Pixel>> for Scratch {
-    fn from(pixels: Vec<Pixel>) -> Self {
-        Scratch(pixels)
+impl From<Vec<ColourLanes>> for PixelScratch {
+    fn from(pixels: Vec<ColourLanes>) -> Self {
+        PixelScratch(pixels)
     }
 }
 
 /// Runs of a mask along rows, from top to bottom and from left to right.
-pub type Rows = Arc<[Run]>;
+pub type RowRuns = Arc<[PixelRun]>;
 
 /// A picture of which only the pixels of a mask can be read.
 #[derive(Debug, Clone)]
 pub struct MaskedPixels {
     width: usize,
-    rows: Rows,
-    pixels: Vec<Pixel>,
+    rows: RowRuns,
+    pixels: Vec<ColourLanes>,
 }
 
 impl MaskedPixels {
     /// Row-major `pixels`, of which those of `rows` have been written.
-    pub(crate) fn new(width: usize, rows: Rows, pixels: Vec<Pixel>) -> Self {
+    pub(crate) fn new(width: usize, rows: RowRuns, pixels: Vec<ColourLanes>) -> Self {
         MaskedPixels { width, rows, pixels }
     }
     /// The mask's runs with their pixels.
-    pub fn runs(&self) -> impl Iterator<Item = (&Run, &[Pixel])> {
+    pub fn runs(&self) -> impl Iterator<Item = (&PixelRun, &[ColourLanes])> {
         runs(&self.rows, self.width, &self.pixels)
     }
     /// Bytes of memory that its pixels take.
     pub fn bytes(&self) -> u64 {
-        (self.pixels.capacity() * size_of::<Pixel>()) as u64
+        (self.pixels.capacity() * size_of::<ColourLanes>()) as u64
     }
     /// The mask's runs.
-    pub fn rows(&self) -> &Rows {
+    pub fn rows(&self) -> &RowRuns {
         &self.rows
     }
     /// The whole picture, 0 outside the mask.
-    pub fn zero_outside(mut self) -> Vec<Pixel> {
+    pub fn zero_outside(mut self) -> Vec<ColourLanes> {
         let mut end = 0;
         for run in self.rows.iter() {
             let start = run.line as usize * self.width + run.start as usize;
@@ -88,13 +88,17 @@ impl MaskedPixels {
         self.pixels
     }
     /// Its memory, to be used again.
-    pub fn into_scratch(self) -> Scratch {
-        Scratch(self.pixels)
+    pub fn into_scratch(self) -> PixelScratch {
+        PixelScratch(self.pixels)
     }
 }
 
 /// Runs of a picture of `width` columns with their pixels.
-pub fn runs<'a>(rows: &'a [Run], width: usize, pixels: &'a [Pixel]) -> impl Iterator<Item = (&'a Run, &'a [Pixel])> {
+pub fn runs<'a>(
+    rows: &'a [PixelRun],
+    width: usize,
+    pixels: &'a [ColourLanes],
+) -> impl Iterator<Item = (&'a PixelRun, &'a [ColourLanes])> {
     rows.iter().map(move |run| {
         let at = run.line as usize * width + run.start as usize;
         (run, &pixels[at..at + run.length as usize])
@@ -103,29 +107,29 @@ pub fn runs<'a>(rows: &'a [Run], width: usize, pixels: &'a [Pixel]) -> impl Iter
 
 /// Coefficients of one picture by band, row-major, written within the bands' masks; only the transform reads them.
 #[derive(Debug, Default)]
-pub struct Coefficients(Vec<Scratch>);
+pub struct Coefficients(Vec<PixelScratch>);
 
 impl Coefficients {
     /// Bytes of memory that they take.
     pub fn bytes(&self) -> u64 {
-        self.0.iter().map(Scratch::bytes).sum()
+        self.0.iter().map(PixelScratch::bytes).sum()
     }
     /// Room for `count` bands, of which nothing is written; what was in it is not to be had.
     pub fn reset(&mut self, count: usize) {
-        self.0.resize_with(count, Scratch::default);
+        self.0.resize_with(count, PixelScratch::default);
     }
     /// A band's `length` positions, which are to be written within its mask before they are read.
-    pub fn band_mut(&mut self, index: usize, length: usize) -> &mut [Pixel] {
+    pub fn band_mut(&mut self, index: usize, length: usize) -> &mut [ColourLanes] {
         self.0[index].pixels(length)
     }
     /// What was written of a band of `length` positions.
-    pub(super) fn band(&self, index: usize, length: usize) -> &[Pixel] {
+    pub(super) fn band(&self, index: usize, length: usize) -> &[ColourLanes] {
         self.0[index].written(length)
     }
 }
 
-impl From<Vec<Vec<Pixel>>> for Coefficients {
-    fn from(bands: Vec<Vec<Pixel>>) -> Self {
-        Coefficients(bands.into_iter().map(Scratch).collect())
+impl From<Vec<Vec<ColourLanes>>> for Coefficients {
+    fn from(bands: Vec<Vec<ColourLanes>>) -> Self {
+        Coefficients(bands.into_iter().map(PixelScratch).collect())
     }
 }

@@ -5,9 +5,9 @@
 //! together, one in each lane. `f32` with `+ *` only, in the order written: the same on every platform (normative,
 //! `spec/planes.md`).
 
-pub use super::lifting::{Pixel, Run};
+pub use super::lifting::{ColourLanes, PixelRun};
 use super::lifting::{Synthesiser, analyse, scatter};
-use super::masked::{Coefficients, MaskedPixels, Rows, Scratch};
+use super::masked::{Coefficients, MaskedPixels, PixelScratch, RowRuns};
 use crate::image::Mask;
 
 /// Most levels of a transform.
@@ -15,7 +15,7 @@ pub const MAX_LEVELS: usize = 5;
 
 /// Which coefficients of one subband exist.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Band {
+pub struct Subband {
     /// Level: 1 is the finest.
     pub level: usize,
     /// Which band of its level.
@@ -39,19 +39,19 @@ pub enum Orientation {
 
 /// Everything about the transform that follows from the mask alone.
 #[derive(Debug, Clone)]
-pub struct Plan {
-    levels: Vec<Level>,
-    bands: Vec<Band>,
+pub struct WaveletPlan {
+    levels: Vec<PlanLevel>,
+    bands: Vec<Subband>,
     /// Runs along rows of the picture and of the low band after each level.
-    rows: Vec<Rows>,
+    rows: Vec<RowRuns>,
 }
 
 #[derive(Debug, Clone)]
-struct Level {
+struct PlanLevel {
     width: usize,
     height: usize,
     /// Columns of the low and of the high half.
-    columns: [Vec<Run>; 2],
+    columns: [Vec<PixelRun>; 2],
 }
 
 /// Number of levels for a picture: the largest up to [`MAX_LEVELS`] that leaves at least 4 rows and columns.
@@ -61,7 +61,7 @@ pub fn level_count(width: usize, height: usize) -> usize {
 }
 
 /// Runs along rows, from top to bottom and from left to right.
-fn row_runs(mask: &Mask) -> Rows {
+fn row_runs(mask: &Mask) -> RowRuns {
     let mut runs = Vec::new();
     for y in 0..mask.height {
         let row = mask.row(y);
@@ -69,7 +69,7 @@ fn row_runs(mask: &Mask) -> Rows {
         while let Some(skipped) = row[at..].iter().position(|&set| set) {
             let start = at + skipped;
             let length = row[start..].iter().position(|&set| !set).unwrap_or(row.len() - start);
-            runs.push(Run { line: y as u32, start: start as u32, length: length as u32 });
+            runs.push(PixelRun { line: y as u32, start: start as u32, length: length as u32 });
             at = start + length;
         }
     }
@@ -77,7 +77,7 @@ fn row_runs(mask: &Mask) -> Rows {
 }
 
 /// Runs along columns, in the order of their starts.
-fn column_runs(mask: &Mask) -> Vec<Run> {
+fn column_runs(mask: &Mask) -> Vec<PixelRun> {
     let mut runs = Vec::new();
     // How far the run reaches up that each column is in.
     let mut lengths = vec![0u32; mask.width];
@@ -87,7 +87,7 @@ fn column_runs(mask: &Mask) -> Vec<Run> {
             if row.get(x) == Some(&true) {
                 *length += 1;
             } else if *length > 0 {
-                runs.push(Run { line: x as u32, start: y as u32 - *length, length: *length });
+                runs.push(PixelRun { line: x as u32, start: y as u32 - *length, length: *length });
                 *length = 0;
             }
         }
@@ -97,7 +97,7 @@ fn column_runs(mask: &Mask) -> Vec<Run> {
 }
 
 /// Masks of the low and the high half after transforming `runs`.
-fn halves(runs: &[Run], width: usize, height: usize, along_rows: bool) -> [Mask; 2] {
+fn halves(runs: &[PixelRun], width: usize, height: usize, along_rows: bool) -> [Mask; 2] {
     let (w, h) = if along_rows { (width.div_ceil(2), height) } else { (width, height.div_ceil(2)) };
     let mut halves = [Mask::filled(w, h, false), Mask::filled(w, h, false)];
     for run in runs {
@@ -118,10 +118,10 @@ fn halves(runs: &[Run], width: usize, height: usize, along_rows: bool) -> [Mask;
     halves
 }
 
-impl Plan {
+impl WaveletPlan {
     /// Plans the transform of a mask's pixels over [`level_count`] levels.
     pub fn new(mask: &Mask) -> Self {
-        Plan::with_levels(mask.clone(), level_count(mask.width, mask.height))
+        WaveletPlan::with_levels(mask.clone(), level_count(mask.width, mask.height))
     }
 
     /// Plans the transform of a mask's pixels.
@@ -135,39 +135,39 @@ impl Plan {
             let columns = [column_runs(&left), column_runs(&right)];
             let [next, vertical] = halves(&columns[0], left.width, left.height, false);
             let [horizontal, diagonal] = halves(&columns[1], right.width, right.height, false);
-            levels.push(Level { width: low.width, height: low.height, columns });
-            bands.push(Band { level, orientation: Orientation::Diagonal, mask: diagonal });
-            bands.push(Band { level, orientation: Orientation::Vertical, mask: vertical });
-            bands.push(Band { level, orientation: Orientation::Horizontal, mask: horizontal });
+            levels.push(PlanLevel { width: low.width, height: low.height, columns });
+            bands.push(Subband { level, orientation: Orientation::Diagonal, mask: diagonal });
+            bands.push(Subband { level, orientation: Orientation::Vertical, mask: vertical });
+            bands.push(Subband { level, orientation: Orientation::Horizontal, mask: horizontal });
             low = next;
             rows.push(row_runs(&low));
         }
-        bands.push(Band { level: levels.len(), orientation: Orientation::Low, mask: low });
+        bands.push(Subband { level: levels.len(), orientation: Orientation::Low, mask: low });
         bands.reverse();
-        Plan { levels, bands, rows }
+        WaveletPlan { levels, bands, rows }
     }
 
     /// Runs of the low band after `level` levels, 0 the picture itself, row by row and from left to right.
-    pub fn rows(&self, level: usize) -> &[Run] {
+    pub fn row_runs(&self, level: usize) -> &[PixelRun] {
         self.rows.get(level).map_or(&[], |rows| rows)
     }
 
     /// The subbands, coarse to fine: low, then horizontal, vertical and diagonal of each level.
-    pub fn bands(&self) -> &[Band] {
+    pub fn bands(&self) -> &[Subband] {
         &self.bands
     }
 
-    /// Coefficients of all bands, parallel to [`Plan::bands`]; positions outside a band's mask are 0.
+    /// Coefficients of all bands, parallel to [`WaveletPlan::bands`]; positions outside a band's mask are 0.
     /// `pixels` is row-major, of the mask's size; values outside the mask are ignored.
-    pub fn forward(&self, pixels: Vec<Pixel>) -> Vec<Vec<Pixel>> {
+    pub fn forward(&self, pixels: Vec<ColourLanes>) -> Vec<Vec<ColourLanes>> {
         self.forward_from(0, pixels)
     }
 
-    /// [`Plan::forward`] of a low band after `level` levels: the coarser bands.
-    pub fn forward_from(&self, level: usize, low: Vec<Pixel>) -> Vec<Vec<Pixel>> {
+    /// [`WaveletPlan::forward`] of a low band after `level` levels: the coarser bands.
+    pub fn forward_from(&self, level: usize, low: Vec<ColourLanes>) -> Vec<Vec<ColourLanes>> {
         let mut coefficients = Vec::with_capacity(self.bands.len());
         let mut low = low;
-        let mut work = Work::default();
+        let mut work = TransformScratch::default();
         let longest = self.levels.get(level).map_or(0, |level| level.width.max(level.height));
         let mut line = vec![[0.0; 4]; longest];
         for (level, rows) in self.levels.iter().zip(&self.rows).skip(level) {
@@ -203,17 +203,17 @@ impl Plan {
         coefficients
     }
 
-    /// Pixels from coefficients as [`Plan::forward`] gives them; 0 outside the mask.
-    pub fn inverse(&self, coefficients: &Coefficients) -> Vec<Pixel> {
-        self.inverse_keeping(coefficients, 0, &mut Work::default()).0.zero_outside()
+    /// Pixels from coefficients as [`WaveletPlan::forward`] gives them; 0 outside the mask.
+    pub fn inverse(&self, coefficients: &Coefficients) -> Vec<ColourLanes> {
+        self.inverse_keeping(coefficients, 0, &mut TransformScratch::default()).0.zero_outside()
     }
 
-    /// [`Plan::inverse`], and the low band after `kept` levels, if that is not 0; both known within their masks alone.
+    /// [`WaveletPlan::inverse`], and the low band after `kept` levels, if that is not 0; both known within their masks alone.
     pub fn inverse_keeping(
         &self,
         coefficients: &Coefficients,
         kept: usize,
-        work: &mut Work,
+        work: &mut TransformScratch,
     ) -> (MaskedPixels, Option<MaskedPixels>) {
         let band = |index: usize| coefficients.band(index, self.bands[index].mask.data.len());
         let mut low = band(0).to_vec();
@@ -222,7 +222,7 @@ impl Plan {
             let first = 1 + 3 * (self.levels.len() - 1 - index);
             let [horizontal, vertical, diagonal] = [0, 1, 2].map(|k| band(first + k));
             let half = level.width.div_ceil(2);
-            let mut pixels = work.picture(index, level.width * level.height);
+            let mut pixels = work.take_buffer(index, level.width * level.height);
             let mut sides = work.sides(half * level.height);
             let quarters = [[&low[..], vertical], [horizontal, diagonal]];
             for ((side, columns), quarter) in sides.iter_mut().zip(&level.columns).zip(quarters) {
@@ -234,19 +234,19 @@ impl Plan {
                 let row = &mut pixels[y * level.width..][..level.width];
                 let mut line = Synthesiser::new(run);
                 let (inner, coefficients) = (line.inner(), |slot: usize| [low[slot], high[slot]]);
-                line.begin(coefficients, |x, pixel| row[x] = pixel);
+                line.synthesise_start(coefficients, |x, pixel| row[x] = pixel);
                 let pairs = row.get_mut(2 * inner.start - 3..).unwrap_or_default().as_chunks_mut::<2>().0;
                 let [low, high] = [low, high].map(|half| half.get(inner.clone()).unwrap_or_default());
                 for ((pair, low), high) in pairs.iter_mut().zip(low).zip(high) {
                     *pair = line.next(*low, *high);
                 }
-                line.end(coefficients, |x, pixel| row[x] = pixel);
+                line.synthesise_end(coefficients, |x, pixel| row[x] = pixel);
             }
             let low = std::mem::replace(&mut low, pixels);
             if index + 1 == kept {
                 keep = Some(MaskedPixels::new(half, self.rows[kept].clone(), low));
             } else {
-                work.take_back(index + 1, low.into());
+                work.recycle(index + 1, low.into());
             }
         }
         let width = self.levels.first().map_or(self.bands[0].mask.width, |level| level.width);
@@ -256,7 +256,7 @@ impl Plan {
 
 /// Undoes the transform of columns, row by row, since memory is read and written along rows. `columns` are in the order of their starts,
 /// `quarters` the low and the high coefficients, rows of `width`.
-fn synthesise_columns(columns: &[Run], quarters: [&[Pixel]; 2], side: &mut [Pixel], width: usize) {
+fn synthesise_columns(columns: &[PixelRun], quarters: [&[ColourLanes]; 2], side: &mut [ColourLanes], width: usize) {
     let coefficients = |x: usize| move |slot: usize| quarters.map(|quarter| quarter[slot * width + x]);
     // For each column its run, and what is behind the last inner slot of it; 0 where there is no run.
     let mut lines = vec![Synthesiser::default(); width];
@@ -265,7 +265,7 @@ fn synthesise_columns(columns: &[Run], quarters: [&[Pixel]; 2], side: &mut [Pixe
     let mut active = 0;
     for slot in 0.. {
         while let Some((x, mut line)) = waiting.next_if(|(_, line)| line.inner().start == slot) {
-            line.begin(coefficients(x), |y, pixel| side[y * width + x] = pixel);
+            line.synthesise_start(coefficients(x), |y, pixel| side[y * width + x] = pixel);
             (lines[x], ends[x]) = (line, line.inner().end);
             active += 1;
         }
@@ -287,7 +287,7 @@ fn synthesise_columns(columns: &[Run], quarters: [&[Pixel]; 2], side: &mut [Pixe
         }
         for x in 0..width {
             if slot == ends[x] && slot > 0 {
-                lines[x].end(coefficients(x), |y, pixel| side[y * width + x] = pixel);
+                lines[x].synthesise_end(coefficients(x), |y, pixel| side[y * width + x] = pixel);
                 ends[x] = 0;
                 active -= 1;
             }
@@ -297,29 +297,29 @@ fn synthesise_columns(columns: &[Run], quarters: [&[Pixel]; 2], side: &mut [Pixe
 
 /// Memory that a transform works in, for all its levels and for the next picture.
 #[derive(Debug, Default)]
-pub struct Work {
+pub struct TransformScratch {
     /// A picture's left and right half.
-    sides: [Scratch; 2],
+    sides: [PixelScratch; 2],
     /// The picture, and the low band after each level.
-    pictures: Vec<Scratch>,
+    pictures: Vec<PixelScratch>,
 }
 
-impl Work {
+impl TransformScratch {
     /// Bytes of memory that it takes.
     pub fn bytes(&self) -> u64 {
-        self.sides.iter().chain(&self.pictures).map(Scratch::bytes).sum()
+        self.sides.iter().chain(&self.pictures).map(PixelScratch::bytes).sum()
     }
-    fn picture(&mut self, level: usize, length: usize) -> Vec<Pixel> {
+    fn take_buffer(&mut self, level: usize, length: usize) -> Vec<ColourLanes> {
         self.pictures.get_mut(level).map(std::mem::take).unwrap_or_default().into_pixels(length)
     }
     /// Takes a picture, or the low band after `level` levels, to be used again.
-    pub fn take_back(&mut self, level: usize, picture: Scratch) {
+    pub fn recycle(&mut self, level: usize, picture: PixelScratch) {
         if self.pictures.len() <= level {
-            self.pictures.resize_with(level + 1, Scratch::default);
+            self.pictures.resize_with(level + 1, PixelScratch::default);
         }
         self.pictures[level] = picture;
     }
-    fn sides(&mut self, length: usize) -> [&mut [Pixel]; 2] {
+    fn sides(&mut self, length: usize) -> [&mut [ColourLanes]; 2] {
         self.sides.each_mut().map(|side| side.pixels(length))
     }
 }
@@ -328,7 +328,7 @@ impl Work {
 mod tests {
     use super::*;
 
-    fn blob(width: usize, height: usize, dots: f32) -> (Mask, Vec<Pixel>) {
+    fn blob(width: usize, height: usize, dots: f32) -> (Mask, Vec<ColourLanes>) {
         let mut state = width as u32;
         let mut random = || {
             state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
@@ -349,7 +349,7 @@ mod tests {
     fn reconstructs_any_shape_with_as_many_coefficients_as_pixels() {
         for (width, height) in [(64, 48), (37, 91), (5, 4), (3, 9), (1, 1)] {
             let (mask, pixels) = blob(width, height, 0.1);
-            let plan = Plan::new(&mask);
+            let plan = WaveletPlan::new(&mask);
             assert_eq!(plan.bands().iter().map(|b| b.mask.count()).sum::<usize>(), mask.count());
             let back = plan.inverse(&plan.forward(pixels.clone()).into());
             for i in (0..width * height).filter(|&i| mask.data[i]) {
@@ -363,10 +363,10 @@ mod tests {
     #[test]
     fn a_low_band_is_what_its_coarser_bands_give() {
         let (mask, pixels) = blob(96, 70, 0.1);
-        let plan = Plan::new(&mask);
+        let plan = WaveletPlan::new(&mask);
         let coefficients = plan.forward(pixels);
         for level in 1..=plan.levels.len() {
-            let low = plan.inverse_keeping(&coefficients.clone().into(), level, &mut Work::default()).1;
+            let low = plan.inverse_keeping(&coefficients.clone().into(), level, &mut TransformScratch::default()).1;
             let again = plan.forward_from(level, low.unwrap().zero_outside());
             assert_eq!(again.len(), 1 + 3 * (plan.levels.len() - level));
             for (a, b) in again.iter().flatten().zip(coefficients.iter().flatten()) {
@@ -378,18 +378,18 @@ mod tests {
     #[test]
     fn nearly_orthonormal_and_compacts_energy() {
         let (mask, pixels) = blob(128, 96, 0.0);
-        let plan = Plan::new(&mask);
-        let energy = |values: &[Pixel], mask: &Mask| -> f64 {
+        let plan = WaveletPlan::new(&mask);
+        let energy = |values: &[ColourLanes], mask: &Mask| -> f64 {
             values.iter().zip(&mask.data).filter(|(_, m)| **m).map(|(v, _)| (v[0] as f64).powi(2)).sum()
         };
-        let bands = |pixels: &[Pixel]| -> Vec<f64> {
+        let bands = |pixels: &[ColourLanes]| -> Vec<f64> {
             plan.forward(pixels.to_vec()).iter().zip(plan.bands()).map(|(c, b)| energy(c, &b.mask)).collect()
         };
         let smooth = bands(&pixels);
         let finest: f64 = smooth[smooth.len() - 3..].iter().sum();
         assert!(finest < 0.01 * energy(&pixels, &mask), "finest bands hold {smooth:?}");
         let mut state = 1u32;
-        let noise: Vec<Pixel> = (0..128 * 96)
+        let noise: Vec<ColourLanes> = (0..128 * 96)
             .map(|_| {
                 state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
                 [(state >> 8) as f32 / (1 << 24) as f32 - 0.5; 4]

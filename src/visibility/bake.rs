@@ -1,15 +1,15 @@
 //! From a mesh to its visibility: rays, signed distances, principal components, integers.
 
 use super::codec;
-use super::codec::Steps;
+use super::codec::VisibilitySteps;
 use super::measure::measure;
 use super::principal;
-use super::rays::{Grid, Scratch, Surroundings};
+use super::rays::{DirectionGrid, MeshRays, RayScratch};
 use super::{Visibility, VisibilityError};
 use crate::error::{Error, Result};
 use crate::mesh::Mesh;
 use crate::sphere::octahedral;
-use crate::surface::samples::Places;
+use crate::surface::samples::SurfaceSamples;
 use std::time::Instant;
 
 /// How visibility is computed.
@@ -35,7 +35,7 @@ impl Default for BakeOptions {
 
 /// Baked visibility.
 #[derive(Debug, Clone)]
-pub struct Baked {
+pub struct BakedVisibility {
     /// The section `vISB`.
     pub bytes: Vec<u8>,
     /// What decoding gives.
@@ -51,19 +51,19 @@ const BLOCK: usize = 64;
 
 /// Computes the visibility of all vertices of a mesh whose positions are finite, and of places between them where more are asked for.
 /// Vertices and triangles keep their order: the mesh must be the one that the file's MESH decodes to.
-pub fn bake(mesh: &Mesh, options: &BakeOptions) -> Result<Baked> {
+pub fn bake(mesh: &Mesh, options: &BakeOptions) -> Result<BakedVisibility> {
     let start = Instant::now();
     check(mesh, options)?;
-    let places = Places::most(mesh, options.places)?;
-    let cut = places.cut(mesh);
+    let places = SurfaceSamples::with_max_count(mesh, options.places)?;
+    let cut = places.subdivided(mesh);
     let count_of_places = places.count();
     // 1. Rays and distances, each value times the square root of its cell's solid angle.
-    let surroundings = Surroundings::new(mesh, &cut, options.ground_up);
-    let grid = Grid::new(options.size);
+    let surroundings = MeshRays::new(mesh, &cut, options.ground_up);
+    let grid = DirectionGrid::new(options.size);
     let cells = options.size * options.size;
     let roots: Vec<f32> = octahedral::solid_angles(options.size).iter().map(|a| a.sqrt() as f32).collect();
     let distances = |list: &[usize]| {
-        let mut scratch = Scratch::default();
+        let mut scratch = RayScratch::default();
         let mut values = Vec::with_capacity(list.len() * cells);
         for &place in list {
             surroundings.signed_distances(place, &grid, &mut scratch);
@@ -82,7 +82,7 @@ pub fn bake(mesh: &Mesh, options: &BakeOptions) -> Result<Baked> {
     let unroot = |values: &[f32]| -> Vec<f32> { values.iter().zip(&roots).map(|(value, root)| value / root).collect() };
     let basis_error = (0.2 / (count_of_places as f64).sqrt()).clamp(0.0015, 0.007);
     let mean = codec::quantise(&unroot(&mean), basis_error);
-    let bases: Vec<codec::Quantised> = (components.iter().zip(&spread))
+    let bases: Vec<codec::QuantisedValues> = (components.iter().zip(&spread))
         .map(|(component, &spread)| codec::quantise(&unroot(component), basis_error / spread.max(1e-3)))
         .collect();
     // 3. Weights, by least squares for the bases as they are stored.
@@ -116,12 +116,12 @@ pub fn bake(mesh: &Mesh, options: &BakeOptions) -> Result<Baked> {
         .flat_map(|w| w.iter().zip(&steps).map(|(w, step)| (w / step).round().clamp(-127.0, 127.0) as i8))
         .collect();
     // 4. Section.
-    let content = codec::Content {
+    let content = codec::VisibilityContent {
         size: options.size,
         terms: options.terms,
         ground: options.ground_up.is_some(),
         error: VisibilityError::default(),
-        steps: Steps {
+        steps: VisibilitySteps {
             mean: mean.step,
             terms: bases.iter().zip(&steps).map(|(base, &step)| [base.step, step]).collect(),
         },
@@ -135,7 +135,7 @@ pub fn bake(mesh: &Mesh, options: &BakeOptions) -> Result<Baked> {
     let seconds = start.elapsed().as_secs_f64();
     visibility.error = measure(&surroundings, &visibility);
     codec::state_error(&mut bytes, visibility.error);
-    Ok(Baked { bytes, visibility, seconds })
+    Ok(BakedVisibility { bytes, visibility, seconds })
 }
 
 fn check(mesh: &Mesh, options: &BakeOptions) -> Result<()> {
@@ -149,7 +149,7 @@ fn check(mesh: &Mesh, options: &BakeOptions) -> Result<()> {
     if !codec::SIZES.contains(&options.size) {
         return Err(Error::parameter("the grid of directions must have 8 to 128 cells a side"));
     }
-    if !(1..=codec::MOST_TERMS).contains(&options.terms[0]) || options.terms[1] > codec::MOST_TERMS {
+    if !(1..=codec::MAX_TERMS).contains(&options.terms[0]) || options.terms[1] > codec::MAX_TERMS {
         return Err(Error::parameter("visibility takes 1 to 64 terms, and 0 to 64 more"));
     }
     if !(options.weight_step > 0.0 && options.weight_step.is_finite()) {

@@ -5,11 +5,11 @@
 
 use super::{Visibility, VisibilityError};
 use crate::container::Tag;
-use crate::entropy::{BitCoder, Number, RangeDecoder, code_end};
+use crate::entropy::{BitCoder, NumberModel, RangeDecoder, code_end};
 use crate::error::{Error, Result};
 use crate::limits::Budget;
 use crate::mesh::Mesh;
-use crate::surface::samples::Places;
+use crate::surface::samples::SurfaceSamples;
 
 const VERSION: u8 = 0;
 /// Version, flags, cells a side, terms of both groups, places, spacing, two errors, length of the first stream.
@@ -19,15 +19,15 @@ const ERRORS: usize = 13;
 /// Cells along a side of the grid. Part of the format.
 pub(super) const SIZES: std::ops::RangeInclusive<usize> = 8..=128;
 /// Most terms of a group. Part of the format.
-pub(super) const MOST_TERMS: usize = 64;
+pub(super) const MAX_TERMS: usize = 64;
 /// Largest integer of a mean or a base. Part of the format.
-const LARGEST: i32 = 1 << 15;
+const MAX_INTEGER: i32 = 1 << 15;
 /// Classes of neighbouring residuals that choose a model. Part of the format.
 const CLASSES: usize = 7;
 
 /// Steps of the integers.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Steps {
+pub(super) struct VisibilitySteps {
     pub mean: f32,
     /// For each term those of its base and of its weights.
     pub terms: Vec<[f32; 2]>,
@@ -35,20 +35,20 @@ pub(super) struct Steps {
 
 /// What the section says.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Content {
+pub(super) struct VisibilityContent {
     pub size: usize,
     pub terms: [usize; 2],
     pub ground: bool,
     pub error: VisibilityError,
-    pub steps: Steps,
+    pub steps: VisibilitySteps,
     pub mean: Vec<i32>,
     pub bases: Vec<Vec<i32>>,
-    pub places: Places,
+    pub places: SurfaceSamples,
     /// For each place one for each term.
     pub weights: Vec<i8>,
 }
 
-impl Content {
+impl VisibilityContent {
     /// With numbers in place of integers.
     pub fn visibility(self) -> Visibility {
         let cells = self.size * self.size;
@@ -73,13 +73,13 @@ impl Content {
 
 /// Values as integers of one step.
 #[cfg(feature = "encode")]
-pub(super) struct Quantised {
+pub(super) struct QuantisedValues {
     pub step: f32,
     pub integers: Vec<i32>,
 }
 
 #[cfg(feature = "encode")]
-impl Quantised {
+impl QuantisedValues {
     /// The values again.
     pub fn values(&self) -> Vec<f32> {
         self.integers.iter().map(|&q| (q as f64 * self.step as f64) as f32).collect()
@@ -88,17 +88,18 @@ impl Quantised {
 
 /// Rounds to multiples of a step, or of a larger one where the integers would not hold them.
 #[cfg(feature = "encode")]
-pub(super) fn quantise(values: &[f32], step: f64) -> Quantised {
+pub(super) fn quantise(values: &[f32], step: f64) -> QuantisedValues {
     let largest = values.iter().fold(0.0f64, |most, v| most.max(v.abs() as f64));
-    let step = step.max(largest / (LARGEST - 1) as f64).clamp(1e-6, 1e3) as f32;
-    let integers = values.iter().map(|v| ((*v as f64 / step as f64).round() as i32).clamp(-LARGEST, LARGEST)).collect();
-    Quantised { step, integers }
+    let step = step.max(largest / (MAX_INTEGER - 1) as f64).clamp(1e-6, 1e3) as f32;
+    let integers =
+        values.iter().map(|v| ((*v as f64 / step as f64).round() as i32).clamp(-MAX_INTEGER, MAX_INTEGER)).collect();
+    QuantisedValues { step, integers }
 }
 
 /// The section, for the mesh whose places the weights belong to.
 #[cfg(feature = "encode")]
-pub(super) fn write(content: &Content, mesh: &Mesh) -> Vec<u8> {
-    let before = Before::new(&content.places.cut(mesh));
+pub(super) fn write(content: &VisibilityContent, mesh: &Mesh) -> Vec<u8> {
+    let before = CodedNeighbours::new(&content.places.subdivided(mesh));
     let streams: [Vec<u8>; 2] = std::array::from_fn(|group| {
         let mut content = content.clone();
         let mut coder = crate::entropy::RangeEncoder::new();
@@ -143,7 +144,7 @@ pub fn decode(bytes: &[u8], mesh: &Mesh, budget: &Budget) -> Result<Visibility> 
     let word = |at: usize| -> [u8; 4] { std::array::from_fn(|k| header[at + k]) };
     let (size, terms) = (size as usize, [first as usize, second as usize]);
     let count = terms[0] + terms[1];
-    if !SIZES.contains(&size) || terms[0] == 0 || terms.iter().any(|&terms| terms > MOST_TERMS) {
+    if !SIZES.contains(&size) || terms[0] == 0 || terms.iter().any(|&terms| terms > MAX_TERMS) {
         return Err(wrong(2, format!("{size} cells a side, {} and {} terms", terms[0], terms[1])));
     }
     let single = |at: usize| f32::from_le_bytes(word(at));
@@ -151,7 +152,7 @@ pub fn decode(bytes: &[u8], mesh: &Mesh, budget: &Budget) -> Result<Visibility> 
     if !(spacing.is_finite() && spacing >= 0.0) {
         return Err(wrong(9, format!("{spacing} is no distance of places")));
     }
-    let places = Places::new(mesh, spacing, budget)?;
+    let places = SurfaceSamples::new(mesh, spacing, budget)?;
     let count_of_places = places.count();
     if u32::from_le_bytes(word(5)) as usize != count_of_places {
         let stated = u32::from_le_bytes(word(5));
@@ -172,8 +173,10 @@ pub fn decode(bytes: &[u8], mesh: &Mesh, budget: &Budget) -> Result<Visibility> 
         }
         numbers.push(step);
     }
-    let steps =
-        Steps { mean: numbers[0], terms: numbers[1..].chunks_exact(2).map(|pair| [pair[0], pair[1]]).collect() };
+    let steps = VisibilitySteps {
+        mean: numbers[0],
+        terms: numbers[1..].chunks_exact(2).map(|pair| [pair[0], pair[1]]).collect(),
+    };
     let first_length = u32::from_le_bytes(word(HEADER_BYTES - 4)) as usize;
     let streams_at = HEADER_BYTES + step_bytes.len();
     let Some((first_stream, second_stream)) = streams.split_at_checked(first_length) else {
@@ -188,10 +191,10 @@ pub fn decode(bytes: &[u8], mesh: &Mesh, budget: &Budget) -> Result<Visibility> 
     let cells = size * size;
     budget.charge_items("bases of the visibility", cells as u64 * (count as u64 + 1), 8)?;
     budget.charge_items("weights of the visibility", count_of_places as u64, 2 * count + 24)?;
-    let cut = places.cut(mesh);
+    let cut = places.subdivided(mesh);
     budget.charge_items("neighbours of the places", cut.triangles.len() as u64, 40)?;
-    let before = Before::new(&cut);
-    let mut content = Content {
+    let before = CodedNeighbours::new(&cut);
+    let mut content = VisibilityContent {
         size,
         terms,
         ground: flags & 1 == 1,
@@ -218,21 +221,21 @@ pub fn decode(bytes: &[u8], mesh: &Mesh, budget: &Budget) -> Result<Visibility> 
 /// Codes a group's bases (the first group's mean before them) and weights, and in encoding the end.
 fn code_group<C: BitCoder>(
     coder: &mut C,
-    content: &mut Content,
+    content: &mut VisibilityContent,
     group: usize,
-    before: &Before,
+    before: &CodedNeighbours,
 ) -> std::result::Result<(), &'static str> {
-    let Content { size, terms, mean, bases, weights, .. } = content;
+    let VisibilityContent { size, terms, mean, bases, weights, .. } = content;
     let count = terms[0] + terms[1];
     let range = if group == 0 { 0..terms[0] } else { terms[0]..count };
-    let mut models: Vec<Number> = vec![Number::default(); CLASSES];
+    let mut models: Vec<NumberModel> = vec![NumberModel::default(); CLASSES];
     if group == 0 {
         code_picture(coder, &mut models, mean, *size)?;
     }
     for base in &mut bases[range.clone()] {
         code_picture(coder, &mut models, base, *size)?;
     }
-    let mut models: Vec<Number> = vec![Number::default(); CLASSES * range.len()];
+    let mut models: Vec<NumberModel> = vec![NumberModel::default(); CLASSES * range.len()];
     let places = weights.len() / count;
     for place in 0..places {
         let neighbours = before.of(place);
@@ -260,7 +263,7 @@ fn code_group<C: BitCoder>(
 /// Codes a picture of `size * size` integers.
 fn code_picture<C: BitCoder>(
     coder: &mut C,
-    models: &mut [Number],
+    models: &mut [NumberModel],
     picture: &mut [i32],
     size: usize,
 ) -> std::result::Result<(), &'static str> {
@@ -280,7 +283,7 @@ fn code_picture<C: BitCoder>(
         };
         let residual = models[class(activity)].code_signed(coder, picture[at] - predicted);
         let value = residual.saturating_add(predicted);
-        if !(-LARGEST..=LARGEST).contains(&value) {
+        if !(-MAX_INTEGER..=MAX_INTEGER).contains(&value) {
             return Err("a base beyond its range");
         }
         picture[at] = value;
@@ -294,12 +297,12 @@ fn class(activity: u32) -> usize {
 }
 
 /// For each vertex of the cut mesh those vertices of its triangles that come before it, each once, ascending.
-struct Before {
+struct CodedNeighbours {
     first: Vec<u32>,
     vertices: Vec<u32>,
 }
 
-impl Before {
+impl CodedNeighbours {
     fn new(mesh: &Mesh) -> Self {
         let mut pairs: Vec<(u32, u32)> = Vec::with_capacity(mesh.triangles.len() * 3);
         for &[a, b, c] in &mesh.triangles {
@@ -320,7 +323,7 @@ impl Before {
         for k in 1..first.len() {
             first[k] += first[k - 1];
         }
-        Before { first, vertices: pairs.into_iter().map(|(_, earlier)| earlier).collect() }
+        CodedNeighbours { first, vertices: pairs.into_iter().map(|(_, earlier)| earlier).collect() }
     }
     fn of(&self, vertex: usize) -> &[u32] {
         let range = self.first[vertex] as usize..self.first[vertex + 1] as usize;
@@ -334,19 +337,19 @@ mod tests {
     use crate::visibility::codec::*;
 
     /// A strip of triangles and numbers that vary along it.
-    fn sample(terms: [usize; 2], spacing: f32) -> (Mesh, Content) {
+    fn sample(terms: [usize; 2], spacing: f32) -> (Mesh, VisibilityContent) {
         let positions = (0..30).map(|k| [k as f32, (k % 2) as f32, 0.0]).collect();
         let mesh = Mesh { positions, triangles: (0..28).map(|k| [k, k + 1, k + 2]).collect() };
-        let places = Places::new(&mesh, spacing, &Budget::new(Limits::default())).unwrap();
+        let places = SurfaceSamples::new(&mesh, spacing, &Budget::new(Limits::default())).unwrap();
         let (size, count) = (8, terms[0] + terms[1]);
         let picture =
             |seed: usize| (0..size * size).map(move |k| ((k * seed) as f64 * 0.1).sin() * 90.0).map(|x| x as i32);
-        let content = Content {
+        let content = VisibilityContent {
             size,
             terms,
             ground: true,
             error: VisibilityError { rms_radians: 0.02, wrong_signs: 0.01 },
-            steps: Steps { mean: 0.01, terms: vec![[0.02, 0.5]; count] },
+            steps: VisibilitySteps { mean: 0.01, terms: vec![[0.02, 0.5]; count] },
             mean: picture(3).collect(),
             bases: (0..count).map(|k| picture(k + 5).collect()).collect(),
             weights: (0..places.count() * count).map(|k| (k % 255) as i8).collect(),
@@ -394,7 +397,7 @@ mod tests {
                 let mut damaged = bytes.clone();
                 damaged[at] ^= 1 << (at % 8);
                 if let Ok(visibility) = read(&damaged, &mesh) {
-                    assert!(visibility.evaluate(7, [0.6, 0.8, 0.0]).abs() <= 1.6);
+                    assert!(visibility.signed_distance(7, [0.6, 0.8, 0.0]).abs() <= 1.6);
                 }
             }
             let tight = Budget::new(Limits { memory_bytes: 1000, ..Limits::default() });
@@ -416,11 +419,11 @@ mod tests {
                 .map(|k| 0.02 * 0.5 * (content.bases[k][20] * content.weights[5 * 4 + k] as i32) as f32)
                 .sum::<f32>();
         let clamped = expected.clamp(-std::f32::consts::FRAC_PI_2, std::f32::consts::FRAC_PI_2) as f64;
-        assert!((crate::visibility::distance(&basis, visibility.weights(4)) - expected).abs() < 1e-3);
-        assert!((visibility.evaluate(4, direction) - clamped).abs() < 1e-3);
+        assert!((crate::visibility::unbounded_distance(&basis, visibility.weights(4)) - expected).abs() < 1e-3);
+        assert!((visibility.signed_distance(4, direction) - clamped).abs() < 1e-3);
         let mut weights = [0.0; 5];
         visibility.interpolate([4, 4, 9], [0.5, 0.5, 0.0], &mut weights);
-        assert!((visibility.evaluate_weights(&weights, direction) - clamped).abs() < 1e-3);
+        assert!((visibility.signed_distance_of_weights(&weights, direction) - clamped).abs() < 1e-3);
         assert_eq!(visibility.weights(30), &[] as &[i8]);
         assert_eq!((visibility.places().count(), visibility.groups(), visibility.has_ground()), (30, [3, 2], true));
     }

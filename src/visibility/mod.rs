@@ -16,8 +16,8 @@ mod principal;
 #[cfg(feature = "encode")]
 pub mod rays;
 
-use crate::sphere::octahedral::{Taps, taps};
-use crate::surface::samples::Places;
+use crate::sphere::octahedral::{OctahedralTaps, taps};
+use crate::surface::samples::SurfaceSamples;
 use std::f64::consts::FRAC_PI_2;
 
 /// Visibility of a mesh's places: `distance(place, direction) = mean(direction) + sum_k weight(place, k) base(direction, k)`.
@@ -33,7 +33,7 @@ pub struct Visibility {
     /// For each cell the mean, then one value for each term.
     bases: Vec<f32>,
     /// Where on the mesh.
-    places: Places,
+    places: SurfaceSamples,
     /// For each place one integer for each term.
     weights: Vec<i8>,
 }
@@ -49,7 +49,7 @@ pub struct VisibilityError {
 
 impl Visibility {
     /// Where on the mesh it is known: at its vertices, which come first, and maybe between them.
-    pub fn places(&self) -> &Places {
+    pub fn places(&self) -> &SurfaceSamples {
         &self.places
     }
     /// Number of terms, all of them.
@@ -85,7 +85,7 @@ impl Visibility {
         let terms = self.terms();
         self.weights.get(place.saturating_mul(terms)..).and_then(|rest| rest.get(..terms)).unwrap_or(&[])
     }
-    /// Weights between three places, see [`Places::around`]: as many as `out` holds, [`Visibility::terms`] at most.
+    /// Weights between three places, see [`SurfaceSamples::interpolation`]: as many as `out` holds, [`Visibility::terms`] at most.
     pub fn interpolate(&self, places: [u32; 3], shares: [f32; 3], out: &mut [f32]) {
         out.fill(0.0);
         for (place, share) in places.into_iter().zip(shares) {
@@ -94,11 +94,11 @@ impl Visibility {
             }
         }
     }
-    /// The mean and the bases in a direction: as many as `out` holds, [`Visibility::terms`] + 1 at most. With [`distance`] they
+    /// The mean and the bases in a direction: as many as `out` holds, [`Visibility::terms`] + 1 at most. With [`unbounded_distance`] they
     /// serve for every place.
     pub fn basis(&self, direction: [f64; 3], out: &mut [f32]) {
         let stride = self.terms() + 1;
-        let Taps { cells, weights } = taps(direction, self.size);
+        let OctahedralTaps { cells, weights } = taps(direction, self.size);
         out.fill(0.0);
         for (cell, share) in cells.into_iter().zip(weights) {
             for (sum, &value) in out.iter_mut().zip(&self.bases[cell as usize * stride..][..stride]) {
@@ -107,19 +107,19 @@ impl Visibility {
         }
     }
     /// Signed distance in radians, -pi/2 to pi/2, of a unit direction as seen from a place.
-    pub fn evaluate(&self, place: usize, direction: [f64; 3]) -> f64 {
+    pub fn signed_distance(&self, place: usize, direction: [f64; 3]) -> f64 {
         let weights = self.weights(place);
         self.at_cells(direction, |values| {
             weights.iter().zip(values).map(|(&weight, &value)| weight as f32 * value).sum()
         })
     }
     /// The same with weights of [`Visibility::interpolate`], as many as are given.
-    pub fn evaluate_weights(&self, weights: &[f32], direction: [f64; 3]) -> f64 {
+    pub fn signed_distance_of_weights(&self, weights: &[f32], direction: [f64; 3]) -> f64 {
         self.at_cells(direction, |values| weights.iter().zip(values).map(|(weight, value)| weight * value).sum())
     }
     fn at_cells(&self, direction: [f64; 3], sum: impl Fn(&[f32]) -> f32) -> f64 {
         let stride = self.terms() + 1;
-        let Taps { cells, weights } = taps(direction, self.size);
+        let OctahedralTaps { cells, weights } = taps(direction, self.size);
         let mut distance = 0.0;
         for (cell, share) in cells.into_iter().zip(weights) {
             if let Some((mean, values)) = self.bases[cell as usize * stride..][..stride].split_first() {
@@ -132,7 +132,7 @@ impl Visibility {
 
 /// Signed distance in radians by a direction's [`Visibility::basis`] and a place's weights; may lie beyond a right angle.
 #[inline]
-pub fn distance(basis: &[f32], weights: &[i8]) -> f32 {
+pub fn unbounded_distance(basis: &[f32], weights: &[i8]) -> f32 {
     let Some((mean, values)) = basis.split_first() else { return 0.0 };
     mean + values.iter().zip(weights).map(|(value, &weight)| value * weight as f32).sum::<f32>()
 }

@@ -1,6 +1,6 @@
 //! Principal components of many functions on the sphere, by subspace iteration on their covariance.
 
-use crate::parallel::apart;
+use crate::parallel::on_own_thread;
 use faer::linalg::matmul::triangular::{BlockStructure, matmul as matmul_triangular};
 use faer::{Accum, Mat, MatRef, Par, Side};
 
@@ -20,7 +20,7 @@ pub fn components(rows: &[f32], columns: usize, count: usize) -> (Vec<f32>, Vec<
     }
     let mean: Vec<f32> = sums.iter().map(|sum| (sum / samples.max(1) as f64) as f32).collect();
     let covariance = covariance(rows, &mean);
-    let components = apart(|| leading(&covariance, count, samples));
+    let components = on_own_thread(|| leading(&covariance, count, samples));
     (mean, components)
 }
 
@@ -65,7 +65,7 @@ fn covariance(rows: &[f32], mean: &[f32]) -> Mat<f32> {
         let block = blocks[k];
         let centred: Vec<f32> = block.iter().enumerate().map(|(i, x)| x - mean[i % columns]).collect();
         let matrix = MatRef::from_row_major_slice(&centred, block.len() / columns, columns);
-        apart(|| {
+        on_own_thread(|| {
             let mut product = Mat::<f32>::zeros(columns, columns);
             matmul_triangular(
                 &mut product,
@@ -104,7 +104,7 @@ fn multiply_any(left: MatRef<'_, f32>, right: MatRef<'_, f32>) -> Mat<f32> {
 /// The rows of `left` (of `columns` values) times a matrix of `columns` rows, row by row.
 pub fn project(left: &[f32], columns: usize, right: MatRef<'_, f32>) -> Vec<f32> {
     let rows = MatRef::from_row_major_slice(left, left.len() / columns, columns);
-    let product = apart(|| multiply_any(rows, right));
+    let product = on_own_thread(|| multiply_any(rows, right));
     (0..product.nrows()).flat_map(|i| (0..product.ncols()).map(move |j| (i, j))).map(|at| product[at]).collect()
 }
 
@@ -120,7 +120,7 @@ pub fn least_squares(bases: &[Vec<f32>]) -> Mat<f32> {
     });
     let matrix = Mat::from_fn(columns, count, |i, k| bases[k][i] as f64);
     use faer::linalg::solvers::Solve;
-    let solved = apart(|| gram.partial_piv_lu().solve(matrix.transpose()));
+    let solved = on_own_thread(|| gram.partial_piv_lu().solve(matrix.transpose()));
     Mat::from_fn(columns, count, |i, k| solved[(k, i)] as f32)
 }
 

@@ -6,7 +6,7 @@ use crate::surface::occluders::{Occluders, diagonal};
 use obvhs::triangle::Triangle;
 
 /// A mesh made ready for rays from its own surface.
-pub struct Surroundings {
+pub struct MeshRays {
     occluders: Occluders,
     positions: Vec<[f32; 3]>,
     /// Unit normals of the triangles at each vertex, one list after the other.
@@ -24,7 +24,7 @@ const BELOW: f32 = -1e-4;
 /// Halvings of the angle between a visible and a blocked direction.
 const HALVINGS: usize = 3;
 
-impl Surroundings {
+impl MeshRays {
     /// Builds the hierarchy. With `ground_up` an endless plane across that direction closes the lower half of the world. Rays
     /// start at the vertices of `cut`: the mesh itself, or the mesh cut finer. Triangles and vertices must be finite, corners inside the
     /// vertex list.
@@ -54,7 +54,7 @@ impl Surroundings {
                 next[v as usize] += 1;
             }
         }
-        Surroundings {
+        MeshRays {
             occluders,
             positions: mesh.positions.clone(),
             normals,
@@ -80,13 +80,13 @@ impl Surroundings {
         if !around.is_empty() && around.iter().all(|n| dot(n) < BELOW) {
             return false;
         }
-        self.occluders.free_beyond(self.bias, self.positions[vertex], direction)
+        self.occluders.is_free_beyond(self.bias, self.positions[vertex], direction)
     }
 
     /// The signed spherical distance of every cell's direction to the edge of what the vertex sees, -pi/2 to pi/2. The edge is
     /// a chain of great arcs between points that bisection finds on the lines between neighbouring cells.
-    pub fn signed_distances(&self, vertex: usize, grid: &Grid, scratch: &mut Scratch) {
-        let Scratch { visible, point_of_pair, edge, links, cosine, nearest, distances } = scratch;
+    pub fn signed_distances(&self, vertex: usize, grid: &DirectionGrid, scratch: &mut RayScratch) {
+        let RayScratch { visible, point_of_pair, edge, links, cosine, nearest, distances } = scratch;
         visible.clear();
         visible.extend(grid.directions.iter().map(|&d| self.sees(vertex, d)));
         // 1. Points of the edge.
@@ -190,7 +190,7 @@ fn between(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
 }
 
 /// The directions of an octahedral grid.
-pub struct Grid {
+pub struct DirectionGrid {
     /// Unit directions of the cells, row by row.
     pub directions: Vec<[f32; 3]>,
     /// The same as three lists.
@@ -201,7 +201,7 @@ pub struct Grid {
     corners: Vec<[u32; 4]>,
 }
 
-impl Grid {
+impl DirectionGrid {
     /// A grid of `size * size` cells, `size` at least 2.
     pub fn new(size: usize) -> Self {
         let directions: Vec<[f32; 3]> = octahedral::directions(size).into_iter().map(|d| d.map(|x| x as f32)).collect();
@@ -234,13 +234,13 @@ impl Grid {
                 }));
             }
         }
-        Grid { directions, axes, neighbours, corners }
+        DirectionGrid { directions, axes, neighbours, corners }
     }
 }
 
 /// Memory for one vertex's work, used again for the next.
 #[derive(Default)]
-pub struct Scratch {
+pub struct RayScratch {
     visible: Vec<bool>,
     /// For each pair of neighbours the index of the edge's point on it.
     point_of_pair: Vec<u32>,
@@ -268,11 +268,11 @@ mod tests {
 
     #[test]
     fn distances_are_those_to_the_edge() {
-        let surroundings = Surroundings::new(&floor_and_wall(), &floor_and_wall(), None);
+        let surroundings = MeshRays::new(&floor_and_wall(), &floor_and_wall(), None);
         // From the middle of the floor a quarter of the sphere is seen: y > 0, x < 0.
-        let mut scratch = Scratch::default();
+        let mut scratch = RayScratch::default();
         for size in [16, 32] {
-            let grid = Grid::new(size);
+            let grid = DirectionGrid::new(size);
             surroundings.signed_distances(0, &grid, &mut scratch);
             for (d, &found) in grid.directions.iter().zip(&scratch.distances) {
                 let (x, y) = (-d[0], d[1]);

@@ -1,9 +1,9 @@
 //! Reading the section, and radiance from what it holds.
 
-use super::layout::{Layout, read_grid};
-use super::model::{CodedModel, Model};
-use super::stream::{Models, code_volume};
-use super::{HEADER_BYTES, Header, TAG};
+use super::layout::{PatchLayout, interpolate_grid};
+use super::model::{CodedReflectionModel, ReflectionModel};
+use super::stream::{VolumeModels, code_volume};
+use super::{HEADER_BYTES, TAG, WaveletHeader};
 use crate::entropy::{BitCoder, RangeDecoder};
 use crate::error::{Error, Result};
 use crate::image::{Mask, RgbImage};
@@ -11,31 +11,37 @@ use crate::limits::Budget;
 use crate::mesh::Mesh;
 use crate::parallel;
 use crate::quantise::dead_zone::DeadZone;
-use crate::residual::volume::{Workspace, restore};
-use crate::surface::patches::{LARGEST_SIDE_LOG2, PatchPoint};
+use crate::residual::volume::{VolumeScratch, restore};
+use crate::surface::patches::{MAX_SIDE_LOG2, PatchPoint};
 use crate::surface::raster;
-use crate::transform::colour::{self, Rotation};
+use crate::transform::colour::{self, ColourRotation};
 use crate::transform::daubechies::VolumeShape;
 use crate::views::{Component, Photograph, View};
 
 /// A decoded section.
 #[derive(Debug, Clone)]
-pub struct Decoded {
+pub struct DecodedWaveletTexture {
     /// The patches.
-    pub layout: Layout,
+    pub layout: PatchLayout,
     /// The components, in the asset's order.
     pub components: Vec<Component>,
     /// Number of captured views.
     pub views: usize,
     /// The reflection model; absent where the file was written without.
-    pub model: Option<Model>,
+    pub model: Option<ReflectionModel>,
     /// For each patch and each component the residual, linear radiance, signed: view by view, in rows.
     pub residual: Vec<Vec<Vec<[f32; 3]>>>,
 }
 
 /// Reads a section for the given decoded mesh, components and number of views.
-pub fn decode(bytes: &[u8], mesh: &Mesh, components: &[Component], views: usize, budget: &Budget) -> Result<Decoded> {
-    let header = Header::read(bytes)?;
+pub fn decode(
+    bytes: &[u8],
+    mesh: &Mesh,
+    components: &[Component],
+    views: usize,
+    budget: &Budget,
+) -> Result<DecodedWaveletTexture> {
+    let header = WaveletHeader::parse(bytes)?;
     let wrong = |offset: usize, message: &str| Error::format(TAG, offset as u64, message);
     if header.components as usize != components.len() || header.views as usize != views {
         return Err(wrong(2, "components and views differ from the asset's"));
@@ -45,7 +51,7 @@ pub fn decode(bytes: &[u8], mesh: &Mesh, components: &[Component], views: usize,
         return Err(Error::parameter("the mesh refers to vertices that it does not have"));
     }
     budget.charge_items("patches", vertices + mesh.triangles.len() as u64, 160)?;
-    let mut layout = Layout::new(mesh);
+    let mut layout = PatchLayout::new(mesh);
     if header.patches as usize != layout.patches.len() {
         return Err(wrong(8, "the number of patches differs from the mesh's"));
     }
@@ -59,7 +65,7 @@ pub fn decode(bytes: &[u8], mesh: &Mesh, components: &[Component], views: usize,
     if header.modelled {
         let texels: u64 = shapes.iter().map(|s| s.area() as u64).sum();
         budget.charge_items("reflectance of patches", texels * 3 + vertices * 4, 8)?;
-        let mut coded = CodedModel {
+        let mut coded = CodedReflectionModel {
             diffuse_scale: header.diffuse_scale,
             diffuse_step: header.diffuse_step,
             rotation: header.rotations[0],
@@ -76,7 +82,7 @@ pub fn decode(bytes: &[u8], mesh: &Mesh, components: &[Component], views: usize,
     let samples: u64 = shapes.iter().map(|s| s.len() as u64).sum();
     // Levels and samples exist side by side.
     budget.charge_items("residual volumes", samples.saturating_mul(components.len() as u64 * 3), 8)?;
-    let mut models = Models::new(components.len());
+    let mut models = VolumeModels::new(components.len());
     let mut levels = Vec::with_capacity(shapes.len());
     for &shape in &shapes {
         let mut planes = vec![vec![0i32; shape.len()]; components.len() * 3];
@@ -96,7 +102,7 @@ pub fn decode(bytes: &[u8], mesh: &Mesh, components: &[Component], views: usize,
             .map(|(planes, rotation)| restore_component(planes, shapes[patch], views, &header.quantiser, rotation))
             .collect()
     });
-    Ok(Decoded { layout, components: components.to_vec(), views, model, residual })
+    Ok(DecodedWaveletTexture { layout, components: components.to_vec(), views, model, residual })
 }
 
 /// One component's residual in one patch from its levels.
@@ -105,22 +111,22 @@ fn restore_component(
     shape: VolumeShape,
     views: usize,
     quantiser: &DeadZone,
-    rotation: &Rotation,
+    rotation: &ColourRotation,
 ) -> Vec<[f32; 3]> {
     let coefficients: Vec<[f32; 3]> =
         (0..shape.len()).map(|i| std::array::from_fn(|c| quantiser.dequantise(planes[c][i]))).collect();
-    let mut samples = restore(coefficients, shape, views, &mut Workspace::default());
+    let mut samples = restore(coefficients, shape, views, &mut VolumeScratch::default());
     samples.iter_mut().for_each(|x| *x = colour::inverse(rotation, *x));
     samples
 }
 
 /// Codes the patches' sides, each by the one before it.
 pub(super) fn code_sides<C: BitCoder>(coder: &mut C, sides: &mut [u8]) {
-    let mut models = [[crate::entropy::BitModel::default(); 4]; LARGEST_SIDE_LOG2 as usize + 1];
+    let mut models = [[crate::entropy::BitModel::default(); 4]; MAX_SIDE_LOG2 as usize + 1];
     let mut last = 0;
     for side in sides {
         let mut read = 1;
-        while read < LARGEST_SIDE_LOG2 && models[last as usize][read as usize].code(coder, read < *side) {
+        while read < MAX_SIDE_LOG2 && models[last as usize][read as usize].code(coder, read < *side) {
             read += 1;
         }
         *side = read;
@@ -128,15 +134,15 @@ pub(super) fn code_sides<C: BitCoder>(coder: &mut C, sides: &mut [u8]) {
     }
 }
 
-impl Decoded {
+impl DecodedWaveletTexture {
     /// Residual of a component in a captured view at a place of the surface; linear radiance, signed.
-    pub fn residual(&self, component: usize, view: usize, triangle: u32, barycentric: [f64; 3]) -> [f32; 3] {
+    pub fn residual_on(&self, component: usize, view: usize, triangle: u32, barycentric: [f64; 3]) -> [f32; 3] {
         self.layout
             .locate(triangle, barycentric)
             .map_or([0.0; 3], |(patch, _, at)| self.residual_at(component, view, patch, at))
     }
     /// Modelled radiance of a component at a place of the surface, for any camera and light.
-    pub fn modelled(&self, component: usize, view: &View, triangle: u32, barycentric: [f64; 3]) -> [f32; 3] {
+    pub fn modelled_on(&self, component: usize, view: &View, triangle: u32, barycentric: [f64; 3]) -> [f32; 3] {
         self.layout
             .locate(triangle, barycentric)
             .map_or([0.0; 3], |(patch, point, at)| self.modelled_at(component, view, patch, &point, at))
@@ -145,10 +151,10 @@ impl Decoded {
     pub fn diffuse_reflectance(&self, triangle: u32, barycentric: [f64; 3]) -> Option<[f32; 3]> {
         let (patch, _, at) = self.layout.locate(triangle, barycentric)?;
         let grid = &self.model.as_ref()?.diffuse[patch];
-        Some(read_grid(self.layout.side_log2[patch], at, grid).map(|k| k.max(0.0)))
+        Some(interpolate_grid(self.layout.side_log2[patch], at, grid).map(|k| k.max(0.0)))
     }
     /// The highlight's parameters at a place of the surface.
-    pub fn lobe(&self, triangle: u32, barycentric: [f64; 3]) -> Option<crate::reflectance::Lobe> {
+    pub fn lobe_on(&self, triangle: u32, barycentric: [f64; 3]) -> Option<crate::reflectance::TorranceSparrowLobe> {
         let (patch, point, _) = self.layout.locate(triangle, barycentric)?;
         let model = self.model.as_ref().filter(|model| !model.lobes.is_empty())?;
         Some(model.lobe_at(&self.layout, patch, &point))
@@ -187,10 +193,17 @@ impl Decoded {
         Photograph { mask, images }
     }
     /// Decoded radiance of a component at a grid sample in a captured view.
-    pub fn sample(&self, component: usize, index: usize, view: &View, patch: usize, sample: usize) -> Option<[f32; 3]> {
+    pub fn radiance_at_sample(
+        &self,
+        component: usize,
+        index: usize,
+        view: &View,
+        patch: usize,
+        sample: usize,
+    ) -> Option<[f32; 3]> {
         let side_log2 = self.layout.side_log2[patch];
         let side = 1usize << side_log2;
-        let point = self.layout.sample(patch, sample % side, sample / side)?;
+        let point = self.layout.grid_point(patch, sample % side, sample / side)?;
         let model =
             predicted(self.model.as_ref(), &self.layout, &self.components, component, patch, sample, &point, view);
         let at = (index << (2 * side_log2)) + sample;
@@ -200,7 +213,7 @@ impl Decoded {
     fn residual_at(&self, component: usize, view: usize, patch: usize, at: [f64; 2]) -> [f32; 3] {
         let side_log2 = self.layout.side_log2[patch];
         let start = view << (2 * side_log2);
-        read_grid(side_log2, at, &self.residual[patch][component][start..])
+        interpolate_grid(side_log2, at, &self.residual[patch][component][start..])
     }
     fn modelled_at(&self, component: usize, view: &View, patch: usize, point: &PatchPoint, at: [f64; 2]) -> [f32; 3] {
         match (&self.model, self.components[component]) {
@@ -214,8 +227,8 @@ impl Decoded {
 /// Modelled radiance of a component at a grid sample.
 #[allow(clippy::too_many_arguments)]
 pub(super) fn predicted(
-    model: Option<&Model>,
-    layout: &Layout,
+    model: Option<&ReflectionModel>,
+    layout: &PatchLayout,
     components: &[Component],
     component: usize,
     patch: usize,
@@ -232,7 +245,7 @@ pub(super) fn predicted(
 
 /// Photographs of profile `paper`: model plus residual at every pixel that meets the mesh.
 pub fn photographs(
-    decoded: &Decoded,
+    decoded: &DecodedWaveletTexture,
     mesh: &Mesh,
     views: &[View],
     wanted: impl Fn(usize) -> bool,
@@ -241,7 +254,7 @@ pub fn photographs(
     views.iter().enumerate().map(wanted).collect()
 }
 
-pub(crate) fn photograph(decoded: &Decoded, mesh: &Mesh, view: &View, index: usize) -> Photograph {
+pub(crate) fn photograph(decoded: &DecodedWaveletTexture, mesh: &Mesh, view: &View, index: usize) -> Photograph {
     let raster = raster::rasterise(mesh, &view.camera);
     decoded.photograph(index, view, |x, y| {
         let at = y * raster.width + x;

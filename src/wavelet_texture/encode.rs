@@ -1,22 +1,22 @@
 //! Writing the section from samples.
 
-use super::Header;
-use super::decode::{Decoded, code_sides, predicted};
-use super::model::{CodedModel, Model};
-use super::samples::Samples;
-use super::stream::{Models, code_volume};
+use super::WaveletHeader;
+use super::decode::{DecodedWaveletTexture, code_sides, predicted};
+use super::model::{CodedReflectionModel, ReflectionModel};
+use super::samples::WaveletSamples;
+use super::stream::{VolumeModels, code_volume};
 use crate::entropy::RangeEncoder;
 use crate::error::{Error, Result};
 use crate::parallel;
 use crate::quantise::dead_zone::DeadZone;
-use crate::residual::volume::{Effort, Workspace, truncate};
-use crate::transform::colour::{self, IDENTITY, Rotation};
+use crate::residual::volume::{FillEffort, VolumeScratch, truncate};
+use crate::transform::colour::{self, ColourRotation, IDENTITY};
 use crate::transform::daubechies::VolumeShape;
 use crate::views::Component;
 
 /// How to encode.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Options {
+pub struct WaveletOptions {
     /// Coefficients kept, per cent of all (of both components, seen or not), `0..=100`.
     pub keep_percent: f64,
     /// Levels of the transform along the views; 0 transforms each view for itself.
@@ -24,12 +24,12 @@ pub struct Options {
     /// Width of the levels relative to the smallest kept magnitude.
     pub relative_step: f32,
     /// How long to fill what no photograph shows.
-    pub effort: Effort,
+    pub effort: FillEffort,
 }
 
-impl Default for Options {
+impl Default for WaveletOptions {
     fn default() -> Self {
-        Options { keep_percent: 5.0, view_levels: 2, relative_step: 0.5, effort: Effort::default() }
+        WaveletOptions { keep_percent: 5.0, view_levels: 2, relative_step: 0.5, effort: FillEffort::default() }
     }
 }
 
@@ -38,7 +38,7 @@ pub const DIFFUSE_STEP: f32 = 1.0 / 128.0;
 
 /// A written section.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Encoded {
+pub struct EncodedWaveletTexture {
     /// The section.
     pub bytes: Vec<u8>,
     /// Bytes of it that hold the patches' sides and the model.
@@ -49,7 +49,7 @@ pub struct Encoded {
     pub coefficients: usize,
 }
 
-impl Encoded {
+impl EncodedWaveletTexture {
     /// Coefficients kept, per cent of all.
     pub fn kept_percent(&self) -> f64 {
         100.0 * self.kept as f64 / self.coefficients.max(1) as f64
@@ -57,24 +57,28 @@ impl Encoded {
 }
 
 /// Fits the reflection model to the samples and quantises it.
-pub fn fit_model(samples: &Samples, components: &[Component]) -> CodedModel {
-    CodedModel::quantise(&crate::wavelet_texture::fit::fit(samples, components), &samples.layout, DIFFUSE_STEP)
+pub fn fit_model(samples: &WaveletSamples, components: &[Component]) -> CodedReflectionModel {
+    CodedReflectionModel::quantise(
+        &crate::wavelet_texture::fit::fit(samples, components),
+        &samples.layout,
+        DIFFUSE_STEP,
+    )
 }
 
 /// Writes the section. Without a `model` the residual is the radiance itself.
 pub fn encode(
-    samples: &Samples,
+    samples: &WaveletSamples,
     components: &[Component],
-    model: Option<&CodedModel>,
-    options: &Options,
-) -> Result<Encoded> {
+    model: Option<&CodedReflectionModel>,
+    options: &WaveletOptions,
+) -> Result<EncodedWaveletTexture> {
     if components.len() != samples.components || !(1..=2).contains(&components.len()) {
         return Err(Error::parameter("one or two components expected, as many as the samples have"));
     }
     if !(0.0..=100.0).contains(&options.keep_percent) {
         return Err(Error::parameter("the share of coefficients to keep lies between 0 and 100 per cent"));
     }
-    if options.view_levels > crate::wavelet_texture::MOST_VIEW_LEVELS
+    if options.view_levels > crate::wavelet_texture::MAX_VIEW_LEVELS
         || options.relative_step.is_nan()
         || options.relative_step <= 0.0
     {
@@ -93,13 +97,13 @@ pub fn encode(
         rotations[component + 1] = principal_colours(residuals.iter().map(|patch| &patch[component]));
     }
     let kept = if components.len() == 2 {
-        Volumes::<6>::new(samples, &residuals, &rotations, &shapes, options.effort).largest(wanted)
+        PatchVolumes::<6>::new(samples, &residuals, &rotations, &shapes, options.effort).keep_largest(wanted)
     } else {
-        Volumes::<3>::new(samples, &residuals, &rotations, &shapes, options.effort).largest(wanted)
+        PatchVolumes::<3>::new(samples, &residuals, &rotations, &shapes, options.effort).keep_largest(wanted)
     };
     let quantiser = DeadZone { threshold: kept.threshold, step: kept.threshold * options.relative_step };
 
-    let header = Header {
+    let header = WaveletHeader {
         modelled: model.is_some(),
         relightable,
         lobes: model.is_some_and(|m| !m.lobes.is_empty()),
@@ -113,14 +117,14 @@ pub fn encode(
         specular_scale: model.map_or(0.0, |m| m.specular_scale),
         rotations,
     };
-    let mut bytes = header.write();
+    let mut bytes = header.to_bytes();
     let mut coder = RangeEncoder::new();
     code_sides(&mut coder, &mut samples.layout.side_log2.clone());
     if let Some(model) = model {
         model.clone().code(&mut coder, &samples.layout, |_| true);
     }
     let model_bytes = coder.len();
-    let mut models = Models::new(components.len());
+    let mut models = VolumeModels::new(components.len());
     let mut count = 0;
     for (coefficients, &shape) in kept.coefficients.iter().zip(&shapes) {
         let mut levels = vec![vec![0; shape.len()]; components.len() * 3];
@@ -132,18 +136,23 @@ pub fn encode(
         code_volume(&mut coder, &mut models, &mut levels, components.len(), shape);
     }
     bytes.extend(coder.finish());
-    Ok(Encoded { bytes, model_bytes, kept: count, coefficients })
+    Ok(EncodedWaveletTexture { bytes, model_bytes, kept: count, coefficients })
 }
 
 /// The residual of one patch, one vector a component; zero where not visible.
-fn residual(samples: &Samples, components: &[Component], model: Option<&Model>, patch: usize) -> Vec<Vec<[f32; 3]>> {
+fn residual(
+    samples: &WaveletSamples,
+    components: &[Component],
+    model: Option<&ReflectionModel>,
+    patch: usize,
+) -> Vec<Vec<[f32; 3]>> {
     let data = &samples.patches[patch];
     let mut residual = data.radiance.clone();
     let Some(model) = model else { return residual };
     let layout = &samples.layout;
     let (side, area) = (1usize << layout.side_log2[patch], 1usize << (2 * layout.side_log2[patch]));
     for i in 0..area {
-        let Some(point) = layout.sample(patch, i % side, i / side) else { continue };
+        let Some(point) = layout.grid_point(patch, i % side, i / side) else { continue };
         for (view, captured) in samples.views.iter().enumerate() {
             let at = view * area + i;
             if !data.visible[at] {
@@ -159,40 +168,40 @@ fn residual(samples: &Samples, components: &[Component], model: Option<&Model>, 
 }
 
 /// Colour axes of one component's residual.
-fn principal_colours<'a>(residuals: impl Iterator<Item = &'a Vec<[f32; 3]>>) -> Rotation {
+fn principal_colours<'a>(residuals: impl Iterator<Item = &'a Vec<[f32; 3]>>) -> ColourRotation {
     let mut moments = [[0.0f64; 3]; 3];
     for x in residuals.flatten() {
         (0..9).for_each(|k| moments[k / 3][k % 3] += x[k / 3] as f64 * x[k % 3] as f64);
     }
-    colour::principal(moments)
+    colour::principal_axes(moments)
 }
 
 /// The residual volumes of all patches, `L` planes (components and colour axes) interleaved.
-struct Volumes<'a, const L: usize> {
-    samples: &'a Samples,
+struct PatchVolumes<'a, const L: usize> {
+    samples: &'a WaveletSamples,
     residuals: &'a [Vec<Vec<[f32; 3]>>],
-    rotations: &'a [Rotation; 3],
+    rotations: &'a [ColourRotation; 3],
     shapes: &'a [VolumeShape],
-    effort: Effort,
+    effort: FillEffort,
 }
 
-/// What [`Volumes::largest`] keeps.
-struct Kept {
+/// What [`PatchVolumes::keep_largest`] keeps.
+struct KeptCoefficients {
     /// Per patch the coefficients: their place, interleaved by planes, and value.
     coefficients: Vec<Vec<(u32, f32)>>,
     /// The smallest magnitude among them.
     threshold: f32,
 }
 
-impl<'a, const L: usize> Volumes<'a, L> {
+impl<'a, const L: usize> PatchVolumes<'a, L> {
     fn new(
-        samples: &'a Samples,
+        samples: &'a WaveletSamples,
         residuals: &'a [Vec<Vec<[f32; 3]>>],
-        rotations: &'a [Rotation; 3],
+        rotations: &'a [ColourRotation; 3],
         shapes: &'a [VolumeShape],
-        effort: Effort,
+        effort: FillEffort,
     ) -> Self {
-        Volumes { samples, residuals, rotations, shapes, effort }
+        PatchVolumes { samples, residuals, rotations, shapes, effort }
     }
     /// Coefficients of one patch above a threshold.
     fn coefficients(&self, patch: usize, threshold: f32) -> Vec<[f32; L]> {
@@ -205,13 +214,13 @@ impl<'a, const L: usize> Volumes<'a, L> {
             }
         }
         let visible = &self.samples.patches[patch].visible;
-        truncate(&planes, visible, self.shapes[patch], threshold, self.effort, &mut Workspace::default())
+        truncate(&planes, visible, self.shapes[patch], threshold, self.effort, &mut VolumeScratch::default())
     }
     /// The `wanted` largest coefficients of all patches.
-    fn largest(&self, wanted: usize) -> Kept {
+    fn keep_largest(&self, wanted: usize) -> KeptCoefficients {
         let count = self.shapes.len();
         if wanted == 0 || count == 0 {
-            return Kept { coefficients: vec![Vec::new(); count], threshold: 1.0 };
+            return KeptCoefficients { coefficients: vec![Vec::new(); count], threshold: 1.0 };
         }
         // Which samples are free depends on the threshold, and the threshold on the filling: it is sought on some of the
         // patches, a little too low, and the last coefficients are taken out of all.
@@ -240,16 +249,16 @@ impl<'a, const L: usize> Volumes<'a, L> {
         });
         let mut magnitudes: Vec<f32> = coefficients.iter().flatten().map(|(_, c)| c.abs()).collect();
         if magnitudes.len() <= wanted {
-            return Kept { coefficients, threshold };
+            return KeptCoefficients { coefficients, threshold };
         }
         let (_, least, _) = magnitudes.select_nth_unstable_by(wanted - 1, |a, b| b.total_cmp(a));
-        Kept { coefficients, threshold: *least }
+        KeptCoefficients { coefficients, threshold: *least }
     }
 }
 
 /// Error of decoded samples against the photographs', over all visible ones, in dB.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct SampleError {
+pub struct WaveletSampleError {
     /// PSNR of `x / white`.
     pub linear_db: f64,
     /// PSNR of `x / white` limited to 0..=1, as photographs of 8 bits are: few samples of a highlight (or of a renderer's
@@ -260,7 +269,11 @@ pub struct SampleError {
 }
 
 /// Compares decoded samples with what the photographs show there; one result a component.
-pub fn sample_errors(samples: &Samples, decoded: &Decoded, white: [f64; 3]) -> Vec<SampleError> {
+pub fn sample_errors(
+    samples: &WaveletSamples,
+    decoded: &DecodedWaveletTexture,
+    white: [f64; 3],
+) -> Vec<WaveletSampleError> {
     let count = samples.components;
     let sums = parallel::map(samples.patches.len(), |patch| {
         let data = &samples.patches[patch];
@@ -269,7 +282,8 @@ pub fn sample_errors(samples: &Samples, decoded: &Decoded, white: [f64; 3]) -> V
         for (at, _) in data.visible.iter().enumerate().filter(|(_, visible)| **visible) {
             let (view, sample) = (at / area, at % area);
             for (component, sum) in sums.iter_mut().enumerate() {
-                let Some(found) = decoded.sample(component, view, &samples.views[view], patch, sample) else {
+                let Some(found) = decoded.radiance_at_sample(component, view, &samples.views[view], patch, sample)
+                else {
                     continue;
                 };
                 for c in 0..3 {
@@ -289,7 +303,7 @@ pub fn sample_errors(samples: &Samples, decoded: &Decoded, white: [f64; 3]) -> V
         .map(|component| {
             let total = sums.iter().fold([0.0; 4], |sum, s| std::array::from_fn(|k| sum[k] + s[component][k]));
             let [linear_db, sqrt_db, clipped_db] = [0, 1, 2].map(|k| psnr(total[k], total[3]));
-            SampleError { linear_db, clipped_db, sqrt_db }
+            WaveletSampleError { linear_db, clipped_db, sqrt_db }
         })
         .collect()
 }

@@ -1,18 +1,18 @@
 //! Fitting the reflection model to the samples.
 
-use super::model::{Model, VertexLobe};
-use super::samples::Samples;
+use super::model::{ReflectionModel, VertexLobe};
+use super::samples::WaveletSamples;
 use crate::parallel;
 use crate::reflectance::lambert::LambertSums;
-use crate::reflectance::torrance_sparrow::{self, Sighting};
+use crate::reflectance::torrance_sparrow::{self, SpecularSighting};
 use crate::views::Component;
 
 /// Most sightings that one vertex's lobe is fitted to.
-const MOST_SIGHTINGS: usize = 384;
+const MAX_SIGHTINGS: usize = 384;
 
 /// Fits `K_d` at each sample and a lobe at each vertex (to all samples of the triangles around it that lie nearer to it
 /// than to their other corners). Without known lights: the mean radiance, and no lobes.
-pub fn fit(samples: &Samples, components: &[Component]) -> Model {
+pub fn fit(samples: &WaveletSamples, components: &[Component]) -> ReflectionModel {
     let relightable = samples.views.iter().all(|v| v.light.is_some());
     let diffuse_component = components.iter().position(|c| *c != Component::Specular);
     let specular_component = components.iter().position(|c| *c == Component::Specular);
@@ -27,10 +27,10 @@ pub fn fit(samples: &Samples, components: &[Component]) -> Model {
         _ => Vec::new(),
     };
     let lobes = lobes.iter().map(|lobe| VertexLobe { specular: lobe.specular, log_sigma: lobe.sigma.ln() }).collect();
-    Model { relightable, diffuse, lobes }
+    ReflectionModel { relightable, diffuse, lobes }
 }
 
-fn fit_diffuse(samples: &Samples, patch: usize, component: usize, relightable: bool) -> Vec<[f32; 3]> {
+fn fit_diffuse(samples: &WaveletSamples, patch: usize, component: usize, relightable: bool) -> Vec<[f32; 3]> {
     let layout = &samples.layout;
     let side_log2 = layout.side_log2[patch];
     let (side, area) = (1usize << side_log2, 1usize << (2 * side_log2));
@@ -38,8 +38,8 @@ fn fit_diffuse(samples: &Samples, patch: usize, component: usize, relightable: b
     let mut grid = vec![[0.0; 3]; area];
     let mut known = vec![false; area];
     for i in 0..area {
-        let Some(point) = layout.sample(patch, i % side, i / side) else { continue };
-        let (position, normal) = layout.place(patch, &point);
+        let Some(point) = layout.grid_point(patch, i % side, i / side) else { continue };
+        let (position, normal) = layout.position_and_normal(patch, &point);
         let mut sums = LambertSums::default();
         for (view, captured) in samples.views.iter().enumerate() {
             let at = view * area + i;
@@ -50,7 +50,7 @@ fn fit_diffuse(samples: &Samples, patch: usize, component: usize, relightable: b
             let centre = captured.camera.centre();
             match &captured.light {
                 Some(light) if relightable => {
-                    let geometry = crate::reflectance::Geometry::new(position, normal, centre, light);
+                    let geometry = crate::reflectance::ReflectionGeometry::new(position, normal, centre, light);
                     sums.add(radiance, &geometry);
                 }
                 _ => {
@@ -92,7 +92,7 @@ fn spread(grid: &mut [[f32; 3]], known: &mut [bool], side: usize) {
     }
 }
 
-fn fit_lobes(samples: &Samples, component: usize) -> Vec<crate::reflectance::Lobe> {
+fn fit_lobes(samples: &WaveletSamples, component: usize) -> Vec<crate::reflectance::TorranceSparrowLobe> {
     let layout = &samples.layout;
     let count = layout.mesh.positions.len();
     let mut patches_of_vertex: Vec<Vec<u32>> = vec![Vec::new(); count];
@@ -109,8 +109,8 @@ fn fit_lobes(samples: &Samples, component: usize) -> Vec<crate::reflectance::Lob
         for &patch in &patches_of_vertex[vertex] {
             gather(samples, patch as usize, vertex as u32, component, &mut sightings);
         }
-        let stride = sightings.len().div_ceil(MOST_SIGHTINGS).max(1);
-        let some: Vec<Sighting> = sightings.into_iter().step_by(stride).collect();
+        let stride = sightings.len().div_ceil(MAX_SIGHTINGS).max(1);
+        let some: Vec<SpecularSighting> = sightings.into_iter().step_by(stride).collect();
         torrance_sparrow::fit(&some)
     });
     let mut neighbours: Vec<Vec<usize>> = vec![Vec::new(); count];
@@ -124,24 +124,31 @@ fn fit_lobes(samples: &Samples, component: usize) -> Vec<crate::reflectance::Lob
 }
 
 /// Sightings of a patch's samples that lie nearest to one of its corners.
-fn gather(samples: &Samples, patch: usize, vertex: u32, component: usize, sightings: &mut Vec<Sighting>) {
+fn gather(
+    samples: &WaveletSamples,
+    patch: usize,
+    vertex: u32,
+    component: usize,
+    sightings: &mut Vec<SpecularSighting>,
+) {
     let layout = &samples.layout;
     let side_log2 = layout.side_log2[patch];
     let (side, area) = (1usize << side_log2, 1usize << (2 * side_log2));
     let data = &samples.patches[patch];
     let corners = layout.patches[patch].corners;
     for i in 0..area {
-        let Some(point) = layout.sample(patch, i % side, i / side) else { continue };
+        let Some(point) = layout.grid_point(patch, i % side, i / side) else { continue };
         let weight: f64 = corners.iter().zip(point.weights).filter(|(c, _)| **c == vertex).map(|(_, w)| w).sum();
         if point.weights.iter().any(|w| *w > weight) {
             continue;
         }
-        let (position, normal) = layout.place(patch, &point);
+        let (position, normal) = layout.position_and_normal(patch, &point);
         for (view, captured) in samples.views.iter().enumerate() {
             let at = view * area + i;
             let (true, Some(light)) = (data.visible[at], &captured.light) else { continue };
-            let geometry = crate::reflectance::Geometry::new(position, normal, captured.camera.centre(), light);
-            sightings.push(Sighting { radiance: data.radiance[component][at], geometry });
+            let geometry =
+                crate::reflectance::ReflectionGeometry::new(position, normal, captured.camera.centre(), light);
+            sightings.push(SpecularSighting { radiance: data.radiance[component][at], geometry });
         }
     }
 }

@@ -1,14 +1,14 @@
 //! The patches of a mesh with the sizes of their grids.
 
 use crate::mesh::Mesh;
-use crate::reflectance::Geometry;
-use crate::surface::patches::{Patch, PatchPoint, pair_triangles, unit, vertex_normals};
+use crate::reflectance::ReflectionGeometry;
+use crate::surface::patches::{PatchPoint, SurfacePatch, pair_triangles, unit, vertex_normals};
 
 /// A mesh's patches, made ready for evaluation.
 #[derive(Debug, Clone, Default)]
-pub struct Layout {
+pub struct PatchLayout {
     /// The patches.
-    pub patches: Vec<Patch>,
+    pub patches: Vec<SurfacePatch>,
     /// Binary logarithm of each patch's side, `1..=4`.
     pub side_log2: Vec<u8>,
     /// For each triangle the index of its patch.
@@ -21,7 +21,7 @@ pub struct Layout {
     pub normals: Vec<[f64; 3]>,
 }
 
-impl Layout {
+impl PatchLayout {
     /// Pairs the triangles; sides are still to be set (all 2 x 2).
     pub fn new(mesh: &Mesh) -> Self {
         let patches = pair_triangles(mesh);
@@ -32,7 +32,7 @@ impl Layout {
                 patch_of_triangle[second as usize] = index;
             }
         }
-        Layout {
+        PatchLayout {
             side_log2: vec![1; patches.len()],
             patches,
             patch_of_triangle,
@@ -43,14 +43,14 @@ impl Layout {
     }
     /// Samples of one view, over all patches, that lie on triangles.
     pub fn samples_per_view(&self) -> usize {
-        let held = |(patch, &log2): (&Patch, &u8)| {
+        let held = |(patch, &log2): (&SurfacePatch, &u8)| {
             let side = 1usize << log2;
             if patch.second.is_some() { side * side } else { side * (side + 1) / 2 }
         };
         self.patches.iter().zip(&self.side_log2).map(held).sum()
     }
     /// The grid point at `(column, row)` of a patch.
-    pub fn sample(&self, patch: usize, column: usize, row: usize) -> Option<PatchPoint> {
+    pub fn grid_point(&self, patch: usize, column: usize, row: usize) -> Option<PatchPoint> {
         let side = (1u32 << self.side_log2[patch]) as f64;
         if !self.patches[patch].holds(column, row, self.side_log2[patch]) {
             return None;
@@ -59,7 +59,7 @@ impl Layout {
         self.patches[patch].point(u, v)
     }
     /// World position and unit normal of a point.
-    pub fn place(&self, patch: usize, point: &PatchPoint) -> ([f64; 3], [f64; 3]) {
+    pub fn position_and_normal(&self, patch: usize, point: &PatchPoint) -> ([f64; 3], [f64; 3]) {
         let patch = &self.patches[patch];
         (patch.interpolate(&self.positions, point), unit(patch.interpolate(&self.normals, point)))
     }
@@ -79,15 +79,15 @@ impl Layout {
         point: &PatchPoint,
         camera_centre: [f64; 3],
         light: &crate::views::PointLight,
-    ) -> Geometry {
-        let (position, normal) = self.place(patch, point);
-        Geometry::new(position, normal, camera_centre, light)
+    ) -> ReflectionGeometry {
+        let (position, normal) = self.position_and_normal(patch, point);
+        ReflectionGeometry::new(position, normal, camera_centre, light)
     }
 }
 
 /// Reads a patch's grid (in rows) at `(u, v)` by cubic convolution (Catmull-Rom); beyond the outermost samples the grid is
 /// continued linearly.
-pub fn read_grid(side_log2: u8, [u, v]: [f64; 2], grid: &[[f32; 3]]) -> [f32; 3] {
+pub fn interpolate_grid(side_log2: u8, [u, v]: [f64; 2], grid: &[[f32; 3]]) -> [f32; 3] {
     let side = 1usize << side_log2;
     let (columns, rows) = (taps(u, side), taps(v, side));
     let mut sum = [0.0f32; 3];
@@ -142,7 +142,7 @@ mod tests {
         let value = |i: usize| ((i % 4) as f32 + 0.5) / 4.0 * 2.0 - ((i / 4) as f32 + 0.5) / 4.0;
         let grid: Vec<[f32; 3]> = (0..16).map(|i| [value(i); 3]).collect();
         for (u, v) in [(0.0, 0.0), (1.0, 0.3), (0.51, 0.77), (1.0, 1.0)] {
-            assert!((read_grid(2, [u, v], &grid)[1] as f64 - (2.0 * u - v)).abs() < 1e-6);
+            assert!((interpolate_grid(2, [u, v], &grid)[1] as f64 - (2.0 * u - v)).abs() < 1e-6);
         }
     }
 }

@@ -14,14 +14,14 @@ pub mod model;
 pub mod samples;
 mod stream;
 
-pub use decode::{Decoded, decode};
+pub use decode::{DecodedWaveletTexture, decode};
 #[cfg(feature = "encode")]
-pub use encode::{Encoded, Options, SampleError, encode};
+pub use encode::{EncodedWaveletTexture, WaveletOptions, WaveletSampleError, encode};
 #[cfg(feature = "encode")]
-pub use samples::{Frame, Samples};
+pub use samples::{PosedPhotograph, WaveletSamples};
 
 use crate::quantise::dead_zone::DeadZone;
-use crate::transform::colour::{IDENTITY, Rotation};
+use crate::transform::colour::{ColourRotation, IDENTITY};
 
 /// The section's four letters.
 pub const TAG: &str = "PAPR";
@@ -30,11 +30,11 @@ const VERSION: u8 = 0;
 /// Bytes before the range coded part.
 const HEADER_BYTES: usize = 32 + 3 * 36;
 /// Most levels of the transform along the views.
-const MOST_VIEW_LEVELS: u8 = 7;
+const MAX_VIEW_LEVELS: u8 = 7;
 
 /// The section's fixed part.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Header {
+struct WaveletHeader {
     modelled: bool,
     relightable: bool,
     lobes: bool,
@@ -47,12 +47,12 @@ struct Header {
     diffuse_step: f32,
     specular_scale: f32,
     /// Of `sqrt(K_d)` and of the components' residuals.
-    rotations: [Rotation; 3],
+    rotations: [ColourRotation; 3],
 }
 
-impl Header {
+impl WaveletHeader {
     #[cfg(feature = "encode")]
-    fn write(&self) -> Vec<u8> {
+    fn to_bytes(&self) -> Vec<u8> {
         let flags = self.modelled as u8 | (self.relightable as u8) << 1 | (self.lobes as u8) << 2;
         let mut bytes = vec![VERSION, flags, self.components, self.view_levels];
         bytes.extend(self.views.to_le_bytes());
@@ -66,7 +66,7 @@ impl Header {
         }
         bytes
     }
-    fn read(bytes: &[u8]) -> crate::Result<Header> {
+    fn parse(bytes: &[u8]) -> crate::Result<WaveletHeader> {
         let wrong = |offset: usize, message: &str| crate::Error::format(TAG, offset as u64, message);
         let Some(header) = bytes.first_chunk::<HEADER_BYTES>() else {
             return Err(wrong(bytes.len(), "shorter than its header of 140 bytes"));
@@ -81,7 +81,7 @@ impl Header {
         if !(1..=2).contains(&components) {
             return Err(wrong(2, "one or two components expected"));
         }
-        if view_levels > MOST_VIEW_LEVELS {
+        if view_levels > MAX_VIEW_LEVELS {
             return Err(wrong(3, "at most 7 levels along the views"));
         }
         let word = |offset: usize| -> [u8; 4] { std::array::from_fn(|i| header[offset + i]) };
@@ -97,7 +97,7 @@ impl Header {
                 return Err(wrong(32 + 4 * k, "a rotation's element in -1..=1 expected"));
             }
         }
-        Ok(Header {
+        Ok(WaveletHeader {
             modelled: flags & 1 != 0,
             relightable: flags & 2 != 0,
             lobes: flags & 4 != 0,

@@ -1,38 +1,38 @@
 //! The reflection model of the `paper` profile as coded numbers: `K_d` at each sample, `K_s` and `sigma` at each vertex.
 
-use super::layout::{Layout, read_grid};
-use super::stream::{Models, code_volume};
+use super::layout::{PatchLayout, interpolate_grid};
+use super::stream::{VolumeModels, code_volume};
 use crate::elementary;
-use crate::entropy::{BitCoder, Number};
+use crate::entropy::{BitCoder, NumberModel};
 use crate::quantise::dead_zone::DeadZone;
-use crate::reflectance::Lobe;
+use crate::reflectance::TorranceSparrowLobe;
 use crate::surface::patches::PatchPoint;
-use crate::transform::colour::{self, Rotation};
+use crate::transform::colour::{self, ColourRotation};
 use crate::transform::daubechies::{self, VolumeShape};
 use crate::vector::direction;
 use crate::vector::dot;
 use crate::views::View;
 
 /// Smallest cosine of the angle of view that the model divides by.
-const LEAST_COSINE: f64 = 0.05;
+const MIN_COSINE: f64 = 0.05;
 /// Levels of `sqrt(K_s)`.
 const SPECULAR_LEVELS: f32 = 255.0;
 /// Levels of `ln sigma`.
 const SIGMA_LEVELS: u8 = 63;
 /// `ln sigma` of the level 0, `ln 0.02`: 0xC07A5E96.
-const LOG_SIGMA_LEAST: f32 = -3.912_023;
+const MIN_LOG_SIGMA: f32 = -3.912_023;
 /// From one level of `ln sigma` to the next, `ln 40 / 63`: 0x3D6FD5F2.
 const LOG_SIGMA_STEP: f32 = 0.058_553_644;
 
 /// The model as the file holds it.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct CodedModel {
+pub struct CodedReflectionModel {
     /// `K_d` of the signal 1.
     pub diffuse_scale: f32,
     /// Step of the wavelet coefficients of `sqrt(K_d / diffuse_scale)`.
     pub diffuse_step: f32,
     /// Colour axes of `sqrt(K_d / diffuse_scale)`.
-    pub rotation: Rotation,
+    pub rotation: ColourRotation,
     /// For each patch three planes of wavelet levels, one a colour axis.
     pub diffuse: Vec<[Vec<i32>; 3]>,
     /// `K_s` of the highest level.
@@ -43,7 +43,7 @@ pub struct CodedModel {
 
 /// The model, decoded.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Model {
+pub struct ReflectionModel {
     /// Whether the lights were known; if not `diffuse` is a radiance and there are no lobes.
     pub relightable: bool,
     /// `K_d` (or the mean radiance) at each sample of each patch, in rows.
@@ -61,13 +61,18 @@ pub struct VertexLobe {
     pub log_sigma: f32,
 }
 
-impl CodedModel {
+impl CodedReflectionModel {
     fn quantiser(&self) -> DeadZone {
         DeadZone { threshold: 0.5 * self.diffuse_step, step: self.diffuse_step }
     }
     /// Codes everything but the scales and steps. In decoding the vectors have their final lengths already, all zero.
-    pub(super) fn code<C: BitCoder>(&mut self, coder: &mut C, layout: &Layout, healthy: impl Fn(&C) -> bool) -> bool {
-        let mut models = Models::new(1);
+    pub(super) fn code<C: BitCoder>(
+        &mut self,
+        coder: &mut C,
+        layout: &PatchLayout,
+        healthy: impl Fn(&C) -> bool,
+    ) -> bool {
+        let mut models = VolumeModels::new(1);
         for (planes, &side_log2) in self.diffuse.iter_mut().zip(&layout.side_log2) {
             code_volume(coder, &mut models, planes, 1, VolumeShape { side_log2, views: 1, view_levels: 0 });
             if !healthy(coder) {
@@ -85,7 +90,7 @@ impl CodedModel {
             }
             order.sort_unstable();
             order.dedup();
-            let mut numbers: [Number; 4] = Default::default();
+            let mut numbers: [NumberModel; 4] = Default::default();
             let mut edges = order.into_iter().peekable();
             let mut last = [0u8; 4];
             for vertex in 0..self.lobes.len() {
@@ -110,7 +115,7 @@ impl CodedModel {
         true
     }
     /// The numbers that the levels stand for.
-    pub fn dequantise(&self, layout: &Layout, relightable: bool) -> Model {
+    pub fn dequantise(&self, layout: &PatchLayout, relightable: bool) -> ReflectionModel {
         let mut scratch = Vec::new();
         let quantiser = self.quantiser();
         let diffuse = self.diffuse.iter().zip(&layout.side_log2).map(|(planes, &side_log2)| {
@@ -129,14 +134,14 @@ impl CodedModel {
             let root = |q: u8| q as f32 / SPECULAR_LEVELS;
             VertexLobe {
                 specular: std::array::from_fn(|c| root(levels[c]) * root(levels[c]) * self.specular_scale),
-                log_sigma: LOG_SIGMA_LEAST + LOG_SIGMA_STEP * levels[3].min(SIGMA_LEVELS) as f32,
+                log_sigma: MIN_LOG_SIGMA + LOG_SIGMA_STEP * levels[3].min(SIGMA_LEVELS) as f32,
             }
         };
-        Model { relightable, diffuse: diffuse.collect(), lobes: self.lobes.iter().map(lobe).collect() }
+        ReflectionModel { relightable, diffuse: diffuse.collect(), lobes: self.lobes.iter().map(lobe).collect() }
     }
     /// Quantises a model; `diffuse_step` is the step of the signal `sqrt(K_d / max K_d)`.
     #[cfg(feature = "encode")]
-    pub fn quantise(model: &Model, layout: &Layout, diffuse_step: f32) -> CodedModel {
+    pub fn quantise(model: &ReflectionModel, layout: &PatchLayout, diffuse_step: f32) -> CodedReflectionModel {
         let diffuse_scale = 1.2 * high(model.diffuse.iter().flatten().flatten().copied());
         let specular_scale = 1.2 * high(model.lobes.iter().flat_map(|l| l.specular));
         let roots = |diffuse: &[f32; 3]| diffuse.map(|k| (k / diffuse_scale).min(1.0).sqrt());
@@ -144,8 +149,9 @@ impl CodedModel {
         for s in model.diffuse.iter().flatten().map(roots) {
             (0..9).for_each(|k| moments[k / 3][k % 3] += s[k / 3] as f64 * s[k % 3] as f64);
         }
-        let rotation = colour::principal(moments);
-        let mut coded = CodedModel { diffuse_scale, diffuse_step, rotation, specular_scale, ..Default::default() };
+        let rotation = colour::principal_axes(moments);
+        let mut coded =
+            CodedReflectionModel { diffuse_scale, diffuse_step, rotation, specular_scale, ..Default::default() };
         let quantiser = coded.quantiser();
         let mut scratch = Vec::new();
         for (grid, &side_log2) in model.diffuse.iter().zip(&layout.side_log2) {
@@ -157,7 +163,7 @@ impl CodedModel {
         for lobe in &model.lobes {
             let specular =
                 lobe.specular.map(|k| ((k / specular_scale).min(1.0).sqrt() * SPECULAR_LEVELS).round() as u8);
-            let sigma = ((lobe.log_sigma - LOG_SIGMA_LEAST) / LOG_SIGMA_STEP).round() as u8;
+            let sigma = ((lobe.log_sigma - MIN_LOG_SIGMA) / LOG_SIGMA_STEP).round() as u8;
             coded.lobes.push([specular[0], specular[1], specular[2], sigma.min(SIGMA_LEVELS)]);
         }
         coded
@@ -175,11 +181,11 @@ fn high(values: impl Iterator<Item = f32>) -> f32 {
     *values.select_nth_unstable_by(rank, f32::total_cmp).1
 }
 
-impl Model {
+impl ReflectionModel {
     /// Modelled radiance of the diffuse (or only) component at a grid sample.
     pub(super) fn diffuse_sample(
         &self,
-        layout: &Layout,
+        layout: &PatchLayout,
         patch: usize,
         index: usize,
         point: &PatchPoint,
@@ -190,21 +196,28 @@ impl Model {
     /// Modelled radiance of the diffuse (or only) component anywhere on a patch.
     pub(super) fn diffuse_at(
         &self,
-        layout: &Layout,
+        layout: &PatchLayout,
         patch: usize,
         point: &PatchPoint,
         at: [f64; 2],
         view: &View,
     ) -> [f32; 3] {
-        let diffuse = read_grid(layout.side_log2[patch], at, &self.diffuse[patch]);
+        let diffuse = interpolate_grid(layout.side_log2[patch], at, &self.diffuse[patch]);
         self.shade(layout, patch, point, view, diffuse.map(|k| k.max(0.0)))
     }
-    fn shade(&self, layout: &Layout, patch: usize, point: &PatchPoint, view: &View, diffuse: [f32; 3]) -> [f32; 3] {
+    fn shade(
+        &self,
+        layout: &PatchLayout,
+        patch: usize,
+        point: &PatchPoint,
+        view: &View,
+        diffuse: [f32; 3],
+    ) -> [f32; 3] {
         match (self.relightable, &view.light) {
             (false, _) => diffuse,
             (true, None) => [0.0; 3],
             (true, Some(light)) => {
-                let (position, normal) = layout.place(patch, point);
+                let (position, normal) = layout.position_and_normal(patch, point);
                 let (to_light, squared) = direction(position, light.position);
                 let cosine = dot(normal, to_light);
                 if cosine > 0.0 {
@@ -217,9 +230,9 @@ impl Model {
     }
     /// Modelled radiance of the specular component, `K_s E / cos(theta_r) exp(-alpha^2 / (2 sigma^2))`; zero where the light or the
     /// camera is behind the surface.
-    pub(super) fn specular_at(&self, layout: &Layout, patch: usize, point: &PatchPoint, view: &View) -> [f32; 3] {
+    pub(super) fn specular_at(&self, layout: &PatchLayout, patch: usize, point: &PatchPoint, view: &View) -> [f32; 3] {
         let (Some(light), false) = (&view.light, self.lobes.is_empty()) else { return [0.0; 3] };
-        let (position, normal) = layout.place(patch, point);
+        let (position, normal) = layout.position_and_normal(patch, point);
         let (to_light, squared) = direction(position, light.position);
         let (to_view, _) = direction(position, view.camera.centre());
         let (cos_light, cos_view) = (dot(normal, to_light), dot(normal, to_view));
@@ -230,16 +243,16 @@ impl Model {
         let squared_angle = elementary::squared_angle(dot(normal, half) / dot(half, half).sqrt());
         let lobe = self.interpolate(layout, patch, point);
         let sharpness = elementary::exp(-2.0 * lobe.log_sigma as f64);
-        let cos_view = if cos_view > LEAST_COSINE { cos_view } else { LEAST_COSINE };
+        let cos_view = if cos_view > MIN_COSINE { cos_view } else { MIN_COSINE };
         let shape = elementary::exp(-0.5 * squared_angle * sharpness) / cos_view;
         std::array::from_fn(|c| (lobe.specular[c] as f64 * (light.intensity[c] / squared) * shape) as f32)
     }
     /// The lobe at a point.
-    pub fn lobe_at(&self, layout: &Layout, patch: usize, point: &PatchPoint) -> Lobe {
+    pub fn lobe_at(&self, layout: &PatchLayout, patch: usize, point: &PatchPoint) -> TorranceSparrowLobe {
         let VertexLobe { specular, log_sigma } = self.interpolate(layout, patch, point);
-        Lobe { specular, sigma: elementary::exp(log_sigma as f64) as f32 }
+        TorranceSparrowLobe { specular, sigma: elementary::exp(log_sigma as f64) as f32 }
     }
-    fn interpolate(&self, layout: &Layout, patch: usize, point: &PatchPoint) -> VertexLobe {
+    fn interpolate(&self, layout: &PatchLayout, patch: usize, point: &PatchPoint) -> VertexLobe {
         let mut lobe = VertexLobe::default();
         for (corner, weight) in layout.patches[patch].corners.iter().zip(point.weights) {
             let weight = weight as f32;

@@ -1,6 +1,6 @@
 //! Reading photographs at the samples of the patches.
 
-use super::layout::Layout;
+use super::layout::PatchLayout;
 use crate::image::{Mask, RgbImage};
 use crate::parallel;
 use crate::surface::occluders::{Footprint, Occluders};
@@ -9,7 +9,7 @@ use crate::views::View;
 
 /// One photograph with its circumstances. All images and the mask have the camera's size.
 #[derive(Debug, Clone, Copy)]
-pub struct Frame<'a> {
+pub struct PosedPhotograph<'a> {
     /// Camera and light.
     pub view: &'a View,
     /// Pixels that show the object, where known.
@@ -29,9 +29,9 @@ pub struct PatchSamples {
 
 /// What the photographs show of the whole surface.
 #[derive(Debug, Clone)]
-pub struct Samples {
+pub struct WaveletSamples {
     /// The patches, their sides chosen.
-    pub layout: Layout,
+    pub layout: PatchLayout,
     /// Captured views.
     pub views: Vec<View>,
     /// Number of components.
@@ -41,20 +41,20 @@ pub struct Samples {
 }
 
 /// Least cosine between a triangle's normal and the view that counts as seen.
-const LEAST_COSINE: f64 = 0.05;
+const MIN_COSINE: f64 = 0.05;
 
-impl Samples {
+impl WaveletSamples {
     /// Chooses the patches' sides for `density` samples per photograph pixel (where a patch is seen largest), casts the
     /// rays and reads the photographs by cubic B-splines.
-    pub fn gather(mesh: &crate::mesh::Mesh, frames: &[Frame], density: f64) -> Samples {
-        let mut layout = Layout::new(mesh);
+    pub fn gather(mesh: &crate::mesh::Mesh, frames: &[PosedPhotograph], density: f64) -> WaveletSamples {
+        let mut layout = PatchLayout::new(mesh);
         choose_sides(&mut layout, frames, density);
         let occluders = Occluders::new(mesh);
         let components = frames.first().map_or(0, |f| f.images.len());
         let footprints: Vec<Footprint> =
             frames.iter().map(|f| Footprint::new(&occluders, mesh, &f.view.camera, f.mask, f.images)).collect();
-        let splines: Vec<Vec<Spline>> = parallel::map(frames.len(), |view| {
-            frames[view].images.iter().map(|image| Spline::new(image, footprints[view].usable())).collect()
+        let splines: Vec<Vec<PhotographSpline>> = parallel::map(frames.len(), |view| {
+            frames[view].images.iter().map(|image| PhotographSpline::new(image, footprints[view].usable())).collect()
         });
         let centres: Vec<[f64; 3]> = frames.iter().map(|f| f.view.camera.centre()).collect();
         let patches = parallel::map(layout.patches.len(), |index| {
@@ -65,27 +65,27 @@ impl Samples {
                 radiance: vec![vec![[0.0; 3]; frames.len() * area]; components],
             };
             for i in 0..area {
-                let Some(point) = layout.sample(index, i % side, i / side) else { continue };
-                let (position, _) = layout.place(index, &point);
+                let Some(point) = layout.grid_point(index, i % side, i / side) else { continue };
+                let (position, _) = layout.position_and_normal(index, &point);
                 let facing = unit(area_normal(mesh, mesh.triangles[point.triangle as usize]));
                 for view in 0..frames.len() {
                     let (direction, _) = crate::vector::direction(position, centres[view]);
-                    if crate::vector::dot(facing, direction) < LEAST_COSINE {
+                    if crate::vector::dot(facing, direction) < MIN_COSINE {
                         continue;
                     }
-                    let Some(at) = footprints[view].place(position) else { continue };
-                    if !occluders.visible(position, centres[view]) {
+                    let Some(at) = footprints[view].project(position) else { continue };
+                    if !occluders.is_visible(position, centres[view]) {
                         continue;
                     }
                     patch.visible[view * area + i] = true;
                     for (component, spline) in splines[view].iter().enumerate() {
-                        patch.radiance[component][view * area + i] = spline.read(at);
+                        patch.radiance[component][view * area + i] = spline.radiance_at(at);
                     }
                 }
             }
             patch
         });
-        Samples { layout, views: frames.iter().map(|f| f.view.clone()).collect(), components, patches }
+        WaveletSamples { layout, views: frames.iter().map(|f| f.view.clone()).collect(), components, patches }
     }
     /// Coefficients of all components and colours: as many as there are samples, seen or not.
     pub fn coefficients(&self) -> usize {
@@ -99,7 +99,7 @@ impl Samples {
 
 /// Side of each patch: the least power of two that gives `density` samples per pixel, within a third, in the view that
 /// shows it largest.
-fn choose_sides(layout: &mut Layout, frames: &[Frame], density: f64) {
+fn choose_sides(layout: &mut PatchLayout, frames: &[PosedPhotograph], density: f64) {
     let largest = parallel::map(layout.patches.len(), |index| {
         let patch = &layout.patches[index];
         let projected = |view: &View| {
@@ -118,26 +118,26 @@ fn choose_sides(layout: &mut Layout, frames: &[Frame], density: f64) {
     });
     for (log2, pixels) in layout.side_log2.iter_mut().zip(largest) {
         let wanted = density * pixels / 1.5;
-        *log2 = (1..crate::surface::patches::LARGEST_SIDE_LOG2)
+        *log2 = (1..crate::surface::patches::MAX_SIDE_LOG2)
             .find(|l| (1u64 << (2 * l)) as f64 >= wanted)
-            .unwrap_or(crate::surface::patches::LARGEST_SIDE_LOG2);
+            .unwrap_or(crate::surface::patches::MAX_SIDE_LOG2);
     }
 }
 
 /// A photograph as a cubic B-spline that passes through its pixels.
-struct Spline {
+struct PhotographSpline {
     width: usize,
     height: usize,
     coefficients: Vec<[f32; 3]>,
 }
 
-impl Spline {
+impl PhotographSpline {
     /// Pixels that are not usable are extended from their neighbours first, so that the edge does not ring.
     fn new(image: &RgbImage, usable: &Mask) -> Self {
         let (width, height) = (image.width, image.height);
         let mut data = image.data.clone();
         extend(&mut data, usable, 5);
-        let mut spline = Spline { width, height, coefficients: data };
+        let mut spline = PhotographSpline { width, height, coefficients: data };
         for y in 0..height {
             filter(&mut spline.coefficients, y * width, 1, width);
         }
@@ -146,7 +146,7 @@ impl Spline {
         }
         spline
     }
-    fn read(&self, at: [f64; 2]) -> [f32; 3] {
+    fn radiance_at(&self, at: [f64; 2]) -> [f32; 3] {
         let split = |x: f64| {
             let x = x - 0.5;
             let cell = x.floor();
@@ -259,10 +259,10 @@ mod tests {
         for (i, p) in image.data.iter_mut().enumerate() {
             *p = [(i * 7 % 13) as f32, (i % 5) as f32, 1.0];
         }
-        let spline = Spline::new(&image, &Mask::filled(17, 12, true));
+        let spline = PhotographSpline::new(&image, &Mask::filled(17, 12, true));
         for (x, y) in [(0, 0), (16, 11), (5, 6), (16, 3), (1, 10)] {
-            let read = spline.read([x as f64 + 0.5, y as f64 + 0.5]);
-            let error = (0..3).map(|c| (read[c] - image.at(x, y)[c]).abs()).fold(0.0, f32::max);
+            let read = spline.radiance_at([x as f64 + 0.5, y as f64 + 0.5]);
+            let error = (0..3).map(|c| (read[c] - image.value_at(x, y)[c]).abs()).fold(0.0, f32::max);
             assert!(error < 1e-4, "{x} {y} {error}");
         }
     }

@@ -2,17 +2,17 @@
 //!
 //! One function serves both directions. Its order of bits and its contexts are part of the format (`spec/paper.md`).
 
-use crate::entropy::{BitCoder, BitModel, Number};
-use crate::quantise::dead_zone::LARGEST_LEVEL;
+use crate::entropy::{BitCoder, BitModel, NumberModel};
+use crate::quantise::dead_zone::MAX_INDEX;
 use crate::transform::daubechies::VolumeShape;
 
 /// Distinct view bands of a volume: one low and at most 7 levels.
 const VIEW_BANDS: usize = 8;
 /// Distinct levels of a picture: one low and at most 4.
-const PICTURE_LEVELS: usize = 5;
+const PATCH_LEVELS: usize = 5;
 
 /// Adaptive models of one kind of volume, for each of its components.
-pub(super) struct Models {
+pub(super) struct VolumeModels {
     components: Vec<ComponentModels>,
 }
 
@@ -26,19 +26,19 @@ struct ComponentModels {
     /// Signs, by the signs of the earlier colours.
     sign: [BitModel; 9],
     /// Magnitudes, by what is around.
-    magnitude: [Number; 6],
+    magnitude: [NumberModel; 6],
 }
 
-impl Models {
+impl VolumeModels {
     pub(super) fn new(components: usize) -> Self {
         let component = || ComponentModels {
-            band: vec![BitModel::default(); VIEW_BANDS * PICTURE_LEVELS * 8],
+            band: vec![BitModel::default(); VIEW_BANDS * PATCH_LEVELS * 8],
             near: vec![BitModel::default(); 3 * 8 * 9 * 3],
-            parents: vec![BitModel::default(); VIEW_BANDS * PICTURE_LEVELS * 3 * 3 * 9],
+            parents: vec![BitModel::default(); VIEW_BANDS * PATCH_LEVELS * 3 * 3 * 9],
             sign: [BitModel::default(); 9],
             magnitude: Default::default(),
         };
-        Models { components: (0..components).map(|_| component()).collect() }
+        VolumeModels { components: (0..components).map(|_| component()).collect() }
     }
 }
 
@@ -46,26 +46,26 @@ impl Models {
 /// In decoding the planes come in as zeros.
 pub(super) fn code_volume<C: BitCoder>(
     coder: &mut C,
-    models: &mut Models,
+    models: &mut VolumeModels,
     planes: &mut [Vec<i32>],
     components: usize,
     shape: VolumeShape,
 ) {
-    let mut flags = vec![false; components * VIEW_BANDS * PICTURE_LEVELS];
+    let mut flags = vec![false; components * VIEW_BANDS * PATCH_LEVELS];
     for component in 0..components {
         let Some(planes) = planes.get_mut(component * 3..component * 3 + 3) else { return };
         for view_band in 0..=shape.view_levels as usize {
             for level in 0..=shape.side_log2 as usize {
                 let flag_at = |component: usize, view_band: usize, level: usize| {
-                    (component * VIEW_BANDS + view_band) * PICTURE_LEVELS + level
+                    (component * VIEW_BANDS + view_band) * PATCH_LEVELS + level
                 };
-                let band = Band::new(shape, view_band, level);
+                let band = VolumeBand::new(shape, view_band, level);
                 let context = (level > 0 && flags[flag_at(component, view_band, level - 1)]) as usize
                     + 2 * (view_band > 0 && flags[flag_at(component, view_band - 1, level)]) as usize
                     + 4 * (component > 0 && flags[flag_at(0, view_band, level)]) as usize;
                 let holds = !C::DECODES && band.positions().any(|at| planes.iter().any(|plane| plane[at.index] != 0));
                 let models = &mut models.components[component];
-                let model = &mut models.band[(view_band * PICTURE_LEVELS + level) * 8 + context];
+                let model = &mut models.band[(view_band * PATCH_LEVELS + level) * 8 + context];
                 let holds = model.code(coder, holds);
                 flags[flag_at(component, view_band, level)] = holds;
                 if holds {
@@ -83,8 +83,8 @@ fn code_position<C: BitCoder>(
     coder: &mut C,
     models: &mut ComponentModels,
     planes: &mut [Vec<i32>],
-    band: &Band,
-    position: Position,
+    band: &VolumeBand,
+    position: VolumePosition,
 ) {
     let at = position.index;
     for order in 0..3 {
@@ -99,7 +99,7 @@ fn code_position<C: BitCoder>(
 
         let near_model = &mut models.near[((order * 8 + near) * 9 + colours) * 3 + position.orientation];
         let parent_model = &mut models.parents
-            [(((band.view_band * PICTURE_LEVELS + band.level) * 3 + position.orientation) * 3 + order) * 9 + parents];
+            [(((band.view_band * PATCH_LEVELS + band.level) * 3 + position.orientation) * 3 + order) * 9 + parents];
         let probability = (near_model.probability() + parent_model.probability()) / 2;
         let significant = coder.bit(probability, plane[at] != 0);
         near_model.update(significant);
@@ -111,13 +111,13 @@ fn code_position<C: BitCoder>(
         let negative = models.sign[side(one) * 3 + side(two)].code(coder, plane[at] < 0);
         let around = (near / 2 + (colours > 0) as usize + (parents > 0) as usize).min(5);
         let more = models.magnitude[around].code(coder, plane[at].unsigned_abs().wrapping_sub(1));
-        let level = (more.min(LARGEST_LEVEL as u32 - 1) + 1) as i32;
+        let level = (more.min(MAX_INDEX as u32 - 1) + 1) as i32;
         planes[order][at] = if negative { -level } else { level };
     }
 }
 
 /// One view band at one picture level of a volume.
-struct Band {
+struct VolumeBand {
     shape: VolumeShape,
     view_band: usize,
     level: usize,
@@ -125,7 +125,7 @@ struct Band {
 
 /// A coefficient and those that have been coded around it.
 #[derive(Clone, Copy)]
-struct Position {
+struct VolumePosition {
     index: usize,
     /// 0 low or diagonal, 1 across, 2 down.
     orientation: usize,
@@ -137,12 +137,12 @@ struct Position {
     view_parent: Option<usize>,
 }
 
-impl Band {
+impl VolumeBand {
     fn new(shape: VolumeShape, view_band: usize, level: usize) -> Self {
-        Band { shape, view_band, level }
+        VolumeBand { shape, view_band, level }
     }
     /// The band's coefficients: slice by slice, row by row.
-    fn positions(&self) -> impl Iterator<Item = Position> + use<> {
+    fn positions(&self) -> impl Iterator<Item = VolumePosition> + use<> {
         let (shape, view_band, level) = (self.shape, self.view_band, self.level);
         let (side, area) = (shape.side(), shape.area());
         let low = shape.views >> shape.view_levels;
@@ -164,7 +164,7 @@ impl Band {
                         1 => Some(slice - first),
                         _ => Some(first / 2 + (slice - first) / 2),
                     };
-                    Position {
+                    VolumePosition {
                         index: at(slice, row, column),
                         orientation: if level == 0 || (across && down) { 0 } else { 1 + down as usize },
                         left,
@@ -191,7 +191,7 @@ mod tests {
             let mut coded = vec![false; shape.len()];
             for view_band in 0..=shape.view_levels as usize {
                 for level in 0..=shape.side_log2 as usize {
-                    for p in Band::new(shape, view_band, level).positions() {
+                    for p in VolumeBand::new(shape, view_band, level).positions() {
                         for near in [p.left, p.up, p.diagonal, p.before, p.parent, p.view_parent].into_iter().flatten()
                         {
                             assert!(coded[near]);
@@ -212,11 +212,11 @@ mod tests {
         };
         let planes: Vec<Vec<i32>> = (0..6).map(plane).collect();
         let mut encoder = RangeEncoder::new();
-        code_volume(&mut encoder, &mut Models::new(2), &mut planes.clone(), 2, shape);
+        code_volume(&mut encoder, &mut VolumeModels::new(2), &mut planes.clone(), 2, shape);
         let bytes = encoder.finish();
         let mut decoded = vec![vec![0; shape.len()]; 6];
         let mut decoder = RangeDecoder::new(&bytes);
-        code_volume(&mut decoder, &mut Models::new(2), &mut decoded, 2, shape);
+        code_volume(&mut decoder, &mut VolumeModels::new(2), &mut decoded, 2, shape);
         assert_eq!(decoded, planes);
         assert!(decoder.ends_as_written(0));
     }

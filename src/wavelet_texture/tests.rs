@@ -49,7 +49,7 @@ fn views(count: usize) -> Vec<View> {
 /// Photographs of a chequered, slightly glossy sheet: (mask, diffuse, specular) a view.
 fn photographs(mesh: &Mesh, views: &[View]) -> Vec<(Mask, Vec<RgbImage>)> {
     let occluders = Occluders::new(mesh);
-    let layout = layout::Layout::new(mesh);
+    let layout = layout::PatchLayout::new(mesh);
     views
         .iter()
         .map(|view| {
@@ -61,12 +61,12 @@ fn photographs(mesh: &Mesh, views: &[View]) -> Vec<(Mask, Vec<RgbImage>)> {
                     continue;
                 };
                 let (patch, point, _) = layout.locate(hit.triangle, hit.barycentric).unwrap();
-                let (position, _) = layout.place(patch, &point);
+                let (position, _) = layout.position_and_normal(patch, &point);
                 let geometry = layout.geometry(patch, &point, view.camera.centre(), &view.light.unwrap());
                 let pattern = 0.15 + 0.1 * ((9.0 * position[0]).sin() * (7.0 * position[1]).cos()) as f32;
                 mask.data[i] = true;
                 images[0].data[i] = crate::reflectance::lambert::evaluate([pattern, 0.8 * pattern, 0.1], &geometry);
-                let lobe = crate::reflectance::Lobe { specular: [0.2, 0.2, 0.25], sigma: 0.15 };
+                let lobe = crate::reflectance::TorranceSparrowLobe { specular: [0.2, 0.2, 0.25], sigma: 0.15 };
                 images[1].data[i] = crate::reflectance::torrance_sparrow::evaluate(&lobe, &geometry);
             }
             (mask, images)
@@ -76,12 +76,15 @@ fn photographs(mesh: &Mesh, views: &[View]) -> Vec<(Mask, Vec<RgbImage>)> {
 
 const COMPONENTS: [Component; 2] = [Component::Diffuse, Component::Specular];
 
-fn samples(count: usize) -> (Mesh, Vec<View>, Samples) {
+fn samples(count: usize) -> (Mesh, Vec<View>, WaveletSamples) {
     let (mesh, views) = (mesh(6), views(count));
     let pictures = photographs(&mesh, &views);
-    let frames: Vec<Frame> =
-        views.iter().zip(&pictures).map(|(view, (mask, images))| Frame { view, mask: Some(mask), images }).collect();
-    let samples = Samples::gather(&mesh, &frames, 1.0);
+    let frames: Vec<PosedPhotograph> = views
+        .iter()
+        .zip(&pictures)
+        .map(|(view, (mask, images))| PosedPhotograph { view, mask: Some(mask), images })
+        .collect();
+    let samples = WaveletSamples::gather(&mesh, &frames, 1.0);
     (mesh, views, samples)
 }
 
@@ -95,7 +98,7 @@ fn the_section_comes_back_and_quality_grows_with_the_coefficients() {
     let model = encode::fit_model(&samples, &COMPONENTS);
     let mut before = [0.0; 2];
     for (percent, least) in [(0.0, [25.0, 25.0]), (5.0, [32.0, 32.0]), (50.0, [60.0, 60.0])] {
-        let options = Options { keep_percent: percent, ..Default::default() };
+        let options = WaveletOptions { keep_percent: percent, ..Default::default() };
         let encoded = encode(&samples, &COMPONENTS, Some(&model), &options).unwrap();
         assert_eq!(encoded, encode(&samples, &COMPONENTS, Some(&model), &options).unwrap());
         assert!(encoded.kept_percent() <= percent && encoded.kept_percent() >= 0.9 * percent, "{percent}");
@@ -115,7 +118,8 @@ fn decoded_photographs_look_like_the_captured() {
     let (mesh, views, samples) = samples(5);
     let model = encode::fit_model(&samples, &COMPONENTS);
     let encoded =
-        encode(&samples, &COMPONENTS, Some(&model), &Options { keep_percent: 20.0, ..Default::default() }).unwrap();
+        encode(&samples, &COMPONENTS, Some(&model), &WaveletOptions { keep_percent: 20.0, ..Default::default() })
+            .unwrap();
     let decoded = decode(&encoded.bytes, &mesh, &COMPONENTS, views.len(), &budget()).unwrap();
     let occluders = Occluders::new(&mesh);
     let (mask, images) = &photographs(&mesh, &views)[1];
@@ -141,18 +145,18 @@ fn unknown_lights_and_one_component_work() {
     let pictures = photographs(&mesh, &views);
     views.iter_mut().for_each(|v| v.light = None);
     let images: Vec<Vec<RgbImage>> = pictures.into_iter().map(|(_, images)| images[..1].to_vec()).collect();
-    let frames: Vec<Frame> =
-        views.iter().zip(&images).map(|(view, images)| Frame { view, mask: None, images }).collect();
-    let samples = Samples::gather(&mesh, &frames, 1.0);
+    let frames: Vec<PosedPhotograph> =
+        views.iter().zip(&images).map(|(view, images)| PosedPhotograph { view, mask: None, images }).collect();
+    let samples = WaveletSamples::gather(&mesh, &frames, 1.0);
     let model = encode::fit_model(&samples, &[Component::Combined]);
     assert!(model.lobes.is_empty());
-    let encoded = encode(&samples, &[Component::Combined], Some(&model), &Options::default()).unwrap();
+    let encoded = encode(&samples, &[Component::Combined], Some(&model), &WaveletOptions::default()).unwrap();
     let decoded = decode(&encoded.bytes, &mesh, &[Component::Combined], 4, &budget()).unwrap();
     assert!(!decoded.model.as_ref().unwrap().relightable);
     let error = encode::sample_errors(&samples, &decoded, [1.0; 3])[0];
     assert!(error.linear_db > 30.0, "{error:?}");
-    let nothing = Samples::gather(&Mesh::default(), &frames, 1.0);
-    let empty = encode(&nothing, &[Component::Combined], None, &Options::default()).unwrap();
+    let nothing = WaveletSamples::gather(&Mesh::default(), &frames, 1.0);
+    let empty = encode(&nothing, &[Component::Combined], None, &WaveletOptions::default()).unwrap();
     assert!(decode(&empty.bytes, &Mesh::default(), &[Component::Combined], 4, &budget()).is_ok());
 }
 
@@ -160,7 +164,7 @@ fn unknown_lights_and_one_component_work() {
 fn hostile_bytes_do_no_harm() {
     let (mesh, views, samples) = samples(3);
     let model = encode::fit_model(&samples, &COMPONENTS);
-    let encoded = encode(&samples, &COMPONENTS, Some(&model), &Options::default()).unwrap();
+    let encoded = encode(&samples, &COMPONENTS, Some(&model), &WaveletOptions::default()).unwrap();
     let read = |bytes: &[u8]| decode(bytes, &mesh, &COMPONENTS, views.len(), &budget());
     for length in 0..HEADER_BYTES {
         assert!(read(&encoded.bytes[..length]).is_err());

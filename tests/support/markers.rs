@@ -62,7 +62,7 @@ pub fn draw_through(rays: &Rays, cells: &[&str], pose: &Pose, seed: u32) -> Grid
     let back = pose.inverse();
     let value = |x: f64, y: f64| {
         let [dx, dy] = rays.at(x, y);
-        let (from, to) = (back.apply([0.0; 3]), back.apply([dx, dy, 1.0]));
+        let (from, to) = (back.transform_point([0.0; 3]), back.transform_point([dx, dy, 1.0]));
         let t = from[2] / (from[2] - to[2]);
         let [u, v] = [0, 1].map(|k| (from[k] + t * (to[k] - from[k])) / 0.1);
         if t <= 0.0 || u.abs() > 0.5 + 1.0 / count || v.abs() > 0.5 + 1.0 / count {
@@ -79,7 +79,7 @@ pub fn draw_through(rays: &Rays, cells: &[&str], pose: &Pose, seed: u32) -> Grid
     };
     // Elsewhere is the wall.
     let reach = 0.1 * camera.focal[0] / pose.translation[2] * 1.1;
-    let corner = pose.apply([0.0; 3]);
+    let corner = pose.transform_point([0.0; 3]);
     let (cx, cy) = {
         let [x, y] = lens.distort([corner[0] / corner[2], corner[1] / corner[2]]);
         (camera.focal[0] * x + camera.principal[0], camera.focal[1] * y + camera.principal[1])
@@ -116,6 +116,6 @@ pub fn posed([x, y, z]: [f64; 3], translation: [f64; 3]) -> Pose {
         Pose { rotation, translation: [0.0; 3] }
     };
     let hung = turn(0, 180.0);
-    let Pose { rotation, .. } = turn(2, z).after(&turn(1, y)).after(&turn(0, x)).after(&hung);
+    let Pose { rotation, .. } = turn(2, z).compose(&turn(1, y)).compose(&turn(0, x)).compose(&hung);
     Pose { rotation, translation }
 }

@@ -6,8 +6,8 @@ use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 use tempfile::TempDir;
-use tsuya::capture::{self, Capture, ReadOptions};
-use tsuya::encoder::{Encoded, encode};
+use tsuya::capture::{self, Capture, CaptureReadOptions};
+use tsuya::encoder::{EncodedFile, encode};
 use tsuya::options::EncodeOptions;
 
 /// The folder of a bundled capture: `sample-spot`, or one that `tools/captures/make.py` makes: `dome`, `unpolarised`, `lens`, `sizes`.
@@ -82,16 +82,16 @@ pub fn variant(frames: usize, edit: impl FnOnce(&mut Value, &Path)) -> TempDir {
 
 /// Reads a capture as it is.
 pub fn read(path: &Path) -> tsuya::Result<Capture> {
-    capture::read(path, &ReadOptions::default())
+    capture::read(path, &CaptureReadOptions::default())
 }
 
 /// Reads and encodes a capture with the defaults.
-pub fn encode_default(path: &Path) -> tsuya::Result<Encoded> {
+pub fn encode_default(path: &Path) -> tsuya::Result<EncodedFile> {
     encode(read(path)?, &EncodeOptions::default())
 }
 
 /// The sample encoded with the defaults, once a test program.
-pub fn encoded_sample() -> &'static Encoded {
-    static ENCODED: OnceLock<Encoded> = OnceLock::new();
+pub fn encoded_sample() -> &'static EncodedFile {
+    static ENCODED: OnceLock<EncodedFile> = OnceLock::new();
     ENCODED.get_or_init(|| encode_default(&sample()).unwrap())
 }

@@ -9,12 +9,12 @@
 use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
-use tsuya::brdf::errors::{ErrorReport, Reference, cell_errors};
-use tsuya::brdf::forms::{AnyForm, FitSettings, fit, fit_planned};
+use tsuya::brdf::errors::{ErrorReport, MeasuredReference, cell_errors};
+use tsuya::brdf::forms::{BrdfForm, FitSettings, fit_planned, fit_table};
 use tsuya::brdf::merl::MerlTable;
-use tsuya::brdf::models::{Form, Objective, read_published};
-use tsuya::brdf::plan::{Method, Plan, Population};
-use tsuya::brdf::preview::{Environment, SphereScenes, studio};
+use tsuya::brdf::models::{ClassicalForm, FitObjective, read_published};
+use tsuya::brdf::plan::{MeasurementPlan, PlanMethod, Population};
+use tsuya::brdf::preview::{PreviewEnvironment, SphereScenes, studio_environment};
 use tsuya::brdf::rgl::RglMaterial;
 
 type Result<T> = std::result::Result<T, Box<dyn Error>>;
@@ -33,7 +33,7 @@ fn main() -> Result<()> {
     let Some(tables) = folders.first() else {
         return Err("usage: bench-brdf MERL_TABLES [RGL_MATERIALS [PUBLISHED_FITS]]".into());
     };
-    let scenes = SphereScenes::new(64, &Environment::new(&studio()));
+    let scenes = SphereScenes::new(64, &PreviewEnvironment::new(&studio_environment()));
     let mut published = Vec::new();
     if let Some(folder) = folders.get(2) {
         for path in files(folder, "fit")? {
@@ -52,7 +52,7 @@ fn main() -> Result<()> {
         if plans_alone() {
             continue;
         }
-        let reference = Reference::new(&table, &scenes);
+        let reference = MeasuredReference::new(&table, &scenes);
         fit_all(&name, &table, &reference, &mut rows)?;
         for (list, fits) in &published {
             if let Some(found) = fits.iter().find(|fit| fit.material == name) {
@@ -61,7 +61,7 @@ fn main() -> Result<()> {
                 rows.push(Row {
                     material: name.clone(),
                     form: list.clone(),
-                    bytes: 4 * found.model.parameters(),
+                    bytes: 4 * found.model.parameter_count(),
                     seconds: 0.0,
                     report,
                 });
@@ -80,8 +80,8 @@ fn main() -> Result<()> {
     if let Some(folder) = folders.get(1).filter(|_| !plans_alone()) {
         let mut rows = Vec::new();
         for path in files(folder, "bsdf")? {
-            let table = MerlTable::of(&RglMaterial::read(&path, &Default::default())?.reciprocal());
-            fit_all(&stem(&path), &table, &Reference::new(&table, &scenes), &mut rows)?;
+            let table = MerlTable::tabulate(&RglMaterial::read(&path, &Default::default())?.reciprocal());
+            fit_all(&stem(&path), &table, &MeasuredReference::new(&table, &scenes), &mut rows)?;
         }
         print("RGL materials", &rows);
     }
@@ -105,10 +105,10 @@ fn plans(merl: &[PathBuf]) -> Result<()> {
             population.len(),
             judged.len()
         );
-        let (tuned, lobes) = (AnyForm::Tuned, AnyForm::Published);
-        let (uniform, published, optimal) = (Method::Uniform, Method::Published, Method::Optimal);
+        let (tuned, lobes) = (BrdfForm::Compact, BrdfForm::Dsbrdf);
+        let (uniform, published, optimal) = (PlanMethod::Uniform, PlanMethod::Published, PlanMethod::Optimal);
         let counts: &[usize] = if part == 1 { &[8, 11, 16, 18, 32, 64, 128, 200] } else { &[11, 18, 32, 200] };
-        let mut rows: Vec<(String, Plan, AnyForm)> = Vec::new();
+        let mut rows: Vec<(String, MeasurementPlan, BrdfForm)> = Vec::new();
         for &count in counts {
             for (method, form) in
                 [(optimal, tuned), (published, tuned), (published, lobes), (uniform, tuned), (uniform, lobes)]
@@ -120,8 +120,8 @@ fn plans(merl: &[PathBuf]) -> Result<()> {
         // As in the paper: an eighth and a fifth of the 90 half angles in each of 18 slices. Lobes leave the first 5 degrees out, so plans
         // for them begin there; beside it plans that don't know of it.
         for (form, least) in [(lobes, 5.0), (lobes, 0.0), (tuned, 0.0)] {
-            population = population.with_least_theta_h_deg(least);
-            let name = |count: usize, method: Method| {
+            population = population.with_min_theta_h_deg(least);
+            let name = |count: usize, method: PlanMethod| {
                 format!("18 x {count:2} samples from {least} deg, {method:?}, {}", form.name())
             };
             rows.push((name(18, uniform), population.plan_slices(18, 18, uniform)?, form));
@@ -162,16 +162,17 @@ fn say(material: &str, form: &str, report: &ErrorReport) {
     eprintln!("{material} {form} {:.4} {:.1} {:.1}", report.log_rmse, psnr.point, psnr.environment);
 }
 
-fn fit_all(name: &str, table: &MerlTable, reference: &Reference, rows: &mut Vec<Row>) -> Result<()> {
-    let classical = |objective, suffix| Form::ISOTROPIC.map(|form| (AnyForm::Classical(form), objective, suffix));
-    let forms = [(AnyForm::Tuned, Objective::Both, ""), (AnyForm::Published, Objective::Both, "")].into_iter();
-    let forms = forms.chain(classical(Objective::Both, "")).chain(classical(Objective::Logarithm, "-log"));
+fn fit_all(name: &str, table: &MerlTable, reference: &MeasuredReference, rows: &mut Vec<Row>) -> Result<()> {
+    let classical =
+        |objective, suffix| ClassicalForm::ISOTROPIC.map(|form| (BrdfForm::Classical(form), objective, suffix));
+    let forms = [(BrdfForm::Compact, FitObjective::Both, ""), (BrdfForm::Dsbrdf, FitObjective::Both, "")].into_iter();
+    let forms = forms.chain(classical(FitObjective::Both, "")).chain(classical(FitObjective::Logarithm, "-log"));
     for (form, objective, suffix) in forms {
-        if quick() && matches!(form, AnyForm::Classical(_)) {
+        if quick() && matches!(form, BrdfForm::Classical(_)) {
             continue;
         }
         let begun = Instant::now();
-        let fitted = fit(table, form, &FitSettings { objective, ..Default::default() })?;
+        let fitted = fit_table(table, form, &FitSettings { objective, ..Default::default() })?;
         let seconds = begun.elapsed().as_secs_f64();
         let report = reference.report(&fitted);
         let form = format!("{}{suffix}", form.name());

@@ -8,13 +8,13 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 use tsuya::image::Mask;
 use tsuya::mesh::Mesh;
-use tsuya::metrics::FrameError;
-use tsuya::residual::volume::Effort;
+use tsuya::metrics::PhotographError;
+use tsuya::residual::volume::FillEffort;
 use tsuya::surface::raster::coverage;
 use tsuya::views::{Component, Photograph, View};
 use tsuya::wavelet_texture::decode::photographs;
 use tsuya::wavelet_texture::encode::{fit_model, sample_errors};
-use tsuya::wavelet_texture::{Encoded, Frame, Options, Samples, decode, encode};
+use tsuya::wavelet_texture::{EncodedWaveletTexture, PosedPhotograph, WaveletOptions, WaveletSamples, decode, encode};
 use tsuya::{Budget, Limits};
 
 type Result<T> = std::result::Result<T, Box<dyn Error>>;
@@ -26,10 +26,10 @@ fn main() -> Result<()> {
     let mut arguments = std::env::args().skip(1);
     let folder = arguments.next().map_or_else(default_capture, PathBuf::from);
     let capture = Capture::read(&folder)?;
-    let frames: Vec<Frame> = (capture.views.iter().zip(&capture.photographs))
-        .map(|(view, taken)| Frame { view, mask: Some(&taken.mask), images: &taken.images })
+    let frames: Vec<PosedPhotograph> = (capture.views.iter().zip(&capture.photographs))
+        .map(|(view, taken)| PosedPhotograph { view, mask: Some(&taken.mask), images: &taken.images })
         .collect();
-    let samples = Samples::gather(&capture.mesh, &frames, 1.0);
+    let samples = WaveletSamples::gather(&capture.mesh, &frames, 1.0);
     let visible = samples.visible();
     println!("{}: {} views, {} triangles", folder.display(), capture.views.len(), capture.mesh.triangles.len());
     println!(
@@ -50,9 +50,9 @@ fn main() -> Result<()> {
     println!(
         "coefficients kept    | diffuse lin / clip / sqrt | specular lin / clip / sqrt | image |     bytes (model) |  bps | published"
     );
-    let standard = Options::default();
-    let per_image = Options { view_levels: 0, ..standard };
-    let holes = |options: Options| Options { effort: Effort::HOLES_ARE_ZERO, ..options };
+    let standard = WaveletOptions::default();
+    let per_image = WaveletOptions { view_levels: 0, ..standard };
+    let holes = |options: WaveletOptions| WaveletOptions { effort: FillEffort::HOLES_ARE_ZERO, ..options };
     let rows = [
         (0.0, true, standard, "< 30 (model alone)"),
         (1.5, true, standard, ""),
@@ -76,7 +76,7 @@ fn main() -> Result<()> {
         if only.is_some_and(|only| only != percent) {
             continue;
         }
-        let options = Options { keep_percent: percent, ..options };
+        let options = WaveletOptions { keep_percent: percent, ..options };
         let begun = Instant::now();
         let encoded = encode(&samples, &COMPONENTS, modelled.then_some(&model), &options)?;
         let encoding = begun.elapsed().as_secs_f64();
@@ -91,8 +91,8 @@ fn main() -> Result<()> {
 
 fn report(
     capture: &Capture,
-    samples: &Samples,
-    encoded: &Encoded,
+    samples: &WaveletSamples,
+    encoded: &EncodedWaveletTexture,
     modelled: bool,
     view_levels: u8,
     published: &str,
@@ -101,11 +101,11 @@ fn report(
     let decoded = decode(&encoded.bytes, &capture.mesh, &COMPONENTS, capture.views.len(), &budget)?;
     let errors = sample_errors(samples, &decoded, capture.white);
     let photographs = photographs(&decoded, &capture.mesh, &capture.views, |_| true);
-    let mut total = FrameError::default();
+    let mut total = PhotographError::default();
     for ((original, decoded), covered) in
         capture.photographs.iter().zip(photographs.iter().flatten()).zip(&capture.covered)
     {
-        total.join(&FrameError::of(original, decoded, &COMPONENTS, covered, capture.white));
+        total.merge(&PhotographError::compare(original, decoded, &COMPONENTS, covered, capture.white));
     }
     let image = total.psnr().sum.unwrap_or(f64::INFINITY);
     println!(
@@ -152,7 +152,7 @@ impl Capture {
             return Err(format!("{}: photographs with and without polarisers are needed", folder.display()).into());
         }
         let (mut views, mut photographs) = (Vec::new(), Vec::new());
-        for frame in observations.frames {
+        for frame in observations.views {
             let mask = frame.mask.ok_or_else(|| format!("{}: a mask is needed", frame.view.name))?;
             views.push(frame.view);
             photographs.push(Photograph { mask, images: frame.images });

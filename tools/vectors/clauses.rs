@@ -4,15 +4,15 @@ use serde_json::{Value, json};
 use std::path::Path;
 use tsuya::brdf::Brdf;
 use tsuya::brdf::materials::NamedMaterial;
-use tsuya::entropy::average::Average;
-use tsuya::entropy::mixer::{Context, Mixer};
-use tsuya::entropy::symbol::Symbols;
-use tsuya::entropy::{BitCoder, BitModel, Number, RangeEncoder, RansEncoder, SymbolCoder, code_end};
+use tsuya::entropy::average::AverageModel;
+use tsuya::entropy::mixer::{Mixer, MixerContext};
+use tsuya::entropy::symbol::SymbolModel;
+use tsuya::entropy::{BitCoder, BitModel, NumberModel, RangeEncoder, RansEncoder, SymbolCoder, code_end};
 use tsuya::image::Mask;
-use tsuya::quantise::bands::{Choice, Quantiser};
-use tsuya::residual::coefficients::{self, Modelling, Models};
+use tsuya::quantise::bands::{Quantiser, RateDistortion};
+use tsuya::residual::coefficients::{self, CoefficientModels, Modelling};
 use tsuya::residual::mask::{self, MaskModels};
-use tsuya::transform::shape_adaptive::{Pixel, Plan};
+use tsuya::transform::shape_adaptive::{ColourLanes, WaveletPlan};
 
 /// Numbers that look random and are the same everywhere (Knuth's linear congruential generator of 32 bits, its upper half).
 struct Random(u32);
@@ -73,11 +73,11 @@ fn entropy() -> Vec<Value> {
     cases.push(json!({"clause": "3", "kind": "model", "stream": finish(coder), "bits": bits}));
 
     let numbers = [0u32, 1, 2, 3, 7, 8, 1000, 65535, 65536, 4_294_967_294, 5, 5, 5, 6, 0];
-    let (mut coder, mut model) = (RangeEncoder::new(), Number::default());
+    let (mut coder, mut model) = (RangeEncoder::new(), NumberModel::default());
     numbers.iter().for_each(|&number| _ = model.code(&mut coder, number));
     cases.push(json!({"clause": "4", "kind": "number", "stream": finish(coder), "values": numbers}));
     let numbers = [0, 1, -1, 2, -2, 1000, -1000, i32::MAX, -i32::MAX, 3, 3, -3];
-    let (mut coder, mut model) = (RangeEncoder::new(), Number::default());
+    let (mut coder, mut model) = (RangeEncoder::new(), NumberModel::default());
     numbers.iter().for_each(|&number| _ = model.code_signed(&mut coder, number));
     cases.push(json!({"clause": "4", "kind": "signed", "stream": finish(coder), "values": numbers}));
 
@@ -85,7 +85,7 @@ fn entropy() -> Vec<Value> {
     let (mut coder, mut mixer) = (RangeEncoder::new(), Mixer::new(slots, selectors));
     let (mut contexts, mut bits) = (Vec::new(), Vec::new());
     for _ in 0..80 {
-        let context = Context {
+        let context = MixerContext {
             slots: slots.map(|count| random.below(count as u32)),
             selectors: selectors.map(|count| random.below(count as u32)),
         };
@@ -99,7 +99,7 @@ fn entropy() -> Vec<Value> {
         "contexts": contexts, "bits": bits}));
 
     let counts = [3usize, 5];
-    let (mut coder, mut average) = (RangeEncoder::new(), Average::new(counts));
+    let (mut coder, mut average) = (RangeEncoder::new(), AverageModel::new(counts));
     let (mut contexts, mut bits) = (Vec::new(), Vec::new());
     for _ in 0..60 {
         let context = counts.map(|count| random.below(count as u32));
@@ -112,7 +112,7 @@ fn entropy() -> Vec<Value> {
         .push(json!({"clause": "6", "kind": "average", "stream": finish(coder), "slots": counts, "contexts": contexts,
         "bits": bits}));
 
-    let (mut coder, mut symbols) = (RansEncoder::new(), Symbols::new(counts));
+    let (mut coder, mut symbols) = (RansEncoder::new(), SymbolModel::new(counts));
     let (mut contexts, mut values, mut equiprobable) = (Vec::new(), Vec::new(), Vec::new());
     for _ in 0..80 {
         let context = counts.map(|count| random.below(count as u32));
@@ -137,7 +137,7 @@ fn masks() -> Vec<Value> {
     (1..shifted.data.len()).for_each(|at| shifted.data[at] = coverage.data[at - 1] || at % 17 == 3);
     let case = |mask: &Mask| {
         let mut coder = RangeEncoder::new();
-        mask::code(&mut coder, &mut MaskModels::default(), &coverage, Some(mask));
+        mask::code_mask(&mut coder, &mut MaskModels::default(), &coverage, Some(mask));
         json!({"clause": "8", "coverage": rows(&coverage), "stream": hex(&coder.finish()), "mask": rows(mask)})
     };
     vec![case(&coverage), case(&shifted)]
@@ -146,18 +146,18 @@ fn masks() -> Vec<Value> {
 /// planes.md sections 6 and 7: a stream of coefficients, and the picture of them; with a prediction and without.
 fn planes() -> Vec<Value> {
     let mask = round(13, 10, 4.6);
-    let plan = Plan::new(&mask);
+    let plan = WaveletPlan::new(&mask);
     let mut random = Random(7);
-    let mut picture = |scale: f32| -> Vec<Pixel> {
+    let mut picture = |scale: f32| -> Vec<ColourLanes> {
         let value = |at: usize, random: &mut Random| (at % 13) as f32 * 0.07 + random.below(100) as f32 * 0.002;
-        let pixel = |at: usize| -> Pixel {
+        let pixel = |at: usize| -> ColourLanes {
             let [a, b, c] = [0, 1, 2].map(|_| scale * value(at, &mut random));
             if mask.data[at] { [a, b, c, 0.0] } else { [0.0; 4] }
         };
         (0..mask.data.len()).map(pixel).collect()
     };
     let (target, predicted) = (picture(1.0), picture(0.9));
-    let in_mask = |pixels: &[Pixel], mask: &Mask| {
+    let in_mask = |pixels: &[ColourLanes], mask: &Mask| {
         let kept = pixels.iter().zip(&mask.data).filter(|(_, set)| **set);
         singles(kept.flat_map(|(pixel, _)| [pixel[0], pixel[1], pixel[2]]))
     };
@@ -167,12 +167,12 @@ fn planes() -> Vec<Value> {
             let quantiser = Quantiser { step: 0.03, shrink: [0.125, 0.0625] };
             let prediction = with.then(|| plan.forward(predicted.clone()));
             let (stream, decoded) = coefficients::encode(
-                &mut Models::new(modelling),
+                &mut CoefficientModels::new(modelling),
                 &plan,
                 &quantiser,
                 prediction.as_deref(),
                 &plan.forward(target.clone()),
-                Choice { lambda: 0.1 },
+                RateDistortion { lambda: 0.1 },
             );
             cases.push(json!({
                 "clause": "6 and 7", "modelling": name, "mask": rows(&mask),
@@ -259,7 +259,7 @@ pub fn materials(section: &[u8]) -> tsuya::Result<Vec<Value>> {
         [unit(-0.5, 0.5), unit(0.55, -0.4)],
         [unit(0.0, 0.9), unit(0.2, -0.95)],
     ];
-    let found = tsuya::brdf::materials::decode(section, &tsuya::Budget::new(Default::default()))?;
+    let found = tsuya::brdf::materials::decode_materials(section, &tsuya::Budget::new(Default::default()))?;
     let case = |material: &NamedMaterial| {
         let values: Vec<_> = pairs.iter().map(|[i, o]| json!([i, o, material.material.evaluate(*i, *o)])).collect();
         json!({"section": hex(section), "name": material.name, "values": values})

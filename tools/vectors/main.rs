@@ -10,12 +10,12 @@ mod clauses;
 
 use std::path::{Path, PathBuf};
 use tsuya::brdf::materials::{self, FittedMaterial, NamedMaterial};
-use tsuya::brdf::models::{ClassicalModel, Lobe};
-use tsuya::brdf::{Sample, compact, dsbrdf};
-use tsuya::container::{SectionCodec, Tag, Writer, edit};
+use tsuya::brdf::models::{ClassicalLobe, ClassicalModel};
+use tsuya::brdf::{BrdfSample, compact, dsbrdf};
+use tsuya::container::{ContainerWriter, SectionCodec, Tag, edit};
 use tsuya::encoder::encode;
-use tsuya::lighting::{Level, Light};
-use tsuya::options::{Decoding, EncodeOptions, Profile, SpecularModel, Target};
+use tsuya::lighting::{EnvironmentLobes, PrefilteredMap};
+use tsuya::options::{DecodeSpeed, EncodeOptions, EncodeTarget, Profile, SpecularModel};
 use tsuya::sphere::gaussian::SphericalGaussian;
 use tsuya::visibility::bake::{BakeOptions, bake};
 
@@ -27,28 +27,28 @@ const VERSION: &str = "0.1";
 /// Bundled captures, how many of their first views, and how they are encoded.
 fn captures() -> Vec<(&'static str, &'static str, usize, EncodeOptions)> {
     let tuned = |decoding, quality| EncodeOptions {
-        decoding,
-        target: Some(Target::Quality(quality)),
+        decode_speed: decoding,
+        target: Some(EncodeTarget::Quality(quality)),
         ..EncodeOptions::default()
     };
     let paper = |percent| EncodeOptions {
-        profile: Profile::Paper,
-        target: Some(Target::KeepPercent(percent)),
+        profile: Profile::WaveletTexture,
+        target: Some(EncodeTarget::KeepPercent(percent)),
         ..EncodeOptions::default()
     };
-    let palette = EncodeOptions { specular: SpecularModel::Dsbrdf, ..tuned(Decoding::Small, 30.0) };
+    let palette = EncodeOptions { specular: SpecularModel::Dsbrdf, ..tuned(DecodeSpeed::Normal, 30.0) };
     vec![
-        ("ring-small", "sample-spot", 3, tuned(Decoding::Small, 30.0)),
-        ("ring-fast", "sample-spot", 3, tuned(Decoding::Fast, 30.0)),
-        ("ring-fastest", "sample-spot", 3, tuned(Decoding::Fastest, 30.0)),
+        ("ring-small", "sample-spot", 3, tuned(DecodeSpeed::Normal, 30.0)),
+        ("ring-fast", "sample-spot", 3, tuned(DecodeSpeed::Fast, 30.0)),
+        ("ring-fastest", "sample-spot", 3, tuned(DecodeSpeed::Fastest, 30.0)),
         ("ring-palette", "sample-spot", 2, palette),
         ("ring-paper", "sample-spot", 2, paper(1.0)),
-        ("dome-small", "dome", 3, tuned(Decoding::Small, 40.0)),
+        ("dome-small", "dome", 3, tuned(DecodeSpeed::Normal, 40.0)),
         ("dome-paper", "dome", 3, paper(1.0)),
-        ("unpolarised-small", "unpolarised", 3, tuned(Decoding::Small, 40.0)),
+        ("unpolarised-small", "unpolarised", 3, tuned(DecodeSpeed::Normal, 40.0)),
         ("unpolarised-paper", "unpolarised", 3, paper(2.0)),
-        ("lens-fastest", "lens", 2, tuned(Decoding::Fastest, 40.0)),
-        ("sizes-small", "sizes", 3, tuned(Decoding::Small, 50.0)),
+        ("lens-fastest", "lens", 2, tuned(DecodeSpeed::Fastest, 40.0)),
+        ("sizes-small", "sizes", 3, tuned(DecodeSpeed::Normal, 50.0)),
     ]
 }
 
@@ -61,21 +61,25 @@ fn light() -> Outcome<Vec<u8>> {
     };
     let level = |sharpness: f64, size: usize| {
         let cell = |k: usize| [0.2 + 0.01 * (k % size) as f32, (k / size) as f32, 40.0 / (1 + k % 7) as f32];
-        Level::new(sharpness, size, (0..size * size).map(cell).collect()).ok_or("not a level")
+        PrefilteredMap::new(sharpness, size, (0..size * size).map(cell).collect()).ok_or("not a level")
     };
-    let light = Light { diffuse: vec![lobe(0.5), lobe(-0.25)], levels: vec![level(80.0, 16)?, level(5.0, 8)?] };
+    let light =
+        EnvironmentLobes { diffuse: vec![lobe(0.5), lobe(-0.25)], prefiltered: vec![level(80.0, 16)?, level(5.0, 8)?] };
     Ok(tsuya::lighting::codec::encode(&light, &Default::default())?.0)
 }
 
 /// One material in each form.
 fn two_materials() -> Outcome<Vec<u8>> {
-    let model =
-        ClassicalModel { diffuse: [0.3, 0.2, 0.1], specular: [0.1, 0.1, 0.12], lobe: Lobe::Ward { roughness: 0.2 } };
-    let samples = Sample::of(&model, [30, 18, 4]);
+    let model = ClassicalModel {
+        diffuse: [0.3, 0.2, 0.1],
+        specular: [0.1, 0.1, 0.12],
+        lobe: ClassicalLobe::Ward { roughness: 0.2 },
+    };
+    let samples = BrdfSample::tabulate(&model, [30, 18, 4]);
     let named = |name: &str, material| NamedMaterial { name: name.into(), material };
-    Ok(materials::encode(&[
-        named("lobes", FittedMaterial::Lobes(dsbrdf::fit(&samples, &Default::default())?)),
-        named("compact", FittedMaterial::Tuned(compact::fit(&samples, &Default::default())?)),
+    Ok(materials::encode_materials(&[
+        named("lobes", FittedMaterial::Dsbrdf(dsbrdf::fit_dsbrdf(&samples, &Default::default())?)),
+        named("compact", FittedMaterial::Compact(compact::fit_compact(&samples, &Default::default())?)),
     ])?)
 }
 
@@ -86,10 +90,10 @@ fn golden(name: &str, capture: &str, frames: usize, options: &EncodeOptions) -> 
     let file = encode(capture, options)?.bytes;
     // Without the thumbnail, which is another format's business.
     let mut container = tsuya::container::Container::open_slice(&file, Default::default())?;
-    let mut writer = Writer::new(Vec::new())?;
+    let mut writer = ContainerWriter::new(Vec::new())?;
     for section in container.sections().to_vec() {
         if section.tag != Tag::THUMBNAIL {
-            writer.section(section.tag, section.codec, &container.read_section(section.tag)?)?;
+            writer.write_section(section.tag, section.codec, &container.read_section(section.tag)?)?;
         }
     }
     let file = writer.finish()?;
@@ -115,8 +119,8 @@ fn main() -> Outcome<()> {
         files.push((name, golden(name, capture, frames, &options)?));
     }
     let alone = |tag, content: &[u8]| -> Outcome<Vec<u8>> {
-        let mut writer = Writer::new(Vec::new())?;
-        writer.section(tag, SectionCodec::Own, content)?;
+        let mut writer = ContainerWriter::new(Vec::new())?;
+        writer.write_section(tag, SectionCodec::Own, content)?;
         Ok(writer.finish()?)
     };
     files.push(("light", alone(Tag::LIGHT, &light()?)?));

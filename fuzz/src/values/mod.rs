@@ -31,14 +31,14 @@ pub const TAGS: [Tag; 11] = [
     Tag::CHARTS,
     Tag::REFLECTANCE,
     Tag::PLANES,
-    Tag::PAPER,
+    Tag::WAVELET_TEXTURE,
     Tag::MATERIALS,
     Tag::VISIBILITY,
     Tag::LIGHT,
 ];
 
 /// Limits for what these values ask for.
-pub const LIMITS: Limits = Limits { memory_bytes: 1 << 28, frames: 64, picture_side: 1024, mesh_elements: 1 << 14 };
+pub const LIMITS: Limits = Limits { memory_bytes: 1 << 28, views: 64, image_side: 1024, mesh_elements: 1 << 14 };
 
 /// A fresh account.
 pub fn budget() -> Budget {
@@ -73,7 +73,7 @@ impl Object {
             Tag::CHARTS => Some(self.charts.1.clone()),
             Tag::REFLECTANCE => parts::reflectance(u, &self.mesh.0, &self.charts.0)?,
             Tag::PLANES => Some(pictures::planes(u, self)?),
-            Tag::PAPER => pictures::paper(u, self)?,
+            Tag::WAVELET_TEXTURE => pictures::paper(u, self)?,
             Tag::MATERIALS => parts::materials(u)?,
             Tag::VISIBILITY => parts::visibility(u, &self.mesh.0)?,
             _ => parts::light(u)?,
@@ -91,10 +91,10 @@ impl Object {
             Tag::CHARTS => drop(surface::charts::decode(bytes, mesh, &budget)),
             Tag::REFLECTANCE => drop(reflectance::codec::decode(bytes, mesh, &self.charts.0, &budget)),
             Tag::PLANES => pictures::read_planes(bytes, self),
-            Tag::PAPER => {
+            Tag::WAVELET_TEXTURE => {
                 drop(wavelet_texture::decode(bytes, mesh, self.components(), self.all_views().len(), &budget))
             }
-            Tag::MATERIALS => drop(tsuya::brdf::materials::decode(bytes, &budget)),
+            Tag::MATERIALS => drop(tsuya::brdf::materials::decode_materials(bytes, &budget)),
             Tag::VISIBILITY => drop(visibility::codec::decode(bytes, mesh, &budget)),
             _ => drop(lighting::codec::decode(bytes, &budget)),
         }
@@ -112,7 +112,7 @@ impl Object {
 }
 
 /// The head of section `PLAN` of any value comes back.
-pub fn planes_header(u: &mut Unstructured) -> Result<predictive::header::Header> {
+pub fn planes_header(u: &mut Unstructured) -> Result<predictive::header::PlaneHeader> {
     pictures::header(u)
 }
 

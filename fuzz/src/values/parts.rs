@@ -4,13 +4,13 @@ use super::{budget, number, positive};
 use crate::scene;
 use arbitrary::{Result, Unstructured};
 use serde_json::{Map, Value};
-use tsuya::brdf::compact::TunedMaterial;
-use tsuya::brdf::dsbrdf::LobeMaterial;
+use tsuya::brdf::compact::CompactMaterial;
+use tsuya::brdf::dsbrdf::DsbrdfMaterial;
 use tsuya::brdf::materials::{self, FittedMaterial, NamedMaterial};
 use tsuya::container::metadata::{self, Metadata};
 use tsuya::container::thumbnail;
 use tsuya::image::Grid;
-use tsuya::lighting::{self, Level, Light, SphericalGaussian};
+use tsuya::lighting::{self, EnvironmentLobes, PrefilteredMap, SphericalGaussian};
 use tsuya::mesh::Mesh;
 use tsuya::reflectance::codec::MapSteps;
 use tsuya::reflectance::maps::ReflectanceMaps;
@@ -182,22 +182,22 @@ pub fn reflectance(u: &mut Unstructured, mesh: &Mesh, charts: &Charts) -> Result
     Ok(Some(bytes))
 }
 
-fn lobes(u: &mut Unstructured) -> Result<Option<LobeMaterial>> {
+fn lobes(u: &mut Unstructured) -> Result<Option<DsbrdfMaterial>> {
     let (slices, lobes) = (u.int_in_range(1..=20)?, u.int_in_range(1..=5)?);
     let amplitudes = u.arbitrary()?;
     let range = *u.choose(&[10, 300, 1024])?;
     let count = 3 * lobes * (2 + amplitudes as usize) * slices;
     let quantised = (0..count).map(|_| u.int_in_range(-range..=range)).collect::<Result<_>>()?;
-    Ok(LobeMaterial::new(slices, lobes, amplitudes, quantised))
+    Ok(DsbrdfMaterial::new(slices, lobes, amplitudes, quantised))
 }
 
-fn tuned(u: &mut Unstructured) -> Result<Option<TunedMaterial>> {
+fn tuned(u: &mut Unstructured) -> Result<Option<CompactMaterial>> {
     let reciprocal = u.arbitrary()?;
     let header = [63, 31, 127, 31, 31, 31].map(|most| u.int_in_range(0..=most));
     let [a, b, c, d, e, f] = header;
     let range = *u.choose(&[0, 3, 100, (1 << 20) - 1])?;
     let next = || u.int_in_range(-range..=range).unwrap_or(0);
-    Ok(TunedMaterial::from_numbers(reciprocal, [a?, b?, c?, d?, e?, f?], next))
+    Ok(CompactMaterial::from_numbers(reciprocal, [a?, b?, c?, d?, e?, f?], next))
 }
 
 /// Section `mATl`.
@@ -205,19 +205,19 @@ pub fn materials(u: &mut Unstructured) -> Result<Option<Vec<u8>>> {
     let mut all = Vec::new();
     for _ in 0..u.int_in_range(0..=3)? {
         let material =
-            if u.arbitrary()? { lobes(u)?.map(FittedMaterial::Lobes) } else { tuned(u)?.map(FittedMaterial::Tuned) };
+            if u.arbitrary()? { lobes(u)?.map(FittedMaterial::Dsbrdf) } else { tuned(u)?.map(FittedMaterial::Compact) };
         let Some(material) = material else { continue };
         all.push(NamedMaterial { name: u.arbitrary()?, material });
     }
-    let Ok(bytes) = materials::encode(&all) else { return Ok(None) };
-    let again = materials::decode(&bytes, &budget()).expect("our own materials");
+    let Ok(bytes) = materials::encode_materials(&all) else { return Ok(None) };
+    let again = materials::decode_materials(&bytes, &budget()).expect("our own materials");
     assert!(again == all, "the materials come back others");
     Ok(Some(bytes))
 }
 
 /// Section `lIGt`.
 pub fn light(u: &mut Unstructured) -> Result<Option<Vec<u8>>> {
-    let mut light = Light::default();
+    let mut light = EnvironmentLobes::default();
     for _ in 0..u.int_in_range(0..=3)? {
         let axis = *u.choose(&[[0.0, 1.0, 0.0], [0.6, 0.0, -0.8], [0.48, -0.6, 0.64]])?;
         let amplitude = [positive(u)? as f64, positive(u)? as f64, positive(u)? as f64];
@@ -227,9 +227,9 @@ pub fn light(u: &mut Unstructured) -> Result<Option<Vec<u8>>> {
         let size = u.int_in_range(1..=24)?;
         let (bright, dim) = (positive(u)?, positive(u)?);
         let cells = (0..size * size).map(|at| if at % 13 == 0 { [bright, dim, 1.0] } else { [dim; 3] }).collect();
-        light.levels.extend(Level::new(positive(u)? as f64, size, cells));
+        light.prefiltered.extend(PrefilteredMap::new(positive(u)? as f64, size, cells));
     }
-    let options = lighting::codec::StoreOptions { step: positive(u)? };
+    let options = lighting::codec::LightCodingOptions { step: positive(u)? };
     let Ok((bytes, decoded)) = lighting::codec::encode(&light, &options) else { return Ok(None) };
     let again = lighting::codec::decode(&bytes, &budget()).expect("our own light");
     assert!(again == decoded, "the light comes back another");

@@ -3,11 +3,11 @@
 use super::{Object, budget, number, positive};
 use crate::scene;
 use arbitrary::{Result, Unstructured};
-use tsuya::options::Decoding;
+use tsuya::options::DecodeSpeed;
 use tsuya::predictive;
-use tsuya::predictive::encode::{Encoder, Quality};
-use tsuya::predictive::header::{CodedStep, Header, PREFIX_BYTES};
-use tsuya::predictive::order::{MOST_REFERENCES, Step};
+use tsuya::predictive::encode::{PlaneEncoder, PlaneQuality};
+use tsuya::predictive::header::{CodedEntry, PREFIX_BYTES, PlaneHeader};
+use tsuya::predictive::order::{MAX_REFERENCES, OrderEntry};
 use tsuya::predictive::{ComponentCoding, MaskCoding, PlaneCoding};
 use tsuya::residual::coefficients::Modelling;
 use tsuya::views::Photograph;
@@ -40,15 +40,15 @@ fn photographs(u: &mut Unstructured, object: &Object) -> Result<Vec<Photograph>>
 pub fn planes(u: &mut Unstructured, object: &Object) -> Result<Vec<u8>> {
     let (mesh, views) = (&object.mesh.0, object.all_views());
     let photographs = photographs(u, object)?;
-    let quality = Quality {
+    let quality = PlaneQuality {
         step: positive(u)?.clamp(0.002, 0.5),
         lambda: positive(u)?.min(0.5),
-        decoding: *u.choose(&[Decoding::Small, Decoding::Fast, Decoding::Fastest])?,
-        ..Quality::default()
+        decode_speed: *u.choose(&[DecodeSpeed::Normal, DecodeSpeed::Fast, DecodeSpeed::Fastest])?,
+        ..PlaneQuality::default()
     };
     let covered = surface::raster::coverage(mesh, views);
     let white = object.views.0.white;
-    let encoder = Encoder::new(mesh, views, white, object.components(), &photographs, &covered, u.arbitrary()?);
+    let encoder = PlaneEncoder::new(mesh, views, white, object.components(), &photographs, &covered, u.arbitrary()?);
     let encoded = encoder.encode(&quality).expect("every picture set can be coded");
     let decoded = decode_planes(&encoded.bytes, object).expect("our own planes");
     for (decoded, expected) in decoded.iter().zip(&encoded.photographs) {
@@ -59,9 +59,9 @@ pub fn planes(u: &mut Unstructured, object: &Object) -> Result<Vec<u8>> {
 
 fn decode_planes(bytes: &[u8], object: &Object) -> tsuya::Result<Vec<Option<Photograph>>> {
     let budget = budget();
-    let header = Header::parse(bytes, object.all_views().len(), object.components().len(), &budget)?;
-    let body = &bytes[PREFIX_BYTES + Header::length(bytes)? as usize..];
-    let read = |step: &CodedStep| {
+    let header = PlaneHeader::parse(bytes, object.all_views().len(), object.components().len(), &budget)?;
+    let body = &bytes[PREFIX_BYTES + PlaneHeader::head_bytes(bytes)? as usize..];
+    let read = |step: &CodedEntry| {
         let length: usize = step.lengths.iter().map(|&l| l as usize).sum();
         Ok(body.get(step.offset as usize..).and_then(|rest| rest.get(..length)).map(<[u8]>::to_vec))
     };
@@ -86,12 +86,12 @@ pub fn read_planes(bytes: &[u8], object: &Object) {
 pub fn paper(u: &mut Unstructured, object: &Object) -> Result<Option<Vec<u8>>> {
     let (mesh, views, components) = (&object.mesh.0, object.all_views(), object.components());
     let photographs = photographs(u, object)?;
-    let frames: Vec<wavelet_texture::Frame> = (views.iter().zip(&photographs))
-        .map(|(view, taken)| wavelet_texture::Frame { view, mask: Some(&taken.mask), images: &taken.images })
+    let frames: Vec<wavelet_texture::PosedPhotograph> = (views.iter().zip(&photographs))
+        .map(|(view, taken)| wavelet_texture::PosedPhotograph { view, mask: Some(&taken.mask), images: &taken.images })
         .collect();
-    let samples = wavelet_texture::Samples::gather(mesh, &frames, *u.choose(&[0.1, 1.0, 3.0])?);
+    let samples = wavelet_texture::WaveletSamples::gather(mesh, &frames, *u.choose(&[0.1, 1.0, 3.0])?);
     let model = if u.arbitrary()? { Some(wavelet_texture::encode::fit_model(&samples, components)) } else { None };
-    let options = wavelet_texture::Options {
+    let options = wavelet_texture::WaveletOptions {
         keep_percent: u.int_in_range(0..=100)? as f64,
         view_levels: u.int_in_range(0..=7)?,
         relative_step: positive(u)?.clamp(0.05, 2.0),
@@ -109,7 +109,7 @@ pub fn paper(u: &mut Unstructured, object: &Object) -> Result<Option<Vec<u8>>> {
 }
 
 /// A head whose references point backwards, as the writer needs it; it comes back.
-pub fn header(u: &mut Unstructured) -> Result<Header> {
+pub fn header(u: &mut Unstructured) -> Result<PlaneHeader> {
     let count: usize = u.int_in_range(1..=2)?;
     let mut components = Vec::new();
     for _ in 0..count {
@@ -124,28 +124,28 @@ pub fn header(u: &mut Unstructured) -> Result<Header> {
     let views: usize = u.int_in_range(1..=5)?;
     let first = u.int_in_range(0..=views - 1)?;
     let mut offset = 0;
-    let mut steps: Vec<CodedStep> = Vec::new();
+    let mut steps: Vec<CodedEntry> = Vec::new();
     for index in 0..views {
         let earlier = |u: &mut Unstructured| u.int_in_range(0..=index - 1).map(|step| (step + first) % views);
         let mut references = Vec::new();
         let mut parent = None;
         if index > 0 {
-            for _ in 0..u.int_in_range(0..=MOST_REFERENCES)? {
+            for _ in 0..u.int_in_range(0..=MAX_REFERENCES)? {
                 references.push((earlier(u)?, u.arbitrary()?));
             }
             parent = if u.arbitrary()? { Some(earlier(u)?) } else { None };
         }
         let most = if u.ratio(1, 16)? { u32::MAX } else { 200 };
         let lengths = (0..=count).map(|_| u.int_in_range(0..=most)).collect::<Result<Vec<u32>>>()?;
-        let step = Step { view: (index + first) % views, references, parent };
+        let step = OrderEntry { view: (index + first) % views, references, parent };
         let scale = u.int_in_range(1..=255)?;
         let length: u64 = lengths.iter().map(|&l| l as u64).sum();
-        steps.push(CodedStep { step, scale, lengths, checksum: u.arbitrary()?, offset });
+        steps.push(CodedEntry { entry: step, scale, lengths, checksum: u.arbitrary()?, offset });
         offset += length;
     }
-    let header = Header { coding, steps };
+    let header = PlaneHeader { coding, entries: steps };
     let bytes = header.to_bytes();
-    let again = Header::parse(&bytes, views, count, &budget()).expect("our own head");
+    let again = PlaneHeader::parse(&bytes, views, count, &budget()).expect("our own head");
     assert!(again == header, "the head comes back another");
     Ok(header)
 }

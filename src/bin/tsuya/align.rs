@@ -8,8 +8,8 @@ use serde_json::{Value, json};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use tsuya::Error;
-use tsuya::capture::align::{align, apply, read_points};
-use tsuya::capture::{ReadOptions, describe};
+use tsuya::capture::align::{align, apply_pose, read_correspondences};
+use tsuya::capture::{CaptureReadOptions, describe};
 use tsuya::views::Camera;
 
 /// Registers a mesh to a capture by points marked in its photographs.
@@ -54,7 +54,7 @@ impl Align {
         let outputs: Vec<&Path> = self.output.iter().chain(&self.write_mesh).map(PathBuf::as_path).collect();
         output::check_outputs(&outputs, &inputs, self.force)?;
         let description = describe(&self.capture, &access)?;
-        let points = read_points(&self.points, &description, &access)?;
+        let points = read_correspondences(&self.points, &description, &access)?;
         let cameras: Vec<Camera> = description.frames.iter().map(|frame| frame.view.camera).collect();
         let alignment = align(&cameras, &points, self.scale)?;
         let report = json!({
@@ -70,9 +70,9 @@ impl Align {
             files.add(path, format!("{report:#}\n").as_bytes())?;
         }
         if let Some(path) = &self.write_mesh {
-            let options = ReadOptions { mesh: self.mesh.clone(), ..Default::default() };
+            let options = CaptureReadOptions { mesh: self.mesh.clone(), ..Default::default() };
             let mut mesh = tsuya::mesh::read::read(description.find_mesh(&options)?, &access)?;
-            apply(&mut mesh, &alignment.pose);
+            apply_pose(&mut mesh, &alignment.pose);
             files.add(path, &ply::write(&mesh))?;
         }
         files.commit()?;
@@ -80,7 +80,7 @@ impl Align {
             return Ok(());
         }
         if self.json {
-            return output::say_json(&report);
+            return output::print_json(&report);
         }
         let mut text = String::from("mesh to world:\n");
         for row in &alignment.pose {
@@ -94,7 +94,7 @@ impl Align {
             alignment.rms_pixels,
             alignment.max_pixels
         );
-        output::say(&text)
+        output::print(&text)
     }
 }
 

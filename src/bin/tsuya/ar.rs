@@ -3,7 +3,7 @@
 mod frames;
 mod video;
 
-use crate::surroundings::{self, Subject};
+use crate::surroundings::{self, JobAsset};
 use crate::values::{Numbers, numbers, triple};
 use crate::{Failed, output, source};
 use anyhow::Result;
@@ -14,18 +14,18 @@ use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use tsuya::Error;
-use tsuya::ar::placement::{Placement, Stands};
-use tsuya::ar::{Done, Light, Options, Quality, Shot, Times, run};
-use tsuya::asset::{Asset, metres};
+use tsuya::ar::placement::{Placement, RigMount};
+use tsuya::ar::{ArFrame, ArOptions, FrameReport, FrameTimes, LightSource, RenderMode, run};
+use tsuya::asset::{Asset, metres_per_unit};
 use tsuya::capture::calibration::{self, Calibration};
-use tsuya::decoder::Selection;
+use tsuya::decoder::ViewSelection;
 use tsuya::image::Mask;
 use tsuya::lighting::environment::turn_y;
-use tsuya::lighting::projection::{Fisheye, Looks, Projection, Unwrapper};
-use tsuya::lighting::read::{ReadOptions, raise_clipped, read};
-use tsuya::lighting::{self, Environment};
+use tsuya::lighting::projection::{EnvironmentProjection, FisheyeAxis, FisheyeModel, Unwrapper};
+use tsuya::lighting::read::{EnvironmentReadOptions, raise_clipped, read_environment};
+use tsuya::lighting::{self, EnvironmentMap};
 use tsuya::marker::Rig;
-use tsuya::relight::{AssetLook, Renderer};
+use tsuya::relight::{AssetRenderer, AssetShading};
 use tsuya::views::upright;
 
 /// Columns of the environments that light is taken from: those that stay, and those of sequences.
@@ -53,7 +53,7 @@ pub struct Ar {
     #[command(flatten)]
     light: LightArguments,
     #[command(flatten)]
-    place: Place,
+    place: PlacementArguments,
     /// What is in front of the object: a picture, white where; or a folder with one for each frame.
     #[arg(long, value_name = "PATH")]
     occlusion: Option<PathBuf>,
@@ -134,7 +134,7 @@ enum Shape {
 }
 
 #[derive(Args)]
-struct Place {
+struct PlacementArguments {
     /// The marker stands upright; otherwise it lies on the ground.
     #[arg(long)]
     upright: bool,
@@ -157,7 +157,7 @@ struct Place {
 impl Ar {
     pub fn run(self) -> Result<()> {
         let began = Instant::now();
-        let calibration = calibration::read(&self.camera, &source::access())?;
+        let calibration = calibration::read_calibration(&self.camera, &source::access())?;
         let rig = if self.marker.contains(':') && !Path::new(&self.marker).exists() {
             Rig::parse(&self.marker)?
         } else {
@@ -166,20 +166,20 @@ impl Ar {
         let mut source = Source::open(&self.frames, &self.ffmpeg)?;
         let rate = self.rate.map(|rate| [rate, 1]);
         let mut sink = Sink::create(&self.output, &source, rate, &self.ffmpeg, self.force)?;
-        let quality = if self.still || source.is_single() { Quality::Still } else { Quality::Motion };
-        let still = quality == Quality::Still;
+        let quality = if self.still || source.is_single() { RenderMode::Offline } else { RenderMode::Realtime };
+        let still = quality == RenderMode::Offline;
         let options = self.options(quality)?;
 
         let bar = progress(&source);
         bar.set_message("reading the object");
-        let selection = if still { Selection::All } else { Selection::None };
-        let subject = Subject::Asset(Box::new(source::decode(&self.asset, selection)?.0));
-        let Subject::Asset(asset) = &subject else { return Ok(()) };
+        let selection = if still { ViewSelection::All } else { ViewSelection::None };
+        let subject = JobAsset::Asset(Box::new(source::decode(&self.asset, selection)?.0));
+        let JobAsset::Asset(asset) = &subject else { return Ok(()) };
         let placement = self.place.placement(asset, &rig)?;
         let occlusion = surroundings::occlusion(&subject)?;
-        let look = AssetLook::new(asset, options.taps)?;
-        let renderer = if still { Some(Renderer::new(asset)?) } else { None };
-        let stands = tsuya::ar::Subject {
+        let look = AssetShading::new(asset, options.taps)?;
+        let renderer = if still { Some(AssetRenderer::new(asset)?) } else { None };
+        let stands = tsuya::ar::ArObject {
             mesh: &asset.mesh,
             occlusion: &occlusion,
             look: &look,
@@ -207,9 +207,9 @@ impl Ar {
                 None => None,
             };
             reading.set(reading.get() + clock.elapsed().as_secs_f64());
-            Ok(Some(Shot { plate, nearer }))
+            Ok(Some(ArFrame { plate, nearer }))
         };
-        let mut done = |plate: tsuya::ar::Plate, done: &Done| {
+        let mut done = |plate: tsuya::ar::Plate, done: &FrameReport| {
             let clock = Instant::now();
             work.frames.push(*done);
             // A photograph without its object is no result.
@@ -223,8 +223,8 @@ impl Ar {
         let described = rig.describe();
         let mut light_source = self.light.source(&placement, &self.ffmpeg)?;
         let light = match &mut light_source {
-            LightSource::Still(environment) => Light::Still(environment),
-            LightSource::Moving(next) => Light::Moving(next),
+            LightInput::Still(environment) => LightSource::Fixed(environment),
+            LightInput::Moving(next) => LightSource::PerFrame(next),
         };
         run(&stands, &calibration, rig, light, &options, &mut next, &mut done)?;
         work.reading = reading.get();
@@ -251,17 +251,17 @@ impl Ar {
         work.report(&source, &calibration, began.elapsed().as_secs_f64(), self.json)
     }
 
-    fn options(&self, quality: Quality) -> Result<Options> {
+    fn options(&self, quality: RenderMode) -> Result<ArOptions> {
         if self.noise.is_some_and(|sigma| !(0.0..=100.0).contains(&sigma)) {
             return Err(Error::parameter("--noise is 0 to 100 of 255").into());
         }
         let (samples, taps) = match quality {
-            Quality::Still => (3, 24),
-            Quality::Motion => (2, 7),
+            RenderMode::Offline => (3, 24),
+            RenderMode::Realtime => (2, 7),
         };
-        Ok(Options {
-            stands: if self.place.upright { Stands::BesideMarker } else { Stands::OnMarker },
-            quality,
+        Ok(ArOptions {
+            mount: if self.place.upright { RigMount::BesideMarker } else { RigMount::OnMarker },
+            mode: quality,
             samples: self.samples.unwrap_or(samples),
             taps,
             match_white: !self.no_match,
@@ -272,7 +272,7 @@ impl Ar {
     }
 }
 
-impl Place {
+impl PlacementArguments {
     fn placement(&self, asset: &Asset, rig: &Rig) -> Result<Placement> {
         let upright = upright(&asset.views);
         let measured = Placement::on_ground(&asset.mesh, upright, 0.0, 1.0, [0.0; 3])?;
@@ -287,34 +287,34 @@ impl Place {
         let scale = match (self.scale, self.size) {
             (Some(scale), _) => scale,
             (None, Some(length)) => length / longest,
-            (None, None) if has_units => metres(&asset.metadata),
+            (None, None) if has_units => metres_per_unit(&asset.metadata),
             (None, None) => rig.markers.first().map_or(1.0, |m| m.size) / longest,
         };
         Ok(Placement::on_ground(&asset.mesh, upright, self.turn, scale, self.at)?)
     }
 }
 
-type NextLight = Box<dyn FnMut() -> tsuya::Result<Option<Environment>>>;
+type NextLight = Box<dyn FnMut() -> tsuya::Result<Option<EnvironmentMap>>>;
 
-enum LightSource {
-    Still(Box<Environment>),
+enum LightInput {
+    Still(Box<EnvironmentMap>),
     Moving(NextLight),
 }
 
 impl LightArguments {
-    fn projection(&self) -> Option<Projection> {
-        let looks = if self.env_looks_up { Looks::Up } else { Looks::Ahead };
-        let fisheye = |model| Projection::Fisheye { model, field_degrees: self.env_field, looks };
+    fn projection(&self) -> Option<EnvironmentProjection> {
+        let looks = if self.env_looks_up { FisheyeAxis::Up } else { FisheyeAxis::Ahead };
+        let fisheye = |model| EnvironmentProjection::Fisheye { model, field_degrees: self.env_field, looks };
         self.env_projection.map(|shape| match shape {
-            Shape::LatLong => Projection::LatLong,
-            Shape::MirrorBall => Projection::MirrorBall,
-            Shape::Equidistant => fisheye(Fisheye::Equidistant),
-            Shape::Equisolid => fisheye(Fisheye::Equisolid),
+            Shape::LatLong => EnvironmentProjection::LatLong,
+            Shape::MirrorBall => EnvironmentProjection::MirrorBall,
+            Shape::Equidistant => fisheye(FisheyeModel::Equidistant),
+            Shape::Equisolid => fisheye(FisheyeModel::Equisolid),
         })
     }
 
     /// The light, in the object's axes.
-    fn source(&self, placement: &Placement, ffmpeg: &Path) -> Result<LightSource> {
+    fn source(&self, placement: &Placement, ffmpeg: &Path) -> Result<LightInput> {
         let finite = self.env_scale.is_finite() && self.env_scale >= 0.0 && self.env_rotation.is_finite();
         if !(finite && self.lamp_gain.is_finite() && self.lamp_gain >= 1.0) {
             return Err(Error::parameter("--env-scale is 0 or more, --lamp-gain 1 or more").into());
@@ -337,7 +337,7 @@ impl LightArguments {
                 }
                 let size = [picture.width, picture.height];
                 if unwrapper.is_none() {
-                    let guessed = (size[0] == 2 * size[1]).then_some(Projection::LatLong);
+                    let guessed = (size[0] == 2 * size[1]).then_some(EnvironmentProjection::LatLong);
                     let Some(projection) = projection.or(guessed) else {
                         let message = format!(
                             "pictures of {} x {} pixels: say how they show the sphere (--env-projection)",
@@ -350,28 +350,28 @@ impl LightArguments {
                 let environment = unwrapper.as_ref().map(|unwrapper| unwrapper.environment(&picture)).transpose()?;
                 Ok(environment.map(|environment| if scale == 1.0 { environment } else { environment.scaled(scale) }))
             };
-            return Ok(LightSource::Moving(Box::new(next)));
+            return Ok(LightInput::Moving(Box::new(next)));
         }
         let environment = match &self.env[..] {
             [path] if source::has_extension(path, "tsuya") => {
-                let stored: lighting::Light = source::read_light(path)?;
+                let stored: lighting::EnvironmentLobes = source::read_light(path)?;
                 let none = || Error::input(path, "its light has no levels: tsuya light fit makes them");
                 stored.environment().ok_or_else(none)?
             }
             paths => {
                 let exposures = self.env_exposures.clone().map_or(Vec::new(), |numbers| numbers.0);
-                let options = ReadOptions {
+                let options = EnvironmentReadOptions {
                     projection: self.projection(),
                     exposures,
                     limits: source::limits(),
-                    ..ReadOptions::default()
+                    ..EnvironmentReadOptions::default()
                 };
-                let environment = read(paths, &options)?.0;
+                let environment = read_environment(paths, &options)?.0;
                 let display = paths.iter().all(|p| !["exr", "hdr"].iter().any(|e| source::has_extension(p, e)));
                 if display && paths.len() == 1 && gain > 1.0 {
                     let mut image = environment.image().clone();
                     raise_clipped(&mut image, gain);
-                    Environment::new(image)?.0
+                    EnvironmentMap::new(image)?.0
                 } else {
                     environment
                 }
@@ -382,15 +382,15 @@ impl LightArguments {
         // Larger ones are averaged, not skipped over.
         let environment = if image.width > columns { environment.resized(columns, columns / 2) } else { environment };
         let image = environment.image();
-        let unwrapper = Unwrapper::new([image.width, image.height], Projection::LatLong, columns, turn)?;
-        Ok(LightSource::Still(Box::new(unwrapper.environment(image)?.scaled(scale))))
+        let unwrapper = Unwrapper::new([image.width, image.height], EnvironmentProjection::LatLong, columns, turn)?;
+        Ok(LightInput::Still(Box::new(unwrapper.environment(image)?.scaled(scale))))
     }
 }
 
 /// The next frame's mask; the last one stays.
 fn next_mask(masks: &mut Source, last: &mut Option<Mask>) -> tsuya::Result<Option<Mask>> {
     if let Some(plate) = masks.next()? {
-        *last = Some(plate.to_picture().map(|p| p[0].max(p[1]).max(p[2]) >= 128));
+        *last = Some(plate.to_display().map(|p| p[0].max(p[1]).max(p[2]) >= 128));
     }
     Ok(last.clone())
 }
@@ -412,16 +412,16 @@ fn progress(source: &Source) -> ProgressBar {
 
 /// What was done, for the report.
 struct Work {
-    frames: Vec<Done>,
+    frames: Vec<FrameReport>,
     reading: f64,
     writing: f64,
 }
 
 impl Work {
     fn report(&self, source: &Source, calibration: &Calibration, seconds: f64, as_json: bool) -> Result<()> {
-        let seen: Vec<&Done> = self.frames.iter().filter(|d| d.estimate.is_some()).collect();
+        let seen: Vec<&FrameReport> = self.frames.iter().filter(|d| d.estimate.is_some()).collect();
         let count = seen.len().max(1) as f64;
-        let mean = |part: fn(&Times) -> f64| seen.iter().map(|d| part(&d.times)).sum::<f64>() / count;
+        let mean = |part: fn(&FrameTimes) -> f64| seen.iter().map(|d| part(&d.times)).sum::<f64>() / count;
         let parts = [mean(|t| t.pose), mean(|t| t.light), mean(|t| t.render), mean(|t| t.composite)];
         let all = self.frames.len().max(1) as f64;
         let (reading, writing) = (self.reading / all, self.writing / all);
@@ -441,7 +441,7 @@ impl Work {
                     })
                 })
                 .collect();
-            return output::say_json(&json!({
+            return output::print_json(&json!({
                 "frames": self.frames.len(),
                 "with_marker": seen.len(),
                 "size": [calibration.camera.width, calibration.camera.height],
@@ -454,7 +454,7 @@ impl Work {
         }
         let [pose, light, render, composite] = parts.map(|s| 1e3 * s);
         let whole = mean(|t| t.whole);
-        output::say(&format!(
+        output::print(&format!(
             "{} of {} frames with the object, corners {rms:.2} pixels off\n\
              a frame: pose {pose:.1} ms, light {light:.1} ms, render {render:.1} ms, composite {composite:.1} ms; {:.1} frames a second\n\
              and {:.1} ms reading, {:.1} ms writing\n",

@@ -7,8 +7,8 @@ use anyhow::{Context, Result};
 use clap::Args;
 use serde_json::json;
 use std::path::{Path, PathBuf};
-use tsuya::container::{Container, SIGNATURE, SectionCodec, Tag, Writer, edit};
-use tsuya::visibility::bake::{BakeOptions, Baked, bake};
+use tsuya::container::{Container, ContainerWriter, SIGNATURE, SectionCodec, Tag, edit};
+use tsuya::visibility::bake::{BakeOptions, BakedVisibility, bake};
 use tsuya::{Error, mesh};
 
 /// Computes the visibility of all directions from every vertex, or more finely, for shadows under any light.
@@ -68,9 +68,9 @@ impl Bake {
             let bytes = match &old {
                 Some(old) => edit::with_sections(old, &[section], limits())?,
                 None => {
-                    let mut writer = Writer::new(Vec::new())?;
-                    writer.section(Tag::MESH, SectionCodec::Own, &mesh_bytes)?;
-                    writer.section(section.0, section.1, &section.2)?;
+                    let mut writer = ContainerWriter::new(Vec::new())?;
+                    writer.write_section(Tag::MESH, SectionCodec::Own, &mesh_bytes)?;
+                    writer.write_section(section.0, section.1, &section.2)?;
                     writer.finish()?
                 }
             };
@@ -104,13 +104,13 @@ impl Bake {
         })
     }
 
-    fn report(&self, mesh: &tsuya::mesh::Mesh, baked: &Baked) -> Result<()> {
+    fn report(&self, mesh: &tsuya::mesh::Mesh, baked: &BakedVisibility) -> Result<()> {
         let (vertices, triangles) = (mesh.positions.len(), mesh.triangles.len());
         let error = baked.visibility.error();
         let bytes_per_vertex = baked.bytes.len() as f64 / vertices as f64;
         let places = baked.visibility.places().count();
         if self.json {
-            return output::say_json(&json!({
+            return output::print_json(&json!({
                 "vertices": vertices,
                 "triangles": triangles,
                 "places": places,
@@ -121,7 +121,7 @@ impl Bake {
                 "sign_error": error.wrong_signs,
             }));
         }
-        output::say(&format!(
+        output::print(&format!(
             "{vertices} vertices, {triangles} triangles, {places} places: {} terms in {:.2} s, {bytes_per_vertex:.1} bytes a vertex\n\
              error of the signed distance {:.2} degrees rms, {:.2} % of directions on the wrong side\n",
             baked.visibility.terms(),

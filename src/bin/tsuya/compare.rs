@@ -12,8 +12,8 @@ use std::fmt::Write;
 use std::path::PathBuf;
 use tsuya::encoder::sum_of_components;
 use tsuya::metrics;
-use tsuya::metrics::Picture;
-use tsuya::relight::{Lighting, RenderOptions, Renderer};
+use tsuya::metrics::DisplayImage;
+use tsuya::relight::{AssetRenderer, RenderLighting, RenderOptions};
 use tsuya::views::Photograph;
 
 /// How much differences of the signal are amplified in pictures.
@@ -56,7 +56,7 @@ impl Compare {
             folder.write("compare.txt", text.as_bytes())?;
             folder.commit()?;
         }
-        if self.json { output::say_json(&report) } else { output::say(&text) }
+        if self.json { output::print_json(&report) } else { output::print(&text) }
     }
 
     fn write_pictures(&self, folder: &Folder, comparison: &Comparison) -> Result<()> {
@@ -71,12 +71,12 @@ impl Compare {
                 folder.write(&name, &pictures::png(&picture)?)?;
             }
         }
-        let renderer = Renderer::new(asset)?;
+        let renderer = AssetRenderer::new(asset)?;
         let mut names = std::collections::HashSet::new();
         for (number, (view, original)) in comparison.held_out.iter().take(self.pictures).enumerate() {
             let lighting = match (renderer.light_number(view), view.light) {
-                (None, Some(light)) => Lighting::Points(vec![light]),
-                (number, _) => Lighting::Capture(number.unwrap_or(0)),
+                (None, Some(light)) => RenderLighting::Points(vec![light]),
+                (number, _) => RenderLighting::Capture(number.unwrap_or(0)),
             };
             let rendered = renderer.render(&view.camera, &RenderOptions { lighting, ..Default::default() })?;
             let rendered = Photograph { mask: rendered.coverage, images: rendered.components };
@@ -96,7 +96,7 @@ impl Compare {
 const SHOWN_WIDTH: usize = 384;
 
 /// Photograph, decoded picture and amplified difference.
-pub fn side_by_side(original: &Photograph, decoded: &Photograph, white: [f64; 3]) -> Picture {
+pub fn side_by_side(original: &Photograph, decoded: &Photograph, white: [f64; 3]) -> DisplayImage {
     let wanted = pictures::masked(&sum_of_components(original), &original.mask);
     let got = sum_of_components(decoded);
     let difference = metrics::difference(&wanted, &got, &original.mask, white, AMPLIFICATION);

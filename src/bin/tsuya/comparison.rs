@@ -6,11 +6,11 @@ use anyhow::{Context, Result};
 use std::path::Path;
 use tsuya::Error;
 use tsuya::asset::Asset;
-use tsuya::decoder::Selection;
+use tsuya::decoder::ViewSelection;
 use tsuya::encoder::sum_of_components;
 use tsuya::metrics;
-use tsuya::metrics::{FrameError, HeldOut};
-use tsuya::relight::Renderer;
+use tsuya::metrics::{HeldOut, PhotographError};
+use tsuya::relight::AssetRenderer;
 use tsuya::separate::separate;
 use tsuya::surface::raster::rasterise;
 use tsuya::views::{Photograph, View};
@@ -24,7 +24,7 @@ pub struct Comparison {
     /// Photographs that the file has, in the capture's order.
     pub frames: Vec<Compared>,
     /// All of them together.
-    pub total: FrameError,
+    pub total: PhotographError,
     /// Mean structural similarity.
     pub ssim: Option<f64>,
     /// Photographs that the file has not.
@@ -48,7 +48,7 @@ pub struct Compared {
     /// The photograph.
     pub original: Photograph,
     /// Its errors.
-    pub error: FrameError,
+    pub error: PhotographError,
     /// Structural similarity of the sum.
     pub ssim: Option<f64>,
 }
@@ -57,7 +57,7 @@ pub struct Compared {
 pub fn compare(file: &Path, capture: &Path, reading: &CaptureArguments, held_out: bool) -> Result<Comparison> {
     let (asset, bytes) = {
         let _busy = progress::busy("decoding");
-        source::decode(file, Selection::All)?
+        source::decode(file, ViewSelection::All)?
     };
     let mut captured = progress::read_capture(capture, &reading.read_options()?)?;
     let mut warnings = std::mem::take(&mut captured.warnings);
@@ -73,7 +73,7 @@ pub fn compare(file: &Path, capture: &Path, reading: &CaptureArguments, held_out
     let _busy = progress::busy("comparing");
     let mut unused: Vec<bool> = vec![true; asset.views.len()];
     let (mut frames, mut left_out) = (Vec::new(), Vec::new());
-    for frame in observations.frames {
+    for frame in observations.views {
         let camera = frame.view.camera;
         let found = (asset.views.iter().position(|view| view.name == frame.view.name))
             .or_else(|| asset.views.iter().position(|view| stem(&view.name) == stem(&frame.view.name)));
@@ -93,7 +93,7 @@ pub fn compare(file: &Path, capture: &Path, reading: &CaptureArguments, held_out
                     name: frame.view.name,
                     view,
                     original,
-                    error: FrameError::default(),
+                    error: PhotographError::default(),
                     ssim: None,
                 });
             }
@@ -107,8 +107,8 @@ pub fn compare(file: &Path, capture: &Path, reading: &CaptureArguments, held_out
         warnings.push(format!("{lacking} views of the file are not in the capture"));
     }
     measure_frames(&asset, &mut frames);
-    let mut total = FrameError::default();
-    frames.iter().for_each(|frame| total.join(&frame.error));
+    let mut total = PhotographError::default();
+    frames.iter().for_each(|frame| total.merge(&frame.error));
     let similar: Vec<f64> = frames.iter().filter_map(|frame| frame.ssim).collect();
     let ssim = (!similar.is_empty()).then(|| similar.iter().sum::<f64>() / similar.len() as f64);
     let held_out_error = if held_out && !left_out.is_empty() {
@@ -117,7 +117,7 @@ pub fn compare(file: &Path, capture: &Path, reading: &CaptureArguments, held_out
     } else {
         None
     };
-    let renderer = Renderer::new(&asset)?;
+    let renderer = AssetRenderer::new(&asset)?;
     let relit = left_out.iter().filter(|(view, _)| renderer.light_number(view).is_none()).count();
     drop(renderer);
     Ok(Comparison {
@@ -140,7 +140,7 @@ fn measure_frames(asset: &Asset, frames: &mut [Compared]) {
         // The mesh and the cameras as the decoder has them.
         let covered = rasterise(&asset.mesh, &asset.views[frame.view].camera).coverage();
         let Some(decoded) = &asset.photographs[frame.view] else { return };
-        frame.error = FrameError::of(&frame.original, decoded, &asset.components, &covered, asset.white);
+        frame.error = PhotographError::compare(&frame.original, decoded, &asset.components, &covered, asset.white);
         let mut both = frame.original.mask.clone();
         both.data.iter_mut().zip(&covered.data).for_each(|(inside, covered)| *inside &= covered);
         let (wanted, got) = (sum_of_components(&frame.original), sum_of_components(decoded));

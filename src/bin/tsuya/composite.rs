@@ -1,6 +1,6 @@
 //! `tsuya composite`: an object over a photograph, with its shadow on the ground.
 
-use crate::surroundings::{self, Quality};
+use crate::surroundings::{self, EnvironmentSettings};
 use crate::values::OutsideArgument;
 use crate::{output, pictures, progress, source};
 use anyhow::Result;
@@ -10,7 +10,7 @@ use tsuya::Error;
 use tsuya::capture::read_radiance;
 use tsuya::image::RgbImage;
 use tsuya::metrics::to_display;
-use tsuya::relight::{Ground, Surround, SurroundOptions, composite, ground_shadow};
+use tsuya::relight::{Ground, PreparedEnvironment, PreparedEnvironmentOptions, composite, ground_shadow};
 
 /// Puts an object into a photograph whose camera and surroundings are known.
 ///
@@ -72,11 +72,15 @@ impl Composite {
             None => Ground::below(subject.mesh(), up),
         };
         // More lights than on the object: steps between their shadows show most on a plane.
-        let finer = SurroundOptions { distant_lights: 32, ..SurroundOptions::default() };
-        let surround = Surround::new(environment, &finer);
+        let finer = PreparedEnvironmentOptions { distant_lights: 32, ..PreparedEnvironmentOptions::default() };
+        let surround = PreparedEnvironment::new(environment, &finer);
         let shadow = ground_shadow(subject.mesh(), &surround, &ground, &camera)?;
-        let quality =
-            Quality { evaluator: job.evaluator, shadows: job.shadows, samples: job.samples.unwrap_or(2), detail: true };
+        let quality = EnvironmentSettings {
+            evaluator: job.evaluator,
+            shadows: job.shadows,
+            samples: job.samples.unwrap_or(2),
+            detail: true,
+        };
         let gain = self.exposure.exp2() as f32;
         surroundings::pictures(&subject, &light, &[camera], quality, |_, relit| {
             let image = composite(&photograph, &relit, &shadow)?.map(|pixel| pixel.map(|v| v * gain));

@@ -15,7 +15,7 @@ use std::time::{Duration, Instant};
 use tsuya::Error;
 use tsuya::asset::Asset;
 use tsuya::container::{Container, Tag};
-use tsuya::decoder::{DecodeOptions, Selection, decode_each, decode_from};
+use tsuya::decoder::{DecodeOptions, ViewSelection, decode_each, decode_from};
 use tsuya::views::Photograph;
 use tsuya::views::codec;
 
@@ -147,7 +147,7 @@ impl Decode {
         let seconds = (start.elapsed() - writing).as_secs_f64();
         let (read, bytes) = (file.bytes_read(), file.file_bytes());
         if self.json {
-            return output::say_json(&json!({
+            return output::print_json(&json!({
                 "views": views,
                 "views_in_file": asset.views.len(),
                 "bytes_read": read,
@@ -159,23 +159,23 @@ impl Decode {
         if to_stream {
             return Ok(());
         }
-        output::say(&format!(
+        output::print(&format!(
             "{views} of {} views, {read} of {bytes} bytes read, decoded in {seconds:.2} s, written in {:.2} s\n",
             asset.views.len(),
             writing.as_secs_f64()
         ))
     }
 
-    fn selection<R: std::io::Read + std::io::Seek>(&self, file: &mut Container<R>) -> tsuya::Result<Selection> {
+    fn selection<R: std::io::Read + std::io::Seek>(&self, file: &mut Container<R>) -> tsuya::Result<ViewSelection> {
         if self.mesh_only {
-            return Ok(Selection::None);
+            return Ok(ViewSelection::None);
         }
         if self.views.is_empty() {
-            return Ok(Selection::All);
+            return Ok(ViewSelection::All);
         }
         let budget = file.budget();
         let views = codec::decode(&file.read_section(Tag::VIEWS)?, &budget)?.views;
         let wanted: tsuya::Result<Vec<usize>> = self.views.iter().map(|wanted| find_view(wanted, &views)).collect();
-        Ok(Selection::Views(wanted?))
+        Ok(ViewSelection::Views(wanted?))
     }
 }

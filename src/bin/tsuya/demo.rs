@@ -10,12 +10,12 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 use tsuya::Error;
 use tsuya::asset::Asset;
-use tsuya::capture::{self, ReadOptions};
+use tsuya::capture::{self, CaptureReadOptions};
 use tsuya::decoder::{DecodeOptions, decode};
-use tsuya::encoder::{Encoded, encode};
+use tsuya::encoder::{EncodedFile, encode};
 use tsuya::metrics::to_display;
-use tsuya::options::{EncodeOptions, Profile, Target};
-use tsuya::relight::{Lighting, RenderOptions, Renderer, orbit};
+use tsuya::options::{EncodeOptions, EncodeTarget, Profile};
+use tsuya::relight::{AssetRenderer, RenderLighting, RenderOptions, orbit};
 use tsuya::separate::separate;
 use tsuya::views::Photograph;
 
@@ -49,7 +49,7 @@ impl Demo {
             return Err(Error::parameter(message).into());
         }
         let folder = output::Folder::create(&self.output, true, None, &[])?;
-        let options = ReadOptions { limits: source::limits(), ..Default::default() };
+        let options = CaptureReadOptions { limits: source::limits(), ..Default::default() };
         let captured = progress::read_capture(&path, &options)?;
         output::warn(&captured.warnings);
         let frames = captured.frames.len();
@@ -58,9 +58,9 @@ impl Demo {
             format!("{}: {frames} views, photographs of {photograph_bytes} bytes\n\n", output::line(&captured.name));
         text += "                     bytes   of photographs   diffuse  specular     sum     seconds\n";
         let rows = [
-            ("tuned, quality 75", Profile::Tuned, Target::Quality(75.0)),
-            ("tuned, 45 dB", Profile::Tuned, Target::PsnrDb(45.0)),
-            ("paper, 5 % kept", Profile::Paper, Target::KeepPercent(5.0)),
+            ("tuned, quality 75", Profile::Predictive, EncodeTarget::Quality(75.0)),
+            ("tuned, 45 dB", Profile::Predictive, EncodeTarget::PsnrDb(45.0)),
+            ("paper, 5 % kept", Profile::WaveletTexture, EncodeTarget::KeepPercent(5.0)),
         ];
         let mut file = None;
         for (name, profile, target) in rows {
@@ -93,14 +93,14 @@ impl Demo {
             ORBIT - 1,
             start.elapsed().as_secs_f64()
         );
-        output::say(&text)
+        output::print(&text)
     }
 }
 
 fn pictures_of(bytes: &[u8], mut captured: capture::Capture, folder: &output::Folder) -> Result<()> {
     let _busy = progress::busy("pictures");
     let asset = decode(bytes, &DecodeOptions::default())?;
-    let observed = separate(&mut captured)?.frames.swap_remove(0);
+    let observed = separate(&mut captured)?.views.swap_remove(0);
     let (Some(view), Some(Some(decoded))) = (asset.views.first(), asset.photographs.first()) else {
         return Err(Error::parameter("the file has no view").into());
     };
@@ -110,7 +110,7 @@ fn pictures_of(bytes: &[u8], mut captured: capture::Capture, folder: &output::Fo
     let comparison = side_by_side(&original, decoded, asset.white);
     folder.write("comparison.png", &pictures::png(&comparison)?)?;
 
-    let renderer = Renderer::new(&asset)?;
+    let renderer = AssetRenderer::new(&asset)?;
     let relit = relit(&renderer, &asset)?;
     folder.write("relit.png", &pictures::png(&relit)?)?;
     for (number, mut camera) in orbit(&asset, ORBIT).into_iter().enumerate() {
@@ -122,7 +122,7 @@ fn pictures_of(bytes: &[u8], mut captured: capture::Capture, folder: &output::Fo
     Ok(())
 }
 
-fn row(name: &str, encoded: &Encoded, photograph_bytes: u64, seconds: f64) -> String {
+fn row(name: &str, encoded: &EncodedFile, photograph_bytes: u64, seconds: f64) -> String {
     let psnr = &encoded.image_psnr;
     format!(
         "{name:18} {:8} {:14.2} % {:>9} {:>9} {:>7} {:9.1}\n",
@@ -136,16 +136,16 @@ fn row(name: &str, encoded: &Encoded, photograph_bytes: u64, seconds: f64) -> St
 }
 
 /// The first view under its captured light and, where lights are known, under that of a view from another side.
-fn relit(renderer: &Renderer, asset: &Asset) -> Result<tsuya::metrics::Picture> {
+fn relit(renderer: &AssetRenderer, asset: &Asset) -> Result<tsuya::metrics::DisplayImage> {
     let first = asset.views[0].camera;
     let shown = (SHOWN_WIDTH / first.width.max(1) as usize).max(1);
     let camera = enlarge(first, shown);
-    let mut lightings = vec![Lighting::Capture(0)];
+    let mut lightings = vec![RenderLighting::Capture(0)];
     let relightable = asset.reflectance.as_ref().is_some_and(|maps| maps.relightable);
     if relightable {
         let quarter = asset.views.len() / 6;
         let lights = [quarter, asset.views.len() - 1 - quarter].map(|k| asset.views[k].light);
-        lightings.extend(lights.into_iter().flatten().map(|light| Lighting::Points(vec![light])));
+        lightings.extend(lights.into_iter().flatten().map(|light| RenderLighting::Points(vec![light])));
     }
     let mut shown = Vec::new();
     for lighting in lightings {

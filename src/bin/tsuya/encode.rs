@@ -9,9 +9,9 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use tsuya::Error;
-use tsuya::encoder::{Encoded, encode};
+use tsuya::encoder::{EncodedFile, encode};
 use tsuya::metrics::ImagePsnr;
-use tsuya::options::{Decoding, EncodeOptions, Profile, SpecularModel, Target};
+use tsuya::options::{DecodeSpeed, EncodeOptions, EncodeTarget, Profile, SpecularModel};
 use tsuya::views::Component;
 
 /// Encodes a capture: photographs with their cameras, and a mesh, into one .tsuya file.
@@ -92,12 +92,12 @@ pub struct TargetArguments {
 }
 
 impl TargetArguments {
-    fn target(&self) -> Option<Target> {
-        (self.quality.map(Target::Quality))
-            .or(self.psnr.map(Target::PsnrDb))
-            .or(self.max_bytes.map(Target::MaxBytes))
-            .or(self.max_error.map(Target::MaxError))
-            .or(self.keep.map(Target::KeepPercent))
+    fn target(&self) -> Option<EncodeTarget> {
+        (self.quality.map(EncodeTarget::Quality))
+            .or(self.psnr.map(EncodeTarget::PsnrDb))
+            .or(self.max_bytes.map(EncodeTarget::MaxBytes))
+            .or(self.max_error.map(EncodeTarget::MaxError))
+            .or(self.keep.map(EncodeTarget::KeepPercent))
     }
 }
 
@@ -150,14 +150,14 @@ impl Encode {
             let mut report = report(&encoded, seconds);
             report["skipped_frames"] = json!(skipped);
             report["missing_pixels"] = json!(missing);
-            return output::say_json(&report);
+            return output::print_json(&report);
         }
         let text = table(&encoded, seconds);
         if output::is_stream(&self.output) {
-            output::complain(text.trim_end());
+            output::eprint_line(text.trim_end());
             return Ok(());
         }
-        output::say(&text)
+        output::print(&text)
     }
 
     fn options(&self) -> Result<EncodeOptions> {
@@ -180,23 +180,23 @@ impl Encode {
             metadata.insert(key.into(), Value::String(value.into()));
         }
         let profile = match self.profile {
-            ProfileName::Tuned => Profile::Tuned,
-            ProfileName::Paper => Profile::Paper,
+            ProfileName::Tuned => Profile::Predictive,
+            ProfileName::Paper => Profile::WaveletTexture,
         };
         let specular = match self.specular {
             SpecularName::TorranceSparrow => SpecularModel::TorranceSparrow,
             SpecularName::Dsbrdf => SpecularModel::Dsbrdf,
         };
-        if specular == SpecularModel::Dsbrdf && profile == Profile::Paper {
+        if specular == SpecularModel::Dsbrdf && profile == Profile::WaveletTexture {
             let message = "--specular dsbrdf goes with profile tuned: profile paper has the published model";
             return Err(Error::parameter(message).into());
         }
         let decoding = match self.decoding {
-            DecodingName::Small => Decoding::Small,
-            DecodingName::Fast => Decoding::Fast,
-            DecodingName::Fastest => Decoding::Fastest,
+            DecodingName::Small => DecodeSpeed::Normal,
+            DecodingName::Fast => DecodeSpeed::Fast,
+            DecodingName::Fastest => DecodeSpeed::Fastest,
         };
-        if decoding != Decoding::Small && profile == Profile::Paper {
+        if decoding != DecodeSpeed::Normal && profile == Profile::WaveletTexture {
             return Err(
                 Error::parameter("--decoding fast goes with profile tuned: profile paper has no predictions").into()
             );
@@ -204,7 +204,7 @@ impl Encode {
         Ok(EncodeOptions {
             specular,
             profile,
-            decoding,
+            decode_speed: decoding,
             target: self.target.target(),
             hold_out: self.hold_out,
             position_bits: self.position_bits,
@@ -217,7 +217,7 @@ impl Encode {
 }
 
 /// The figures that other tools rely on, and a few more.
-pub fn report(encoded: &Encoded, seconds: f64) -> Value {
+pub fn report(encoded: &EncodedFile, seconds: f64) -> Value {
     let sample = |linear: bool| {
         let of = |component| {
             let errors = encoded.sample_psnr.as_ref()?;
@@ -258,7 +258,7 @@ pub fn decibel(db: Option<f64>) -> String {
     db.map_or_else(|| "-".into(), |db| format!("{db:.2}"))
 }
 
-fn table(encoded: &Encoded, seconds: f64) -> String {
+fn table(encoded: &EncodedFile, seconds: f64) -> String {
     let mut text = String::from("section      bytes\n");
     for (tag, bytes) in &encoded.sections {
         let _ = writeln!(text, "{tag}    {bytes:10}");

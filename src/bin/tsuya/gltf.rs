@@ -11,12 +11,12 @@ use serde_json::json;
 use std::path::{Path, PathBuf};
 use tsuya::asset::Asset;
 use tsuya::container;
-use tsuya::decoder::{DecodeOptions, Selection, decode};
+use tsuya::decoder::{DecodeOptions, ViewSelection, decode};
 use tsuya::encoder::sum_of_components;
-use tsuya::gltf::{self, Document, ExportOptions, Fallback, Fit, Placement};
+use tsuya::gltf::{self, ExportOptions, Fallback, GltfDocument, MeshFit, StreamPlacement};
 use tsuya::input::{FileAccess, Folder};
-use tsuya::metrics::{FrameError, to_display};
-use tsuya::relight::{Layers, Lighting, RenderOptions, Renderer};
+use tsuya::metrics::{PhotographError, to_display};
+use tsuya::relight::{AssetRenderer, RenderLayers, RenderLighting, RenderOptions};
 use tsuya::surface::raster::rasterise;
 use tsuya::views::{Component, Photograph};
 use tsuya::{Budget, Error};
@@ -116,7 +116,7 @@ impl Export {
         files.commit()?;
         let size = &exported.fallback.base_colour;
         if self.json {
-            return output::say_json(&json!({
+            return output::print_json(&json!({
                 "bytes": bytes.len(),
                 "stream_bytes": stream.len(),
                 "stream": beside.as_ref().map(|path| path.display().to_string()),
@@ -152,7 +152,7 @@ impl Export {
                 "image PSNR of the textured mesh: {fallback}; of the reflectance that it was made of: {model}\n"
             );
         }
-        output::say(&text)
+        output::print(&text)
     }
 
     /// The textured mesh, and the fitted reflectance, under each photograph's light.
@@ -165,36 +165,43 @@ impl Export {
         let asset = &comparison.asset;
         let shown = find_view(&self.view, &asset.views)?;
         let _busy = progress::busy("comparing");
-        let renderer = Renderer::new(asset)?;
-        let errors: Vec<([FrameError; 2], Option<Vec<u8>>)> = (comparison.frames.par_iter())
+        let renderer = AssetRenderer::new(asset)?;
+        let errors: Vec<([PhotographError; 2], Option<Vec<u8>>)> = (comparison.frames.par_iter())
             .map(|frame| -> Result<_> {
                 let view = &asset.views[frame.view];
                 let covered = rasterise(&asset.mesh, &view.camera).coverage();
                 let photograph = |image| Photograph { mask: frame.original.mask.clone(), images: vec![image] };
                 let original = sum_of_components(&frame.original);
-                let textured = gltf::render(asset, fallback, &view.camera, view.light.as_ref());
+                let textured = gltf::render_fallback(asset, fallback, &view.camera, view.light.as_ref());
                 let mut picture = None;
                 if self.picture.is_some() && frame.view == shown {
                     let masked = pictures::masked(&original, &frame.original.mask);
                     let both = [&masked, &textured].map(|image| to_display(image, asset.white));
                     picture = Some(pictures::png(&pictures::beside(&both))?);
                 }
-                let layers = Layers { residual: false, ..Layers::default() };
-                let lighting = view.light.map_or(Lighting::Capture(0), |light| Lighting::Points(vec![light]));
+                let layers = RenderLayers { residual: false, ..RenderLayers::default() };
+                let lighting =
+                    view.light.map_or(RenderLighting::Capture(0), |light| RenderLighting::Points(vec![light]));
                 let options = RenderOptions { layers, lighting, shadows: false, ..RenderOptions::default() };
                 let model = renderer.render(&view.camera, &options)?.image;
                 let original = photograph(original);
                 let error = |image| {
-                    FrameError::of(&original, &photograph(image), &[Component::Combined], &covered, asset.white)
+                    PhotographError::compare(
+                        &original,
+                        &photograph(image),
+                        &[Component::Combined],
+                        &covered,
+                        asset.white,
+                    )
                 };
                 Ok(([error(textured), error(model)], picture))
             })
             .collect::<Result<_>>()?;
-        let [mut fallback, mut model] = [FrameError::default(); 2];
+        let [mut fallback, mut model] = [PhotographError::default(); 2];
         let mut picture = None;
         for ([one, two], shown) in errors {
-            fallback.join(&one);
-            model.join(&two);
+            fallback.merge(&one);
+            model.merge(&two);
             picture = picture.or(shown);
         }
         Ok(Measured { fallback: fallback.psnr().sum, model: model.psnr().sum, picture })
@@ -233,7 +240,7 @@ impl Import {
         let document = document(&self.file, self.outside)?;
         let access = self.outside.access();
         let files = |name: &str| beside_document(&self.file, name, &access);
-        let taken = gltf::take(&document, self.appearance, &files)?;
+        let taken = gltf::extract(&document, self.appearance, &files)?;
         let of_stream = || format!("{}: the stream of appearance {}", name(&self.file), self.appearance);
         container::verify(&taken.stream[..], limits()).with_context(of_stream)?;
         let asset = decode(&taken.stream, &lightly()).with_context(of_stream)?;
@@ -281,12 +288,12 @@ impl Inject {
         output::check_outputs(&outputs, &[&self.stream], self.force)?;
         let material = gltf::find_material(&document, &gltf::sha256(&stream), self.material.as_deref())
             .with_context(|| name(&self.file))?;
-        let levels = gltf::levels(&stream, limits()).with_context(|| name(&self.stream))?;
+        let levels = gltf::prefix_lengths(&stream, limits()).with_context(|| name(&self.stream))?;
         let uri = match placement(&beside) {
-            Placement::Inside => None,
-            Placement::Beside(name) => Some(gltf::reference(&name)),
+            StreamPlacement::Inside => None,
+            StreamPlacement::Beside(name) => Some(gltf::reference(&name)),
         };
-        let binding = gltf::put(&mut document, material, &stream, levels, uri.as_deref())?.1;
+        let binding = gltf::inject(&mut document, material, &stream, levels, uri.as_deref())?.1;
         if !self.any_mesh {
             let access = self.outside.access();
             let files = |name: &str| beside_document(&self.file, name, &access);
@@ -330,11 +337,11 @@ impl Extract {
         output::check_outputs(&outputs, &[&self.file], self.force)?;
         let mut document = document(&self.file, self.outside)?;
         let access = self.outside.access();
-        let taken = gltf::take(&document, self.appearance, &|name| beside_document(&self.file, name, &access))?;
+        let taken = gltf::extract(&document, self.appearance, &|name| beside_document(&self.file, name, &access))?;
         let mut files = output::Files::new(self.force);
         files.add(&self.output, &taken.stream)?;
         if let Some(rest) = &self.rest {
-            gltf::remove(&mut document)?;
+            gltf::strip(&mut document)?;
             files.add(rest, &document.to_bytes()?)?;
         }
         files.commit()
@@ -343,23 +350,23 @@ impl Extract {
 
 /// An error where the stream is another mesh's; a warning where that can't be said.
 fn check_mesh(
-    document: &Document,
+    document: &GltfDocument,
     materials: &[usize],
-    binding: &gltf::Binding,
+    binding: &gltf::MaterialBinding,
     asset: &Asset,
-    files: gltf::Files<'_>,
+    files: gltf::ExternalFiles<'_>,
 ) -> Result<()> {
     let Some(charts) = &asset.charts else {
         return Err(Error::Unsupported("the stream has no atlas, so that no glTF mesh can show it".into()).into());
     };
     let budget = Budget::new(limits());
     match gltf::compare_mesh(document, materials, binding, &asset.mesh, charts, files, &budget)? {
-        Fit::Same(_) => Ok(()),
-        Fit::Unknown => {
-            output::complain("warning: the mesh is compressed or has no texture coordinates: not compared with the stream's");
+        MeshFit::Same(_) => Ok(()),
+        MeshFit::Unknown => {
+            output::eprint_line("warning: the mesh is compressed or has no texture coordinates: not compared with the stream's");
             Ok(())
         }
-        Fit::Other(share) => Err(Failed(format!(
+        MeshFit::Other(share) => Err(Failed(format!(
             "the stream was captured with another mesh: at the texture coordinates of this one its surface lies elsewhere \
              (off by {:.0} % of its size)",
             100.0 * share
@@ -369,15 +376,15 @@ fn check_mesh(
 }
 
 fn lightly() -> DecodeOptions {
-    DecodeOptions { selection: Selection::None, limits: limits() }
+    DecodeOptions { selection: ViewSelection::None, limits: limits() }
 }
 
 fn without_photographs(path: &Path, stream: &[u8]) -> Result<Asset> {
     decode(stream, &lightly()).with_context(|| name(path))
 }
 
-fn document(path: &Path, outside: OutsideArgument) -> Result<Document> {
-    let document = Document::parse(path, &read(path)?, &Budget::new(limits()))?;
+fn document(path: &Path, outside: OutsideArgument) -> Result<GltfDocument> {
+    let document = GltfDocument::parse(path, &read(path)?, &Budget::new(limits()))?;
     Ok(document.allow_outside(outside.allow_outside))
 }
 
@@ -388,8 +395,8 @@ fn beside_document(document: &Path, name: &str, access: &FileAccess) -> tsuya::R
             "the document refers to {name:?}: read it from its folder, not from standard input"
         )));
     }
-    let path = Folder::of(document, access.allows_outside()).resolve(name)?;
-    Ok(access.read(&path, "referenced file", u64::MAX)?.keep())
+    let path = Folder::containing(document, access.allows_outside()).resolve(name)?;
+    Ok(access.read_bytes(&path, "referenced file", u64::MAX)?.keep())
 }
 
 /// The file beside a document that holds its stream.
@@ -405,7 +412,7 @@ fn beside(document: &Path, external: bool) -> Result<Option<PathBuf>> {
     Ok(Some(path))
 }
 
-fn placement(beside: &Option<PathBuf>) -> Placement {
+fn placement(beside: &Option<PathBuf>) -> StreamPlacement {
     let name = beside.as_ref().and_then(|path| path.file_name()).and_then(|name| name.to_str());
-    name.map_or(Placement::Inside, |name| Placement::Beside(name.into()))
+    name.map_or(StreamPlacement::Inside, |name| StreamPlacement::Beside(name.into()))
 }

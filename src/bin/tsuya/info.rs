@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 use std::fmt::Write;
 use std::path::PathBuf;
 use tsuya::container::{SectionCodec, Tag, VERSION};
-use tsuya::decoder::{DecodeOptions, Selection, decode_from};
+use tsuya::decoder::{DecodeOptions, ViewSelection, decode_from};
 
 /// Shows what a file holds: sections, metadata, views, mesh, error.
 #[derive(Args)]
@@ -23,7 +23,7 @@ pub struct Info {
 impl Info {
     pub fn run(self) -> Result<()> {
         let mut file = open_container(&self.file)?;
-        let options = DecodeOptions { selection: Selection::None, limits: limits() };
+        let options = DecodeOptions { selection: ViewSelection::None, limits: limits() };
         let asset = decode_from(&mut file, &options).with_context(|| name(&self.file))?;
         let codec = |codec: SectionCodec| match codec {
             SectionCodec::None => "none",
@@ -36,7 +36,7 @@ impl Info {
                 json!({"tag": tag, "codec": codec(s.codec), "offset": s.offset, "bytes": s.stored, "decoded_bytes": s.decoded})
             })
             .collect();
-        let profile = match (file.find(Tag::PLANES), file.find(Tag::PAPER)) {
+        let profile = match (file.find(Tag::PLANES), file.find(Tag::WAVELET_TEXTURE)) {
             (Some(_), _) => Some("tuned"),
             (_, Some(_)) => Some("paper"),
             _ => None,
@@ -54,7 +54,7 @@ impl Info {
                     json!({"name": view.name, "width": camera.width, "height": camera.height, "light": view.light})
                 })
                 .collect();
-            return output::say_json(&json!({
+            return output::print_json(&json!({
                 "bytes": file.file_bytes(),
                 "version": format!("{}.{}", VERSION.0, VERSION.1),
                 "profile": profile,
@@ -70,7 +70,7 @@ impl Info {
                 "visibility": asset.visibility.as_ref().map(|v| json!({"places": v.places().count(), "terms": v.terms(), "resolution": v.size(), "ground": v.has_ground(),
                     "rms_error_rad": v.error().rms_radians, "sign_error": v.error().wrong_signs})),
                 "light": asset.light.as_ref().map(|light| json!({"lobes": light.diffuse.len(),
-                    "levels": light.levels.iter().map(|level| json!({"sharpness": level.sharpness(), "size": level.size()})).collect::<Vec<_>>()})),
+                    "levels": light.prefiltered.iter().map(|level| json!({"sharpness": level.sharpness(), "size": level.size()})).collect::<Vec<_>>()})),
                 "views": views,
                 "materials": materials,
             }));
@@ -138,12 +138,13 @@ impl Info {
                 writeln!(text, "visibility: {places} places, {terms} terms, error {degrees:.2} degrees rms{ground}");
         }
         if let Some(light) = &asset.light {
-            let _ = writeln!(text, "light: {} lobes, {} prefiltered levels", light.diffuse.len(), light.levels.len());
+            let _ =
+                writeln!(text, "light: {} lobes, {} prefiltered levels", light.diffuse.len(), light.prefiltered.len());
         }
         if entries > 0 {
             let _ = writeln!(text, "highlights: a palette of {entries} measured lobes");
         }
         let _ = writeln!(text, "can be relit: {}", if relightable { "yes" } else { "no" });
-        output::say(&text)
+        output::print(&text)
     }
 }

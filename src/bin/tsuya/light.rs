@@ -8,12 +8,12 @@ use serde_json::json;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
-use tsuya::container::{SectionCodec, Tag, Writer, edit};
+use tsuya::container::{ContainerWriter, SectionCodec, Tag, edit};
 use tsuya::lighting;
-use tsuya::lighting::fit::{self, FitOptions};
-use tsuya::lighting::projection::{Fisheye, Looks, Projection};
-use tsuya::lighting::read::{ReadOptions, read};
-use tsuya::lighting::{Environment, codec, levels};
+use tsuya::lighting::fit::{self, LobeFitOptions};
+use tsuya::lighting::projection::{EnvironmentProjection, FisheyeAxis, FisheyeModel};
+use tsuya::lighting::read::{EnvironmentReadOptions, read_environment};
+use tsuya::lighting::{EnvironmentMap, codec, levels};
 
 /// Environments as light: fits lobes and prefilters levels.
 #[derive(Args)]
@@ -115,7 +115,7 @@ impl Fit {
             let pictures: Vec<&Path> = self.pictures.iter().map(PathBuf::as_path).collect();
             output::check_outputs(&[path], &pictures, self.force)?;
         }
-        let (environment, cleaned) = read(&self.pictures, &self.read_options())?;
+        let (environment, cleaned) = read_environment(&self.pictures, &self.read_options())?;
         let environment = match self.rotation_y {
             0.0 => environment,
             degrees => environment.rotated_y(degrees),
@@ -130,14 +130,16 @@ impl Fit {
         let previous = self.from.as_deref().map(source::read_light).transpose()?;
         let busy = progress::busy("fitting light");
         let start = Instant::now();
-        let options = FitOptions { lobes: self.lobes.into(), ..Default::default() };
+        let options = LobeFitOptions { lobes: self.lobes.into(), ..Default::default() };
         let diffuse = fit::fit(&environment, &options, previous.as_ref().map(|light| &light.diffuse[..]));
         let diffuse_seconds = start.elapsed().as_secs_f64();
         let start = Instant::now();
-        let levels = levels::levels(&environment, self.level_size.into());
+        let levels = levels::prefiltered_maps(&environment, self.level_size.into());
         let levels_seconds = start.elapsed().as_secs_f64();
-        let (bytes, light) =
-            codec::encode(&lighting::Light { diffuse, levels }, &codec::StoreOptions { step: self.step })?;
+        let (bytes, light) = codec::encode(
+            &lighting::EnvironmentLobes { diffuse, prefiltered: levels },
+            &codec::LightCodingOptions { step: self.step },
+        )?;
         let figures = Figures::new(&environment, &light, [diffuse_seconds, levels_seconds], bytes.len());
         drop(busy);
         let Some(path) = &self.output else { return figures.report(self.json) };
@@ -147,8 +149,8 @@ impl Fit {
                 edit::with_sections(&source::read(asset)?, &[section], limits()).with_context(|| source::name(asset))?
             }
             None => {
-                let mut writer = Writer::new(Vec::new())?;
-                writer.section(section.0, section.1, &section.2)?;
+                let mut writer = ContainerWriter::new(Vec::new())?;
+                writer.write_section(section.0, section.1, &section.2)?;
                 writer.finish()?
             }
         };
@@ -157,19 +159,19 @@ impl Fit {
         if output::is_stream(path) { Ok(()) } else { figures.report(self.json) }
     }
 
-    fn read_options(&self) -> ReadOptions {
-        let fisheye = |model| Projection::Fisheye {
+    fn read_options(&self) -> EnvironmentReadOptions {
+        let fisheye = |model| EnvironmentProjection::Fisheye {
             model,
             field_degrees: self.field,
-            looks: if self.looks_up { Looks::Up } else { Looks::Ahead },
+            looks: if self.looks_up { FisheyeAxis::Up } else { FisheyeAxis::Ahead },
         };
-        ReadOptions {
+        EnvironmentReadOptions {
             projection: self.projection.map(|shape| match shape {
-                Shape::LatLong => Projection::LatLong,
-                Shape::Cube => Projection::Cube,
-                Shape::MirrorBall => Projection::MirrorBall,
-                Shape::Equidistant => fisheye(Fisheye::Equidistant),
-                Shape::Equisolid => fisheye(Fisheye::Equisolid),
+                Shape::LatLong => EnvironmentProjection::LatLong,
+                Shape::Cube => EnvironmentProjection::Cube,
+                Shape::MirrorBall => EnvironmentProjection::MirrorBall,
+                Shape::Equidistant => fisheye(FisheyeModel::Equidistant),
+                Shape::Equisolid => fisheye(FisheyeModel::Equisolid),
             }),
             width: self.width.map(usize::from),
             color_space: self.color_space.clone(),
@@ -190,12 +192,12 @@ struct Figures {
 }
 
 impl Figures {
-    fn new(environment: &Environment, light: &lighting::Light, seconds: [f64; 2], bytes: usize) -> Self {
+    fn new(environment: &EnvironmentMap, light: &lighting::EnvironmentLobes, seconds: [f64; 2], bytes: usize) -> Self {
         Figures {
             seconds,
             diffuse_error: fit::relative_error(environment, &light.diffuse),
-            level_errors: levels::relative_errors(environment, &light.levels, DIRECTIONS),
-            sharpness: light.levels.iter().map(|level| level.sharpness()).collect(),
+            level_errors: levels::relative_errors(environment, &light.prefiltered, DIRECTIONS),
+            sharpness: light.prefiltered.iter().map(|level| level.sharpness()).collect(),
             lobes: light.diffuse.len(),
             bytes,
         }
@@ -207,7 +209,7 @@ impl Figures {
     }
     fn report(&self, as_json: bool) -> Result<()> {
         if as_json {
-            return output::say_json(&json!({
+            return output::print_json(&json!({
                 "diffuse_seconds": self.seconds[0],
                 "levels_seconds": self.seconds[1],
                 "diffuse_error": self.diffuse_error,
@@ -226,6 +228,6 @@ impl Figures {
         for (sharpness, error) in self.sharpness.iter().zip(&self.level_errors) {
             let _ = writeln!(text, "  sharpness {sharpness:5}: error {:.2} %", 100.0 * error);
         }
-        output::say(&text)
+        output::print(&text)
     }
 }

@@ -110,7 +110,7 @@ fn main() -> ExitCode {
             if std::env::args_os().all(|argument| output::is_plain(&argument.to_string_lossy())) {
                 let _ = error.print();
             } else {
-                error.render().to_string().lines().for_each(output::complain);
+                error.render().to_string().lines().for_each(output::eprint_line);
             }
             return ExitCode::from(error.use_stderr() as u8);
         }
@@ -123,7 +123,7 @@ fn main() -> ExitCode {
     };
     tracing_subscriber::fmt().with_max_level(level).with_writer(std::io::stderr).without_time().init();
     if let Some(mebibytes) = cli.max_memory {
-        source::limit_memory(mebibytes);
+        source::set_memory_limit(mebibytes);
     }
     output::clean_up_on_signals();
     let repairs = matches!(cli.command, Command::Repair(_));
@@ -131,10 +131,10 @@ fn main() -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) if is_broken_pipe(&error) => ExitCode::SUCCESS,
         Err(error) => {
-            output::complain(&format!("tsuya: {}", words(&error)));
+            output::eprint_line(&format!("tsuya: {}", error_chain(&error)));
             let code = exit_code(&error);
             if !repairs && is_damage(&error) {
-                output::complain("tsuya repair makes a whole file of what is left of a damaged one");
+                output::eprint_line("tsuya repair makes a whole file of what is left of a damaged one");
             }
             ExitCode::from(code)
         }
@@ -149,7 +149,7 @@ fn on_threads(threads: Option<u16>, work: impl FnOnce() -> Result<()> + Send) ->
 }
 
 /// The error with what it happened to; the library's errors name their own cause.
-fn words(error: &anyhow::Error) -> String {
+fn error_chain(error: &anyhow::Error) -> String {
     let mut text = String::new();
     for cause in error.chain() {
         if !text.is_empty() {

@@ -24,30 +24,30 @@ pub fn is_stream(path: &Path) -> bool {
 }
 
 /// Prints to standard output; what would steer a terminal is escaped. Texts from files within a line go through [`line`] first.
-pub fn say(text: &str) -> Result<()> {
-    say_as_it_is(&terminal::lines(text))
+pub fn print(text: &str) -> Result<()> {
+    print_verbatim(&terminal::lines(text))
 }
 
 /// Prints a value as JSON to standard output.
-pub fn say_json(value: &serde_json::Value) -> Result<()> {
-    say_as_it_is(&terminal::json(&format!("{value:#}\n")))
+pub fn print_json(value: &serde_json::Value) -> Result<()> {
+    print_verbatim(&terminal::json(&format!("{value:#}\n")))
 }
 
 /// Prints a text of the program's own to standard output.
-pub fn say_as_it_is(text: &str) -> Result<()> {
+pub fn print_verbatim(text: &str) -> Result<()> {
     let mut out = std::io::stdout().lock();
     out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(|e| Error::io("-", e))?;
     Ok(())
 }
 
 /// Prints a line to standard error; errors of that are ignored.
-pub fn complain(line: &str) {
+pub fn eprint_line(line: &str) {
     let _ = writeln!(std::io::stderr(), "{}", terminal::line(line));
 }
 
 /// Prints warnings to standard error.
 pub fn warn(warnings: &[String]) {
-    warnings.iter().for_each(|warning| complain(&format!("warning: {warning}")));
+    warnings.iter().for_each(|warning| eprint_line(&format!("warning: {warning}")));
 }
 
 fn exists(path: &Path) -> Error {

@@ -5,10 +5,10 @@ use exr::prelude::{Encoding, Image, SpecificChannels, Vec2, WritableImage, f16};
 use image::{ExtendedColorType, ImageFormat};
 use std::io::Cursor;
 use tsuya::image::{Grid, Mask, RgbImage, to_srgb};
-use tsuya::metrics::Picture;
+use tsuya::metrics::DisplayImage;
 
 /// 8-bit PNG.
-pub fn png(picture: &Picture) -> Result<Vec<u8>> {
+pub fn png(picture: &DisplayImage) -> Result<Vec<u8>> {
     let bytes: Vec<u8> = picture.data.iter().flatten().copied().collect();
     encode_png(&bytes, picture.width, picture.height, ExtendedColorType::Rgb8)
 }
@@ -44,7 +44,7 @@ const ENCODING: Encoding = Encoding::FAST_LOSSLESS;
 
 /// EXR, linear, 32-bit floats or halves.
 pub fn exr(image: &RgbImage, half: bool) -> Result<Vec<u8>> {
-    let at = |p: Vec2<usize>| *image.at(p.x(), p.y());
+    let at = |p: Vec2<usize>| *image.value_at(p.x(), p.y());
     let size = (image.width, image.height);
     let mut file = Cursor::new(Vec::new());
     if half {
@@ -68,7 +68,7 @@ pub fn exr(image: &RgbImage, half: bool) -> Result<Vec<u8>> {
 /// EXR of one channel, Y.
 pub fn exr_grey(image: &Grid<f32>) -> Result<Vec<u8>> {
     let channels =
-        SpecificChannels::build().with_channel("Y").with_pixel_fn(|p: Vec2<usize>| (*image.at(p.x(), p.y()),));
+        SpecificChannels::build().with_channel("Y").with_pixel_fn(|p: Vec2<usize>| (*image.value_at(p.x(), p.y()),));
     let mut file = Cursor::new(Vec::new());
     Image::from_encoded_channels((image.width, image.height), ENCODING, channels)
         .write()
@@ -79,7 +79,7 @@ pub fn exr_grey(image: &Grid<f32>) -> Result<Vec<u8>> {
 }
 
 /// Pictures side by side, a dark gap between them.
-pub fn beside(pictures: &[Picture]) -> Picture {
+pub fn beside(pictures: &[DisplayImage]) -> DisplayImage {
     const GAP: usize = 4;
     let width = pictures.iter().map(|p| p.width).sum::<usize>() + GAP * pictures.len().saturating_sub(1);
     let height = pictures.iter().map(|p| p.height).max().unwrap_or(0);
@@ -96,9 +96,9 @@ pub fn beside(pictures: &[Picture]) -> Picture {
 }
 
 /// Every pixel as a square of `factor` pixels.
-pub fn enlarged(picture: &Picture, factor: usize) -> Picture {
+pub fn enlarged(picture: &DisplayImage, factor: usize) -> DisplayImage {
     let (width, height) = (picture.width * factor, picture.height * factor);
-    let pixel = |k: usize| *picture.at(k % width / factor, k / width / factor);
+    let pixel = |k: usize| *picture.value_at(k % width / factor, k / width / factor);
     Grid { width, height, data: (0..width * height).map(pixel).collect() }
 }
 

@@ -4,7 +4,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use std::path::Path;
 use std::time::Duration;
 use tsuya::Result;
-use tsuya::capture::{Capture, ReadOptions, read_with_progress};
+use tsuya::capture::{Capture, CaptureReadOptions, read_with_progress};
 
 /// A line that says what is being done, until it is dropped.
 pub struct Busy(ProgressBar);
@@ -29,7 +29,7 @@ impl Drop for Busy {
 }
 
 /// Reads a capture with a bar of its frames.
-pub fn read_capture(path: &Path, options: &ReadOptions) -> Result<Capture> {
+pub fn read_capture(path: &Path, options: &CaptureReadOptions) -> Result<Capture> {
     let bar = ProgressBar::new(0);
     if let Ok(style) = ProgressStyle::with_template("reading photographs {wide_bar} {pos}/{len}") {
         bar.set_style(style);

@@ -1,6 +1,6 @@
 //! `tsuya render`: pictures from any camera, under any point lights or an environment.
 
-use crate::surroundings::{self, Quality, Subject};
+use crate::surroundings::{self, EnvironmentSettings, JobAsset};
 use crate::values::{Numbers, OutsideArgument, find_view, numbers, size, triple};
 use crate::{output, pictures, progress, source};
 use anyhow::Result;
@@ -8,12 +8,12 @@ use clap::{Args, ValueEnum};
 use std::path::{Path, PathBuf};
 use tsuya::Error;
 use tsuya::asset::Asset;
-use tsuya::decoder::Selection;
+use tsuya::decoder::ViewSelection;
 use tsuya::image::RgbImage;
 use tsuya::input::Folder;
 use tsuya::metrics::to_display;
 use tsuya::relight::job::{JobEnvironment, JobEvaluator};
-use tsuya::relight::{self, Layers, Lighting, RenderOptions, Renderer};
+use tsuya::relight::{self, AssetRenderer, RenderLayers, RenderLighting, RenderOptions};
 use tsuya::views::{Camera, PointLight};
 
 /// Renders pictures of the object.
@@ -26,12 +26,12 @@ pub struct Render {
     #[arg(long, value_name = "JOB.json", group = "around")]
     job: Option<PathBuf>,
     #[command(flatten)]
-    surround: Surround,
+    surround: EnvironmentArguments,
     /// The picture: .png (sRGB; the white board is 255, under an environment radiance 1 is) or .exr (linear radiance). With --orbit a number is put into the name.
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
     #[command(flatten)]
-    place: Place,
+    place: CameraArguments,
     /// Field of view of --camera, the longer side, in degrees.
     #[arg(long, value_name = "DEG", default_value_t = 35.0, requires = "camera")]
     fov: f64,
@@ -68,7 +68,7 @@ pub struct Render {
 }
 
 #[derive(Args)]
-struct Surround {
+struct EnvironmentArguments {
     /// Light from all around: EXR, HDR, PNG or JPEG, 2:1 latitude and longitude or a cube; or a .tsuya file with light (tsuya light fit).
     #[arg(long, value_name = "FILE", group = "around", conflicts_with_all = ["light", "capture_light"])]
     env: Option<PathBuf>,
@@ -99,7 +99,7 @@ enum EvaluatorName {
 
 #[derive(Args)]
 #[group(multiple = false)]
-struct Place {
+struct CameraArguments {
     /// From the camera of this captured view, by number or name [default: the first].
     #[arg(long, value_name = "VIEW")]
     view: Option<String>,
@@ -131,7 +131,7 @@ impl Render {
         }
         let layers = self.layers();
         if (self.job.is_some() || self.surround.env.is_some())
-            && layers != (Layers { residual: layers.residual, ..Layers::default() })
+            && layers != (RenderLayers { residual: layers.residual, ..RenderLayers::default() })
         {
             let message = "under an environment both reflections are shown: --layers can only be model, to leave the residual out";
             return Err(Error::parameter(message).into());
@@ -142,7 +142,7 @@ impl Render {
         let file = self.file.as_deref().unwrap_or(Path::new("-"));
         let asset = {
             let _busy = progress::busy("decoding");
-            let selection = if layers.residual { Selection::All } else { Selection::None };
+            let selection = if layers.residual { ViewSelection::All } else { ViewSelection::None };
             source::decode(file, selection)?.0
         };
         if let Some(environment) = &self.surround.env {
@@ -158,7 +158,7 @@ impl Render {
         let paths = self.paths(cameras.len());
         self.check(&paths, file)?;
         let _busy = progress::busy("rendering");
-        let renderer = Renderer::new(&asset)?;
+        let renderer = AssetRenderer::new(&asset)?;
         let mut files = output::Files::new(self.force);
         for (camera, path) in cameras.iter().zip(&paths) {
             let image = renderer.render(camera, &options)?.image;
@@ -170,7 +170,7 @@ impl Render {
     fn run_job(&self, path: &Path, is_exr: bool) -> Result<()> {
         self.check(std::slice::from_ref(&self.output), path)?;
         let (job, folder) = surroundings::read_job(path, self.outside)?;
-        let quality = Quality {
+        let quality = EnvironmentSettings {
             evaluator: self.evaluator(job.evaluator),
             shadows: job.shadows && !self.no_shadows,
             samples: self.surround.samples.or(job.samples).unwrap_or(2),
@@ -188,18 +188,18 @@ impl Render {
         let cameras = self.cameras(&asset)?;
         let paths = self.paths(cameras.len());
         self.check(&paths, file)?;
-        let quality = Quality {
+        let quality = EnvironmentSettings {
             evaluator: self.evaluator(JobEvaluator::Better),
             shadows: !self.no_shadows,
             samples: self.surround.samples.unwrap_or(2),
             detail: self.layers().residual,
         };
-        let Surround { env_scale: scale, env_rotation: rotation_y_deg, .. } = self.surround;
+        let EnvironmentArguments { env_scale: scale, env_rotation: rotation_y_deg, .. } = self.surround;
         let environment = JobEnvironment { file: file.to_owned(), scale, rotation_y_deg };
         let _busy = progress::busy("rendering");
         let light = surroundings::light(&environment, &Folder::new("", file, true))?;
         let mut files = output::Files::new(self.force);
-        surroundings::pictures(&Subject::Asset(Box::new(asset)), &light, &cameras, quality, |k, relit| {
+        surroundings::pictures(&JobAsset::Asset(Box::new(asset)), &light, &cameras, quality, |k, relit| {
             files.add(&paths[k], &self.picture(&relit.image, [1.0; 3], is_exr)?)
         })?;
         files.commit()
@@ -233,12 +233,12 @@ impl Render {
         }
     }
 
-    fn layers(&self) -> Layers {
+    fn layers(&self) -> RenderLayers {
         let has = |layer| self.layers.contains(&layer);
         // Naming only reflections shows them whole, naming only parts shows them of both reflections.
         let reflections = has(Layer::Diffuse) || has(Layer::Specular);
         let parts = has(Layer::Model) || has(Layer::Residual);
-        Layers {
+        RenderLayers {
             diffuse: has(Layer::Diffuse) || !reflections,
             specular: has(Layer::Specular) || !reflections,
             model: has(Layer::Model) || !parts,
@@ -246,9 +246,9 @@ impl Render {
         }
     }
 
-    fn lighting(&self, asset: &Asset) -> Result<Lighting> {
+    fn lighting(&self, asset: &Asset) -> Result<RenderLighting> {
         if self.light.is_empty() {
-            return Ok(Lighting::Capture(self.capture_light));
+            return Ok(RenderLighting::Capture(self.capture_light));
         }
         let known = asset.views.iter().find_map(|view| view.light);
         let light = |Numbers(values): &Numbers| {
@@ -264,7 +264,7 @@ impl Render {
             };
             Ok(PointLight { position: [values[0], values[1], values[2]], intensity })
         };
-        Ok(Lighting::Points(self.light.iter().map(light).collect::<tsuya::Result<_>>()?))
+        Ok(RenderLighting::Points(self.light.iter().map(light).collect::<tsuya::Result<_>>()?))
     }
 
     fn cameras(&self, asset: &Asset) -> Result<Vec<Camera>> {

@@ -9,7 +9,7 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use tsuya::container::Container;
 use tsuya::decoder::{DecodeOptions, decode_from};
-use tsuya::repair::{Repaired, repair};
+use tsuya::repair::{RepairedFile, repair};
 
 /// Makes a whole file of what is left of a damaged one: every section and every view that checksums still prove.
 ///
@@ -44,16 +44,16 @@ impl Repair {
         output::write(&self.output, &repaired.bytes, self.force)?;
         let to_stream = output::is_stream(&self.output);
         if self.json && !to_stream {
-            output::say_json(&report(&repaired))?;
+            output::print_json(&report(&repaired))?;
         } else if !to_stream {
-            output::say(&table(&repaired))?;
+            output::print(&table(&repaired))?;
         }
         report_losses(&self.file, &repaired)
     }
 }
 
 /// What is written decodes.
-fn check(repaired: &Repaired) -> Result<()> {
+fn check(repaired: &RepairedFile) -> Result<()> {
     let mut file = Container::open_slice(&repaired.bytes, limits())?;
     match decode_from(&mut file, &DecodeOptions { limits: limits(), ..Default::default() }) {
         Ok(_) => Ok(()),
@@ -65,7 +65,7 @@ fn check(repaired: &Repaired) -> Result<()> {
     }
 }
 
-fn report(repaired: &Repaired) -> serde_json::Value {
+fn report(repaired: &RepairedFile) -> serde_json::Value {
     let kept: Vec<String> = repaired.kept.iter().map(|tag| tag.to_string()).collect();
     let sections: Vec<_> =
         repaired.lost_sections.iter().map(|(tag, why)| json!({"tag": tag.to_string(), "why": why})).collect();
@@ -84,7 +84,7 @@ fn report(repaired: &Repaired) -> serde_json::Value {
     })
 }
 
-fn table(repaired: &Repaired) -> String {
+fn table(repaired: &RepairedFile) -> String {
     let mut text = String::new();
     if repaired.was_whole {
         return "the file is undamaged: written as it is\n".into();
@@ -108,7 +108,7 @@ fn table(repaired: &Repaired) -> String {
 }
 
 /// An error that says what is lost, where something is.
-pub fn report_losses(file: &Path, repaired: &Repaired) -> Result<()> {
+pub fn report_losses(file: &Path, repaired: &RepairedFile) -> Result<()> {
     if !repaired.has_losses() {
         return Ok(());
     }

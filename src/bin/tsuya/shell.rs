@@ -16,7 +16,7 @@ impl Completions {
     pub fn run(self) -> Result<()> {
         let mut script = Vec::new();
         clap_complete::generate(self.shell, &mut Cli::command(), "tsuya", &mut script);
-        output::say_as_it_is(&String::from_utf8_lossy(&script))
+        output::print_verbatim(&String::from_utf8_lossy(&script))
     }
 }
 
@@ -41,7 +41,7 @@ impl Man {
             Ok(page)
         };
         let Some(folder) = &self.output else {
-            return output::say_as_it_is(&String::from_utf8_lossy(&page(program)?));
+            return output::print_verbatim(&String::from_utf8_lossy(&page(program)?));
         };
         std::fs::create_dir_all(folder).map_err(|e| tsuya::Error::io(folder, e))?;
         let mut files = output::Files::new(self.force);

@@ -8,7 +8,7 @@ use std::sync::OnceLock;
 use tsuya::Limits;
 use tsuya::asset::Asset;
 use tsuya::container::{Container, Tag};
-use tsuya::decoder::{DecodeOptions, Selection, decode_from};
+use tsuya::decoder::{DecodeOptions, ViewSelection, decode_from};
 use tsuya::input::{self, FileAccess};
 
 static LIMITS: OnceLock<Limits> = OnceLock::new();
@@ -19,7 +19,7 @@ pub fn limits() -> Limits {
 }
 
 /// Sets the memory that a file may ask for, once.
-pub fn limit_memory(mebibytes: u64) {
+pub fn set_memory_limit(mebibytes: u64) {
     let _ = LIMITS.set(Limits { memory_bytes: mebibytes.saturating_mul(1 << 20), ..Limits::default() });
 }
 
@@ -51,7 +51,7 @@ pub fn read_at_most(path: &Path, what: &'static str, max_bytes: u64) -> tsuya::R
     let bytes = if is_stream(path) {
         access.read_stream(path, what, std::io::stdin().lock(), max_bytes)?
     } else {
-        access.read(path, what, max_bytes)?
+        access.read_bytes(path, what, max_bytes)?
     };
     Ok(bytes.keep())
 }
@@ -67,7 +67,7 @@ pub fn open_container(path: &Path) -> Result<Container<Box<dyn Source>>> {
 }
 
 /// Decodes a file.
-pub fn decode(path: &Path, selection: Selection) -> Result<(Asset, u64)> {
+pub fn decode(path: &Path, selection: ViewSelection) -> Result<(Asset, u64)> {
     let mut file = open_container(path)?;
     let options = DecodeOptions { selection, limits: limits() };
     let asset = decode_from(&mut file, &options).with_context(|| name(path))?;
@@ -75,7 +75,7 @@ pub fn decode(path: &Path, selection: Selection) -> Result<(Asset, u64)> {
 }
 
 /// The light of a file.
-pub fn read_light(path: &Path) -> Result<tsuya::lighting::Light> {
+pub fn read_light(path: &Path) -> Result<tsuya::lighting::EnvironmentLobes> {
     let mut file = open_container(path)?;
     let section = file.read_section(Tag::LIGHT).with_context(|| name(path))?;
     tsuya::lighting::codec::decode(&section, &file.budget()).with_context(|| name(path))

@@ -5,16 +5,17 @@ use crate::values::OutsideArgument;
 use anyhow::Result;
 use std::path::{Path, PathBuf};
 use tsuya::asset::Asset;
-use tsuya::decoder::Selection;
+use tsuya::decoder::ViewSelection;
 use tsuya::image::RgbImage;
 use tsuya::input::{FileAccess, Folder};
-use tsuya::lighting::read::ReadOptions;
-use tsuya::lighting::{self, Environment, fit, levels};
+use tsuya::lighting::read::EnvironmentReadOptions;
+use tsuya::lighting::{self, EnvironmentMap, fit, levels};
 use tsuya::mesh::Mesh;
-use tsuya::relight::job::{Job, JobEnvironment, JobEvaluator, JobMaterial, Parameter};
+use tsuya::relight::job::{Job, JobEnvironment, JobEvaluator, JobMaterial, JobParameter};
 use tsuya::relight::{
-    AssetLook, EnvironmentOptions, Evaluator, Look, Object, Occlusion, ReferenceOptions, Relit, Renderer, Scene,
-    Surround, SurroundOptions, Texture, TexturedLook, Textures, Uniform, add_detail, reference,
+    AssetRenderer, AssetShading, EnvironmentOptions, EnvironmentRender, EnvironmentScene, Evaluator, Occlusion,
+    PreparedEnvironment, PreparedEnvironmentOptions, ReferenceOptions, RenderObject, ShadingModel, Texture,
+    TexturedShading, Textures, UniformMaterial, add_detail, reference,
 };
 use tsuya::views::Camera;
 use tsuya::visibility::Visibility;
@@ -27,26 +28,26 @@ const MAX_JOB_BYTES: u64 = 1 << 20;
 const LEVEL_SIDE: usize = 256;
 
 /// What is shown: an asset, or a mesh of one material.
-pub enum Subject {
+pub enum JobAsset {
     Asset(Box<Asset>),
     Mesh { mesh: Mesh, visibility: Option<Box<Visibility>>, material: Box<JobMaterial>, folder: Folder, file: PathBuf },
 }
 
-impl Subject {
+impl JobAsset {
     pub fn mesh(&self) -> &Mesh {
         match self {
-            Subject::Asset(asset) => &asset.mesh,
-            Subject::Mesh { mesh, .. } => mesh,
+            JobAsset::Asset(asset) => &asset.mesh,
+            JobAsset::Mesh { mesh, .. } => mesh,
         }
     }
 
-    fn look(&self, taps: usize) -> Result<Box<dyn Look + '_>> {
+    fn shading_model(&self, taps: usize) -> Result<Box<dyn ShadingModel + '_>> {
         Ok(match self {
-            Subject::Asset(asset) => Box::new(AssetLook::new(asset, taps)?),
-            Subject::Mesh { mesh, material, folder, file, .. } => {
+            JobAsset::Asset(asset) => Box::new(AssetShading::new(asset, taps)?),
+            JobAsset::Mesh { mesh, material, folder, file, .. } => {
                 let textures = textures(material, folder, file)?;
                 if textures == Textures::default() {
-                    return Ok(Box::new(Uniform::new(material.material(folder, source::limits())?, taps)));
+                    return Ok(Box::new(UniformMaterial::new(material.material(folder, source::limits())?, taps)));
                 }
                 // A roughness that varies is left out of the material that is the same all over.
                 let varies = textures.roughness.is_some();
@@ -57,7 +58,7 @@ impl Subject {
                     let none = || Error::parameter("material: this model has no roughness");
                     material.specular_part(Some(roughness))?.ok_or_else(none)
                 };
-                Box::new(TexturedLook::new(base.uniform()?, textures, mesh.triangles.len(), taps, part)?)
+                Box::new(TexturedShading::new(base.uniform()?, textures, mesh.triangles.len(), taps, part)?)
             }
         })
     }
@@ -65,7 +66,7 @@ impl Subject {
 
 /// How light is summed and how finely.
 #[derive(Clone, Copy)]
-pub struct Quality {
+pub struct EnvironmentSettings {
     pub evaluator: JobEvaluator,
     pub shadows: bool,
     pub samples: u32,
@@ -73,14 +74,14 @@ pub struct Quality {
 }
 
 /// Light from all around.
-pub struct Light {
-    pub environment: Environment,
+pub struct JobLight {
+    pub environment: EnvironmentMap,
     /// Lobes and levels, where a file has them.
-    stored: Option<lighting::Light>,
+    stored: Option<lighting::EnvironmentLobes>,
 }
 
 /// Reads the environment of a job: a picture, or the light of a `.tsuya` file.
-pub fn light(job: &JobEnvironment, folder: &Folder) -> Result<Light> {
+pub fn light(job: &JobEnvironment, folder: &Folder) -> Result<JobLight> {
     if !(job.scale.is_finite() && job.scale >= 0.0 && job.rotation_y_deg.is_finite()) {
         return Err(
             Error::parameter("an environment's scale and rotation are finite, the scale is not negative").into()
@@ -92,51 +93,53 @@ pub fn light(job: &JobEnvironment, folder: &Folder) -> Result<Light> {
         let Some(environment) = stored.environment() else {
             return Err(Error::input(&path, "its light has no levels: tsuya light fit makes them").into());
         };
-        return Ok(Light { environment, stored: Some(stored) });
+        return Ok(JobLight { environment, stored: Some(stored) });
     }
-    let (environment, cleaned) =
-        lighting::read::read(&[path], &ReadOptions { limits: source::limits(), ..Default::default() })?;
+    let (environment, cleaned) = lighting::read::read_environment(
+        &[path],
+        &EnvironmentReadOptions { limits: source::limits(), ..Default::default() },
+    )?;
     if cleaned.negative + cleaned.not_finite > 0 {
         tracing::info!("{} negative and {} missing pixels replaced", cleaned.negative, cleaned.not_finite);
     }
     let environment = environment.scaled(job.scale as f32);
     let turned = job.rotation_y_deg != 0.0;
     let environment = if turned { environment.rotated_y(job.rotation_y_deg) } else { environment };
-    Ok(Light { environment, stored: None })
+    Ok(JobLight { environment, stored: None })
 }
 
 /// Pictures of a subject from several cameras.
 pub fn pictures(
-    subject: &Subject,
-    light: &Light,
+    subject: &JobAsset,
+    light: &JobLight,
     cameras: &[Camera],
-    quality: Quality,
-    mut done: impl FnMut(usize, Relit) -> Result<()>,
+    quality: EnvironmentSettings,
+    mut done: impl FnMut(usize, EnvironmentRender) -> Result<()>,
 ) -> Result<()> {
     let options = EnvironmentOptions {
         evaluator: match quality.evaluator {
-            JobEvaluator::Published => Evaluator::Published,
-            _ => Evaluator::Better,
+            JobEvaluator::Published => Evaluator::SphericalGaussian,
+            _ => Evaluator::Filtered,
         },
         shadows: quality.shadows,
         samples: quality.samples,
         ..EnvironmentOptions::default()
     };
-    let look = subject.look(options.taps)?;
+    let look = subject.shading_model(options.taps)?;
     let mesh = subject.mesh();
     let asset = match subject {
-        Subject::Asset(asset) if quality.detail => Some(&**asset),
+        JobAsset::Asset(asset) if quality.detail => Some(&**asset),
         _ => None,
     };
-    let renderer = asset.map(Renderer::new).transpose()?;
-    let mut finish = |k: usize, mut relit: Relit| -> Result<()> {
+    let renderer = asset.map(AssetRenderer::new).transpose()?;
+    let mut finish = |k: usize, mut relit: EnvironmentRender| -> Result<()> {
         if let (Some(asset), Some(renderer)) = (asset, &renderer) {
             add_detail(&mut relit, renderer, asset, &cameras[k])?;
         }
         done(k, relit)
     };
     if quality.evaluator == JobEvaluator::Reference {
-        let object = Object::new(mesh, None)?;
+        let object = RenderObject::new(mesh, None)?;
         let options = ReferenceOptions { samples: quality.samples, shadows: quality.shadows, ..Default::default() };
         for (k, camera) in cameras.iter().enumerate() {
             finish(k, reference(&object, &light.environment, camera, &*look, &options)?)?;
@@ -144,17 +147,17 @@ pub fn pictures(
         return Ok(());
     }
     let occlusion = if quality.shadows { Some(occlusion(subject)?) } else { None };
-    let object = Object::new(mesh, occlusion.as_ref())?;
+    let object = RenderObject::new(mesh, occlusion.as_ref())?;
     let environment = &light.environment;
-    let surround = Surround::new(environment, &SurroundOptions::default());
-    let light = (options.evaluator == Evaluator::Published).then(|| match &light.stored {
+    let surround = PreparedEnvironment::new(environment, &PreparedEnvironmentOptions::default());
+    let light = (options.evaluator == Evaluator::SphericalGaussian).then(|| match &light.stored {
         Some(stored) => stored.clone(),
-        None => lighting::Light {
-            diffuse: fit::fit(environment, &fit::FitOptions::default(), None),
-            levels: levels::levels(environment, LEVEL_SIDE),
+        None => lighting::EnvironmentLobes {
+            diffuse: fit::fit(environment, &fit::LobeFitOptions::default(), None),
+            prefiltered: levels::prefiltered_maps(environment, LEVEL_SIDE),
         },
     });
-    let scene = Scene::new(&object, &surround, light.as_ref(), options)?;
+    let scene = EnvironmentScene::new(&object, &surround, light.as_ref(), options)?;
     for (k, camera) in cameras.iter().enumerate() {
         finish(k, scene.render(camera, &*look)?)?;
     }
@@ -162,16 +165,16 @@ pub fn pictures(
 }
 
 /// The visibility of a file, or computed now where it has none.
-pub fn occlusion(subject: &Subject) -> Result<Occlusion> {
+pub fn occlusion(subject: &JobAsset) -> Result<Occlusion> {
     let stored = match subject {
-        Subject::Asset(asset) => asset.visibility.as_ref(),
-        Subject::Mesh { visibility, .. } => visibility.as_deref(),
+        JobAsset::Asset(asset) => asset.visibility.as_ref(),
+        JobAsset::Mesh { visibility, .. } => visibility.as_deref(),
     };
     if let Some(visibility) = stored {
-        return Ok(Occlusion::of(visibility));
+        return Ok(Occlusion::from_visibility(visibility));
     }
     tracing::info!("the file has no visibility (tsuya bake): computing it");
-    Ok(Occlusion::of(&bake(subject.mesh(), &BakeOptions::default())?.visibility))
+    Ok(Occlusion::from_visibility(&bake(subject.mesh(), &BakeOptions::default())?.visibility))
 }
 
 /// Reads a job; paths in it are relative to its folder, which comes with it.
@@ -182,23 +185,23 @@ pub fn read_job(path: &Path, outside: OutsideArgument) -> Result<(Job, Folder)> 
 }
 
 /// What a job shows.
-pub fn subject(job: &Job, folder: &Folder, detail: bool) -> Result<Subject> {
+pub fn subject(job: &Job, folder: &Folder, detail: bool) -> Result<JobAsset> {
     match (&job.asset, &job.mesh, &job.material) {
         (Some(asset), None, None) => {
-            let selection = if detail { Selection::All } else { Selection::None };
-            Ok(Subject::Asset(Box::new(source::decode(&folder.resolve_path(asset)?, selection)?.0)))
+            let selection = if detail { ViewSelection::All } else { ViewSelection::None };
+            Ok(JobAsset::Asset(Box::new(source::decode(&folder.resolve_path(asset)?, selection)?.0)))
         }
         (None, Some(file), Some(material)) => {
             let file = folder.resolve_path(file)?;
             // What `tsuya bake` writes brings its visibility along.
             let (mesh, visibility) = if source::has_extension(&file, "tsuya") {
-                let (asset, _) = source::decode(&file, Selection::None)?;
+                let (asset, _) = source::decode(&file, ViewSelection::None)?;
                 (asset.mesh, asset.visibility.map(Box::new))
             } else {
                 (mesh::read::read(&file, &source::access().allow_outside(folder.allows_outside()))?, None)
             };
             let (material, folder) = (Box::new(material.clone()), folder.clone());
-            Ok(Subject::Mesh { mesh, visibility, material, folder, file })
+            Ok(JobAsset::Mesh { mesh, visibility, material, folder, file })
         }
         _ => Err(Error::parameter("a job has either asset, or mesh and material").into()),
     }
@@ -207,7 +210,7 @@ pub fn subject(job: &Job, folder: &Folder, detail: bool) -> Result<Subject> {
 /// A picture in linear values: numbers as they are, not decoded from sRGB, unless it is a colour.
 fn read_texture(path: &Path, access: &FileAccess, colour: bool, scale: f64) -> Result<Texture> {
     let space = if colour { "srgb" } else { "linear" };
-    let image: RgbImage = tsuya::capture::read_values(path, access, space)?;
+    let image: RgbImage = tsuya::capture::read_linear_image(path, access, space)?;
     access.charge(path, "texture", size_of_val(&image.data[..]) as u64)?;
     Ok(Texture { image, scale: scale as f32 })
 }
@@ -215,13 +218,13 @@ fn read_texture(path: &Path, access: &FileAccess, colour: bool, scale: f64) -> R
 fn textures(material: &JobMaterial, folder: &Folder, mesh: &Path) -> Result<Textures> {
     let access = source::access();
     let mut textures = Textures::default();
-    if let Some(Parameter::Texture { texture, scale }) = &material.diffuse {
+    if let Some(JobParameter::Texture { texture, scale }) = &material.diffuse {
         textures.diffuse = Some(read_texture(&folder.resolve_path(texture)?, &access, true, *scale)?);
     }
-    if let Some(Parameter::Texture { texture, scale }) = &material.specular {
+    if let Some(JobParameter::Texture { texture, scale }) = &material.specular {
         textures.specular = Some(read_texture(&folder.resolve_path(texture)?, &access, true, *scale)?);
     }
-    if let Some(Parameter::Texture { texture, scale }) = &material.roughness {
+    if let Some(JobParameter::Texture { texture, scale }) = &material.roughness {
         textures.roughness = Some(read_texture(&folder.resolve_path(texture)?, &access, false, *scale)?);
     }
     if textures != Textures::default() {

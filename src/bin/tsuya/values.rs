@@ -3,7 +3,7 @@
 use crate::source;
 use clap::Args;
 use std::path::{Path, PathBuf};
-use tsuya::capture::{ReadOptions, describe};
+use tsuya::capture::{CaptureReadOptions, describe};
 use tsuya::input::{FileAccess, Folder};
 use tsuya::views::View;
 use tsuya::{Error, Result};
@@ -77,15 +77,15 @@ impl OutsideArgument {
     }
     /// The folder of a file, for the paths in it.
     pub fn folder(self, file: &Path) -> Folder {
-        Folder::of(file, self.allow_outside)
+        Folder::containing(file, self.allow_outside)
     }
 }
 
 impl CaptureArguments {
     /// The library's options.
-    pub fn read_options(&self) -> Result<ReadOptions> {
+    pub fn read_options(&self) -> Result<CaptureReadOptions> {
         let mesh_pose = self.mesh_pose.as_ref().map(|path| crate::align::read_pose(path)).transpose()?;
-        Ok(ReadOptions {
+        Ok(CaptureReadOptions {
             mesh: self.mesh.clone(),
             mesh_pose,
             beta: self.beta,
@@ -110,7 +110,7 @@ impl CaptureArguments {
         let frames = description.frames.iter();
         let pictures = frames.flat_map(|frame| [Some(&frame.photograph), frame.cross.as_ref(), frame.mask.as_ref()]);
         files.extend(boards.chain(pictures).flatten().cloned());
-        files.extend(description.find_mesh(&ReadOptions { mesh: self.mesh.clone(), ..Default::default() }));
+        files.extend(description.find_mesh(&CaptureReadOptions { mesh: self.mesh.clone(), ..Default::default() }));
         files.extend(self.mesh_pose.clone());
         Ok(files)
     }

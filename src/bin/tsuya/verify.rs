@@ -90,6 +90,6 @@ impl Verify {
                 }
             }
         }
-        output::say(&text)
+        output::print(&text)
     }
 }

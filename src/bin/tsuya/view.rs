@@ -55,15 +55,15 @@ impl View {
             }
             made.commit()?;
             let (count, shown) = (site.files().count(), folder.display());
-            return output::say(&format!(
+            return output::print(&format!(
                 "{shown}: {count} files; any web server shows them, opened as files they do not work\n"
             ));
         }
         let server = Server::bind(self.port, site)?;
         let address = server.address();
-        output::say(&format!("{address}  (Ctrl-C ends)\n"))?;
+        output::print(&format!("{address}  (Ctrl-C ends)\n"))?;
         if !self.no_open && open::that_detached(&address).is_err() {
-            output::complain("no browser could be opened: open the address yourself");
+            output::eprint_line("no browser could be opened: open the address yourself");
         }
         server.run();
         Ok(())

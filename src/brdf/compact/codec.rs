@@ -1,16 +1,16 @@
 //! A tuned material as bytes.
 
-use super::prior::{CONTINUE, LEVELS, ORDINARY};
-use super::{Degrees, Header, TunedMaterial, degrees};
+use super::prior::{CONTINUE_PROBABILITIES, LEVELS, ORDINARY};
+use super::{CompactHeader, CompactMaterial, TermDegrees, degrees};
 use crate::entropy::{BitCoder, RangeDecoder, RangeEncoder, code_end, code_raw};
 use crate::error::{Error, Result};
 
 /// Largest magnitude of a quantised coefficient. Part of the format.
-pub(super) const LARGEST: u32 = (1 << 20) - 1;
+pub(super) const MAX_MAGNITUDE: u32 = (1 << 20) - 1;
 /// Quotients from this on are coded as an Elias-gamma number. Part of the format.
 const UNARY: usize = 12;
 
-impl TunedMaterial {
+impl CompactMaterial {
     /// The coded material.
     pub fn encode(&self) -> Vec<u8> {
         let mut coder = RangeEncoder::new();
@@ -19,7 +19,7 @@ impl TunedMaterial {
         coder.finish()
     }
 
-    /// Reads what [`TunedMaterial::encode`] wrote. Takes memory and time for at most [`crate::brdf::compact::DEGREES`]' product of coefficients.
+    /// Reads what [`CompactMaterial::encode`] wrote. Takes memory and time for at most [`crate::brdf::compact::COMPACT_DEGREES`]' product of coefficients.
     /// # Errors
     /// [`Error::Format`] where the bytes end too early or too late, or a coefficient is out of range.
     pub fn decode(bytes: &[u8], section: &str) -> Result<Self> {
@@ -35,10 +35,10 @@ impl TunedMaterial {
 }
 
 /// Both directions: codes `material` where there is one, else what the coder reads. `None` where a number is out of range.
-fn code<C: BitCoder>(coder: &mut C, material: Option<&TunedMaterial>) -> Option<TunedMaterial> {
+fn code<C: BitCoder>(coder: &mut C, material: Option<&CompactMaterial>) -> Option<CompactMaterial> {
     let given = material.map(|m| m.header);
-    let mut raw = |count: u32, of: fn(Header) -> u8| code_raw(coder, count, given.map_or(0, of) as u32) as u8;
-    let header = Header {
+    let mut raw = |count: u32, of: fn(CompactHeader) -> u8| code_raw(coder, count, given.map_or(0, of) as u32) as u8;
+    let header = CompactHeader {
         reciprocal: raw(1, |h| h.reciprocal as u8) == 1,
         step: raw(6, |h| h.step),
         floor: raw(5, |h| h.floor),
@@ -52,18 +52,18 @@ fn code<C: BitCoder>(coder: &mut C, material: Option<&TunedMaterial>) -> Option<
             coefficients[c].push(code_coefficient(coder, level(of, c, header.gains[c]), value)?);
         }
     }
-    code_end(coder).then(|| TunedMaterial::new(header, coefficients))
+    code_end(coder).then(|| CompactMaterial::new(header, coefficients))
 }
 
 /// Expected magnitude of a coefficient in steps, as half octaves.
-pub(super) fn level(degrees: Degrees, channel: usize, gain: u8) -> i32 {
+pub(super) fn level(degrees: TermDegrees, channel: usize, gain: u8) -> i32 {
     let table = &LEVELS[(channel > 0) as usize];
     gain as i32 - table.0[degrees[0]] as i32 - table.1[degrees[1]] as i32 - table.2[degrees[2]] as i32
 }
 
-/// How a level is coded: low bits that are equiprobable, and the row of [`CONTINUE`] for what is above them.
+/// How a level is coded: low bits that are equiprobable, and the row of [`CONTINUE_PROBABILITIES`] for what is above them.
 fn row_of(level: i32) -> (u32, usize) {
-    let last = CONTINUE.len() as i32 - 1;
+    let last = CONTINUE_PROBABILITIES.len() as i32 - 1;
     let index = level + ORDINARY;
     if index <= last {
         return (0, index.max(0) as usize);
@@ -77,7 +77,7 @@ fn code_coefficient<C: BitCoder>(coder: &mut C, level: i32, value: i32) -> Optio
     let magnitude = value.unsigned_abs();
     let quotient = (magnitude >> shift) as usize;
     let mut read = 0;
-    while read < UNARY && coder.bit(CONTINUE[row][read] as u32, quotient > read) {
+    while read < UNARY && coder.bit(CONTINUE_PROBABILITIES[row][read] as u32, quotient > read) {
         read += 1;
     }
     let mut high = read as u32;
@@ -92,7 +92,7 @@ fn code_coefficient<C: BitCoder>(coder: &mut C, level: i32, value: i32) -> Optio
     }
     let low = code_raw(coder, shift, magnitude & ((1 << shift) - 1));
     let magnitude = high.checked_shl(shift).filter(|m| m >> shift == high)? | low;
-    if magnitude > LARGEST {
+    if magnitude > MAX_MAGNITUDE {
         return None;
     }
     let negative = magnitude > 0 && coder.bit(1 << 15, value < 0);
@@ -126,5 +126,5 @@ static COSTS: std::sync::LazyLock<Vec<([f64; UNARY], [f64; UNARY + 1])>> = std::
         }
         bits
     };
-    CONTINUE.iter().map(of).collect()
+    CONTINUE_PROBABILITIES.iter().map(of).collect()
 });

@@ -15,28 +15,28 @@ mod prior;
 #[cfg(feature = "encode")]
 pub(super) use fit::coefficients;
 #[cfg(feature = "encode")]
-pub use fit::{Direction, FitOptions, fit};
+pub use fit::{CompactFitOptions, FitDirections, fit_compact};
 
 use super::Brdf;
 use std::f64::consts::FRAC_PI_2;
 use std::sync::LazyLock;
 
 /// Degrees in `x`, `y` and `s` stay below these; their parts of them add up to 1 at most. Part of the format.
-pub const DEGREES: [usize; 3] = [16, 10, 8];
+pub const COMPACT_DEGREES: [usize; 3] = [16, 10, 8];
 /// Quantiser steps of the mean and the two differences, in units of the material's step: errors of the three add up alike
 /// in the channels. Part of the format.
 const CHANNEL_STEPS: [f64; 3] = [9.0 / 16.0, 11.0 / 16.0, 13.0 / 32.0];
 
 /// Degrees of one coefficient in `x`, `y`, `s`.
-type Degrees = [usize; 3];
+type TermDegrees = [usize; 3];
 
 /// All coefficients in the order of the format: by `a`, then `b`, then `m`.
-fn degrees(reciprocal: bool) -> &'static [Degrees] {
-    static ALL: LazyLock<[Vec<Degrees>; 2]> = LazyLock::new(|| {
-        let [a, b, m] = DEGREES;
-        let within = |d: &Degrees| d[0] * b * m + d[1] * a * m + d[2] * a * b <= a * b * m;
+fn degrees(reciprocal: bool) -> &'static [TermDegrees] {
+    static ALL: LazyLock<[Vec<TermDegrees>; 2]> = LazyLock::new(|| {
+        let [a, b, m] = COMPACT_DEGREES;
+        let within = |d: &TermDegrees| d[0] * b * m + d[1] * a * m + d[2] * a * b <= a * b * m;
         let each = (0..a).flat_map(|i| (0..b).flat_map(move |j| (0..m).map(move |k| [i, j, k])));
-        let all: Vec<Degrees> = each.filter(within).collect();
+        let all: Vec<TermDegrees> = each.filter(within).collect();
         [all.clone(), all.into_iter().filter(|d| d[2].is_multiple_of(2)).collect()]
     });
     &ALL[reciprocal as usize]
@@ -44,7 +44,7 @@ fn degrees(reciprocal: bool) -> &'static [Degrees] {
 
 /// What a coded material begins with.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-struct Header {
+struct CompactHeader {
     /// Whether exchanging both directions changes nothing.
     reciprocal: bool,
     /// Step number, 0 to 63: the step is `(8 + n % 8) * 2^(n / 8 - 13)`.
@@ -65,25 +65,28 @@ pub(super) const TERMS: usize = 186;
 #[cfg(feature = "encode")]
 pub(super) fn terms(theta_h: f64, theta_d: f64, cos_incoming: f64, cos_outgoing: f64) -> Vec<f64> {
     let [x, y, s] = coordinates(theta_h, theta_d, cos_incoming, cos_outgoing);
-    let (along_x, along_y, along_s) =
-        (chebyshev::<{ DEGREES[0] }>(x), chebyshev::<{ DEGREES[1] }>(y), chebyshev::<{ DEGREES[2] }>(s));
+    let (along_x, along_y, along_s) = (
+        chebyshev::<{ COMPACT_DEGREES[0] }>(x),
+        chebyshev::<{ COMPACT_DEGREES[1] }>(y),
+        chebyshev::<{ COMPACT_DEGREES[2] }>(s),
+    );
     degrees(true).iter().map(|&[a, b, m]| along_x[a] * along_y[b] * along_s[m]).collect()
 }
 
 /// A material in the tuned form.
 #[derive(Debug, Clone, PartialEq)]
-pub struct TunedMaterial {
-    header: Header,
+pub struct CompactMaterial {
+    header: CompactHeader,
     /// Quantised coefficients of the mean and the differences.
     coefficients: [Vec<i32>; 3],
     /// Coefficients of red, green, blue: `[a][b][m]`, zeros where there are none.
     dense: Vec<[f64; 3]>,
 }
 
-impl TunedMaterial {
-    fn new(header: Header, coefficients: [Vec<i32>; 3]) -> Self {
-        let Header { reciprocal, step, .. } = header;
-        let mut dense = vec![[0.0; 3]; DEGREES.iter().product()];
+impl CompactMaterial {
+    fn new(header: CompactHeader, coefficients: [Vec<i32>; 3]) -> Self {
+        let CompactHeader { reciprocal, step, .. } = header;
+        let mut dense = vec![[0.0; 3]; COMPACT_DEGREES.iter().product()];
         let step_size = step_size(step);
         for (n, &[a, b, m]) in degrees(reciprocal).iter().enumerate() {
             let of = |c: usize| {
@@ -91,10 +94,10 @@ impl TunedMaterial {
                 whole as f64 * (step_size * CHANNEL_STEPS[c])
             };
             let (mean, red_blue, green) = (of(0), of(1), of(2));
-            dense[(a * DEGREES[1] + b) * DEGREES[2] + m] =
+            dense[(a * COMPACT_DEGREES[1] + b) * COMPACT_DEGREES[2] + m] =
                 [mean + red_blue + green, mean - 2.0 * green, mean - red_blue + green];
         }
-        TunedMaterial { header, coefficients, dense }
+        CompactMaterial { header, coefficients, dense }
     }
 
     /// Material of its header's numbers (step, floor, ceiling, gains) and of quantised coefficients, for fuzzing; `None` where one is out
@@ -105,8 +108,8 @@ impl TunedMaterial {
         let [step, floor, ceiling, gains @ ..] = header;
         let coefficients = [(); 3].map(|_| degrees(reciprocal).iter().map(|_| next()).collect::<Vec<i32>>());
         let in_range = header.iter().zip([63, 31, 127, 31, 31, 31]).all(|(number, most)| *number <= most);
-        let small = coefficients.iter().flatten().all(|c| c.unsigned_abs() <= codec::LARGEST);
-        let header = Header { reciprocal, step, floor, ceiling, gains };
+        let small = coefficients.iter().flatten().all(|c| c.unsigned_abs() <= codec::MAX_MAGNITUDE);
+        let header = CompactHeader { reciprocal, step, floor, ceiling, gains };
         (in_range && small).then(|| Self::new(header, coefficients))
     }
 
@@ -116,19 +119,19 @@ impl TunedMaterial {
     }
 
     /// Value at the angles (radians) and the cosines of both directions, which are above 0.
-    pub fn at(&self, theta_h: f64, theta_d: f64, cos_incoming: f64, cos_outgoing: f64) -> [f64; 3] {
+    pub fn value_at(&self, theta_h: f64, theta_d: f64, cos_incoming: f64, cos_outgoing: f64) -> [f64; 3] {
         let [x, y, s] = coordinates(theta_h, theta_d, cos_incoming, cos_outgoing);
         self.value(&self.along_s(x, y), s)
     }
 
     /// The sums over `a` and `b`: factors of `T_m(s)` for red, green, blue.
-    fn along_s(&self, x: f64, y: f64) -> [[f64; 3]; DEGREES[2]] {
-        let (along_x, along_y) = (chebyshev::<{ DEGREES[0] }>(x), chebyshev::<{ DEGREES[1] }>(y));
-        let mut sums = [[0.0; 3]; DEGREES[2]];
-        for (a, plane) in self.dense.chunks_exact(DEGREES[1] * DEGREES[2]).enumerate() {
+    fn along_s(&self, x: f64, y: f64) -> [[f64; 3]; COMPACT_DEGREES[2]] {
+        let (along_x, along_y) = (chebyshev::<{ COMPACT_DEGREES[0] }>(x), chebyshev::<{ COMPACT_DEGREES[1] }>(y));
+        let mut sums = [[0.0; 3]; COMPACT_DEGREES[2]];
+        for (a, plane) in self.dense.chunks_exact(COMPACT_DEGREES[1] * COMPACT_DEGREES[2]).enumerate() {
             // The parts add up to 1 at most: the rest of the plane is zero.
-            let rows = DEGREES[1] * (DEGREES[0] - a) / DEGREES[0] + 1;
-            for (row, along_y) in plane.chunks_exact(DEGREES[2]).zip(along_y).take(rows) {
+            let rows = COMPACT_DEGREES[1] * (COMPACT_DEGREES[0] - a) / COMPACT_DEGREES[0] + 1;
+            for (row, along_y) in plane.chunks_exact(COMPACT_DEGREES[2]).zip(along_y).take(rows) {
                 let factor = along_y * along_x[a];
                 for (value, sum) in row.iter().zip(&mut sums) {
                     (0..3).for_each(|c| sum[c] += value[c] * factor);
@@ -138,9 +141,9 @@ impl TunedMaterial {
         sums
     }
 
-    fn value(&self, sums: &[[f64; 3]; DEGREES[2]], s: f64) -> [f64; 3] {
+    fn value(&self, sums: &[[f64; 3]; COMPACT_DEGREES[2]], s: f64) -> [f64; 3] {
         let mut logarithm = [0.0; 3];
-        for (sum, along_s) in sums.iter().zip(chebyshev::<{ DEGREES[2] }>(s)) {
+        for (sum, along_s) in sums.iter().zip(chebyshev::<{ COMPACT_DEGREES[2] }>(s)) {
             (0..3).for_each(|c| logarithm[c] += sum[c] * along_s);
         }
         let (ceiling, floor) = (self.header.ceiling as f64 / 4.0 - 8.0, floor_size(self.header.floor));
@@ -148,13 +151,13 @@ impl TunedMaterial {
     }
 }
 
-impl Brdf for TunedMaterial {
+impl Brdf for CompactMaterial {
     fn evaluate(&self, incoming: [f64; 3], outgoing: [f64; 3]) -> [f64; 3] {
         if incoming[2] <= 0.0 || outgoing[2] <= 0.0 {
             return [0.0; 3];
         }
-        let angles = crate::brdf::HalfDifference::of(incoming, outgoing);
-        self.at(angles.theta_h, angles.theta_d, incoming[2], outgoing[2])
+        let angles = crate::brdf::HalfDifference::from_directions(incoming, outgoing);
+        self.value_at(angles.theta_h, angles.theta_d, incoming[2], outgoing[2])
     }
 
     fn evaluate_row(&self, theta_h: f64, theta_d: f64, pairs: &[[[f64; 3]; 2]], values: &mut Vec<[f64; 3]>) {

@@ -1,11 +1,11 @@
 //! What the coder knows about coefficients beforehand. Part of the format.
 
-/// Row of [`CONTINUE`] whose coefficients have a magnitude of about one step.
+/// Row of [`CONTINUE_PROBABILITIES`] whose coefficients have a magnitude of about one step.
 pub(super) const ORDINARY: i32 = 10;
 
 /// For a coefficient of expected magnitude `2^((row - 10) / 2)` steps: the probability, in 1/65536, that its magnitude is above n = 0..12
 /// if it is not below. A mixture of three two-sided geometric distributions.
-pub(super) const CONTINUE: [[u16; 12]; 16] = [
+pub(super) const CONTINUE_PROBABILITIES: [[u16; 12]; 16] = [
     [2299, 1552, 1932, 4437, 34055, 58599, 60877, 61487, 61922, 62270, 62556, 62796],
     [3219, 2187, 2653, 3756, 16738, 52384, 60468, 61465, 61920, 62270, 62556, 62796],
     [4487, 3077, 3699, 4377, 8482, 34201, 57561, 61227, 61902, 62268, 62556, 62796],

@@ -4,12 +4,12 @@ use super::*;
 fn bytes_come_back() {
     let coefficients = [0, 1, 2]
         .map(|c: i32| (0..degrees(true).len() as i32).map(|n: i32| (n * 7919 + c * 31) % 200 / (n + 1) - c).collect());
-    let header = Header { reciprocal: true, step: 20, floor: 8, ceiling: 60, gains: [12, 5, 3] };
-    let material = TunedMaterial::new(header, coefficients);
+    let header = CompactHeader { reciprocal: true, step: 20, floor: 8, ceiling: 60, gains: [12, 5, 3] };
+    let material = CompactMaterial::new(header, coefficients);
     let bytes = material.encode();
-    assert!(TunedMaterial::decode(&bytes, "mATl").unwrap() == material);
+    assert!(CompactMaterial::decode(&bytes, "mATl").unwrap() == material);
     for cut in 0..bytes.len() {
-        assert!(TunedMaterial::decode(&bytes[..cut], "mATl").is_err(), "cut at {cut}");
+        assert!(CompactMaterial::decode(&bytes[..cut], "mATl").is_err(), "cut at {cut}");
     }
-    assert!(TunedMaterial::decode(&[bytes.as_slice(), &[7]].concat(), "mATl").is_err());
+    assert!(CompactMaterial::decode(&[bytes.as_slice(), &[7]].concat(), "mATl").is_err());
 }

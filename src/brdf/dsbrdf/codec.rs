@@ -1,10 +1,10 @@
 //! A material of lobes as bytes: each parameter as its difference from the slice before, adaptively range-coded.
 
-use super::{LOBES, LobeMaterial, SLICES};
-use crate::entropy::{BitCoder, Number, RangeDecoder, RangeEncoder, code_end, code_raw};
+use super::{DsbrdfMaterial, MAX_LOBES, MAX_SLICES};
+use crate::entropy::{BitCoder, NumberModel, RangeDecoder, RangeEncoder, code_end, code_raw};
 use crate::error::{Error, Result};
 
-impl LobeMaterial {
+impl DsbrdfMaterial {
     /// The coded material.
     pub fn encode(&self) -> Vec<u8> {
         let mut coder = RangeEncoder::new();
@@ -12,7 +12,7 @@ impl LobeMaterial {
         coder.finish()
     }
 
-    /// Reads what [`LobeMaterial::encode`] wrote; at most 3 x 5 x 3 x 90 numbers.
+    /// Reads what [`DsbrdfMaterial::encode`] wrote; at most 3 x 5 x 3 x 90 numbers.
     /// # Errors
     /// [`Error::Format`] where counts or parameters are out of range, or the bytes end too early or too late.
     pub fn decode(bytes: &[u8], section: &str) -> Result<Self> {
@@ -27,18 +27,18 @@ impl LobeMaterial {
     }
 }
 
-fn code<C: BitCoder>(coder: &mut C, material: Option<&LobeMaterial>) -> Option<LobeMaterial> {
+fn code<C: BitCoder>(coder: &mut C, material: Option<&DsbrdfMaterial>) -> Option<DsbrdfMaterial> {
     let slices = code_raw(coder, 7, material.map_or(0, |m| m.slices as u32)) as usize;
     let lobes = code_raw(coder, 3, material.map_or(0, |m| m.lobes as u32)) as usize;
     let amplitudes = coder.bit(1 << 15, material.is_some_and(|m| m.amplitudes));
-    if !(1..=SLICES).contains(&slices) || !(1..=LOBES).contains(&lobes) {
+    if !(1..=MAX_SLICES).contains(&slices) || !(1..=MAX_LOBES).contains(&lobes) {
         return None;
     }
     let parameters = 2 + amplitudes as usize;
     let curves = lobes * parameters;
     // First slices of green and blue follow red; within a curve each slice follows the one before.
-    let mut first: [Number; 2] = Default::default();
-    let mut next: [Number; 3] = Default::default();
+    let mut first: [NumberModel; 2] = Default::default();
+    let mut next: [NumberModel; 3] = Default::default();
     let mut quantised: Vec<i32> = Vec::with_capacity(3 * curves * slices);
     for curve in 0..3 * curves {
         for slice in 0..slices {
@@ -64,5 +64,5 @@ fn code<C: BitCoder>(coder: &mut C, material: Option<&LobeMaterial>) -> Option<L
     if !code_end(coder) {
         return None;
     }
-    LobeMaterial::new(slices, lobes, amplitudes, quantised)
+    DsbrdfMaterial::new(slices, lobes, amplitudes, quantised)
 }

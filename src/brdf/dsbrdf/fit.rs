@@ -4,8 +4,8 @@
 //! Levenberg-Marquardt steps in the logarithms of its parameters, which keeps them positive. A slice starts from its neighbour's result, so
 //! that lobes keep their identity over `theta_d` and can be interpolated.
 
-use super::{LOBES, Lobe, LobeMaterial, RANGE, SLICES, STEP};
-use crate::brdf::Sample;
+use super::{DsbrdfLobe, DsbrdfMaterial, MAX_LOBES, MAX_SLICES, RANGE, STEP};
+use crate::brdf::BrdfSample;
 use crate::error::{Error, Result};
 use std::f64::consts::FRAC_PI_2;
 
@@ -20,7 +20,7 @@ pub enum LobeCount {
 
 /// How to fit.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct FitOptions {
+pub struct DsbrdfFitOptions {
     /// Slices of `theta_d`: 18 of 5 degrees and 6 of 15 degrees are the published ones. 1 to 90.
     pub slices: usize,
     /// How many lobes.
@@ -28,14 +28,14 @@ pub struct FitOptions {
     /// Whether lobes have an amplitude of their own.
     pub amplitudes: bool,
     /// Samples of a smaller `theta_h` are left out, degrees: measurements close to the highlight's centre are unreliable.
-    pub least_theta_h_deg: f64,
+    pub min_theta_h_deg: f64,
     /// Rounds of expectation maximisation for a slice.
     pub rounds: usize,
 }
 
-impl Default for FitOptions {
+impl Default for DsbrdfFitOptions {
     fn default() -> Self {
-        FitOptions { slices: 18, lobes: LobeCount::Given(3), amplitudes: false, least_theta_h_deg: 5.0, rounds: 14 }
+        DsbrdfFitOptions { slices: 18, lobes: LobeCount::Given(3), amplitudes: false, min_theta_h_deg: 5.0, rounds: 14 }
     }
 }
 
@@ -47,10 +47,10 @@ const STEPS: usize = 2;
 const RELATIVE_FLOOR: f64 = 0.1;
 
 /// A lobe's peak, which lies where no sample was taken, is at most this many times the greatest value of the slice.
-const BEYOND: f64 = 8.0;
+const MAX_PEAK_FACTOR: f64 = 8.0;
 
 /// Mean values of a slice's bins.
-struct Slice {
+struct DifferenceSlice {
     /// `ln cos theta_h`, weight, red, green, blue.
     bins: Vec<(f64, f64, [f64; 3])>,
 }
@@ -58,12 +58,12 @@ struct Slice {
 /// Fits lobes to samples in any order.
 /// # Errors
 /// [`Error::Parameter`] where counts are out of range or no sample is usable.
-pub fn fit(samples: &[Sample], options: &FitOptions) -> Result<LobeMaterial> {
+pub fn fit_dsbrdf(samples: &[BrdfSample], options: &DsbrdfFitOptions) -> Result<DsbrdfMaterial> {
     let count_is_valid = match options.lobes {
-        LobeCount::Given(count) => (1..=LOBES).contains(&count),
+        LobeCount::Given(count) => (1..=MAX_LOBES).contains(&count),
         LobeCount::ByError => true,
     };
-    if !(1..=SLICES).contains(&options.slices) || !count_is_valid {
+    if !(1..=MAX_SLICES).contains(&options.slices) || !count_is_valid {
         return Err(Error::parameter("a material takes 1 to 90 slices and 1 to 5 lobes"));
     }
     let slices = gather(samples, options);
@@ -75,7 +75,8 @@ pub fn fit(samples: &[Sample], options: &FitOptions) -> Result<LobeMaterial> {
     match options.lobes {
         LobeCount::Given(count) => Ok(fit_count(&slices, count, options).0),
         LobeCount::ByError => {
-            let all: Vec<(LobeMaterial, f64)> = (1..=LOBES).map(|count| fit_count(&slices, count, options)).collect();
+            let all: Vec<(DsbrdfMaterial, f64)> =
+                (1..=MAX_LOBES).map(|count| fit_count(&slices, count, options)).collect();
             let least = all.iter().map(|(_, error)| *error).fold(f64::INFINITY, f64::min);
             let first = all.into_iter().find(|(_, error)| *error <= 1.05 * least + 1e-12);
             first.map(|(material, _)| material).ok_or_else(|| Error::parameter("values too large to fit"))
@@ -83,11 +84,11 @@ pub fn fit(samples: &[Sample], options: &FitOptions) -> Result<LobeMaterial> {
     }
 }
 
-fn gather(samples: &[Sample], options: &FitOptions) -> Vec<Slice> {
+fn gather(samples: &[BrdfSample], options: &DsbrdfFitOptions) -> Vec<DifferenceSlice> {
     let mut sums = vec![[0.0f64; 5]; options.slices * BINS];
     for s in samples {
         let usable = s.value.iter().all(|v| v.is_finite() && *v >= 0.0)
-            && s.theta_h >= options.least_theta_h_deg.to_radians()
+            && s.theta_h >= options.min_theta_h_deg.to_radians()
             && s.theta_h < FRAC_PI_2
             && s.cos_incoming > 0.0
             && s.cos_outgoing > 0.0;
@@ -104,19 +105,19 @@ fn gather(samples: &[Sample], options: &FitOptions) -> Vec<Slice> {
         let theta_h = sum[1] / sum[0];
         (theta_h.cos().ln(), 1.0, [sum[2] / sum[0], sum[3] / sum[0], sum[4] / sum[0]])
     };
-    let slice = |bins: &[[f64; 5]]| Slice { bins: bins.iter().filter(|s| s[0] > 0.0).map(mean).collect() };
+    let slice = |bins: &[[f64; 5]]| DifferenceSlice { bins: bins.iter().filter(|s| s[0] > 0.0).map(mean).collect() };
     sums.chunks_exact(BINS).map(slice).collect()
 }
 
 /// The material and its mean squared relative error.
-fn fit_count(slices: &[Slice], count: usize, options: &FitOptions) -> (LobeMaterial, f64) {
+fn fit_count(slices: &[DifferenceSlice], count: usize, options: &DsbrdfFitOptions) -> (DsbrdfMaterial, f64) {
     let parameters = 2 + options.amplitudes as usize;
     let mut quantised = vec![0; 3 * count * parameters * slices.len()];
     let (mut error, mut points) = (0.0, 0usize);
     for colour in 0..3 {
-        let mut lobes: Vec<Lobe> = vec![];
+        let mut lobes: Vec<DsbrdfLobe> = vec![];
         for (at, slice) in slices.iter().enumerate() {
-            let points_of: Vec<Point> = points_of(slice, colour);
+            let points_of: Vec<BinPoint> = points_of(slice, colour);
             if !points_of.is_empty() {
                 let first = lobes.is_empty();
                 if first {
@@ -142,69 +143,69 @@ fn fit_count(slices: &[Slice], count: usize, options: &FitOptions) -> (LobeMater
             curve[..measured].fill(first);
         }
     }
-    let material = LobeMaterial::new(slices.len(), count, options.amplitudes, quantised)
+    let material = DsbrdfMaterial::new(slices.len(), count, options.amplitudes, quantised)
         .expect("as many parameters as the counts say, all within their range");
     (material, error / points.max(1) as f64)
 }
 
 /// A mean value at an angle.
-struct Point {
+struct BinPoint {
     logarithm_of_cosine: f64,
     value: f64,
     weight: f64,
 }
 
-fn points_of(slice: &Slice, colour: usize) -> Vec<Point> {
+fn points_of(slice: &DifferenceSlice, colour: usize) -> Vec<BinPoint> {
     let mean = slice.bins.iter().map(|b| b.2[colour]).sum::<f64>() / slice.bins.len().max(1) as f64;
     let point = |b: &(f64, f64, [f64; 3])| {
         let value = b.2[colour];
-        Point { logarithm_of_cosine: b.0, value, weight: b.1 / (value + RELATIVE_FLOOR * mean + 1e-6).powi(2) }
+        BinPoint { logarithm_of_cosine: b.0, value, weight: b.1 / (value + RELATIVE_FLOOR * mean + 1e-6).powi(2) }
     };
     slice.bins.iter().map(point).collect()
 }
 
-fn lobe_at(lobe: &Lobe, point: &Point) -> f64 {
+fn lobe_value(lobe: &DsbrdfLobe, point: &BinPoint) -> f64 {
     lobe.amplitude * (lobe.kappa * (lobe.gamma * point.logarithm_of_cosine).exp()).exp_m1()
 }
 
-fn total(lobes: &[Lobe], point: &Point) -> f64 {
-    lobes.iter().map(|lobe| lobe_at(lobe, point)).sum()
+fn total(lobes: &[DsbrdfLobe], point: &BinPoint) -> f64 {
+    lobes.iter().map(|lobe| lobe_value(lobe, point)).sum()
 }
 
 /// A broad lobe as high as the values far from the highlight, and ever narrower ones that share the rest of the peak.
-fn start(points: &[Point], count: usize) -> Vec<Lobe> {
+fn start(points: &[BinPoint], count: usize) -> Vec<DsbrdfLobe> {
     let highest = points.iter().map(|p| p.value).fold(0.0, f64::max).max(1e-6);
     let lowest = points.iter().map(|p| p.value).fold(f64::INFINITY, f64::min).max(1e-3 * highest);
     (0..count)
         .map(|k| {
             let part = if count > 1 { k as f64 / (count - 1) as f64 } else { 0.0 };
             let peak = lowest.powf(1.0 - part) * highest.powf(part);
-            Lobe { kappa: (peak / count as f64).ln_1p(), gamma: 0.3 * 1000f64.powf(part), amplitude: 1.0 }
+            DsbrdfLobe { kappa: (peak / count as f64).ln_1p(), gamma: 0.3 * 1000f64.powf(part), amplitude: 1.0 }
         })
         .collect()
 }
 
-fn maximise(points: &[Point], lobes: &mut [Lobe], amplitudes: bool, rounds: usize) {
+fn maximise(points: &[BinPoint], lobes: &mut [DsbrdfLobe], amplitudes: bool, rounds: usize) {
     let highest = points.iter().map(|p| p.value).fold(0.0, f64::max);
-    let most_kappa = (BEYOND * highest).ln_1p().max(1e-6);
+    let max_kappa = (MAX_PEAK_FACTOR * highest).ln_1p().max(1e-6);
     let mut values = vec![0.0; lobes.len()];
     let mut targets = vec![vec![0.0; points.len()]; lobes.len()];
     for _ in 0..rounds {
         for (n, point) in points.iter().enumerate() {
-            lobes.iter().zip(&mut values).for_each(|(lobe, value)| *value = lobe_at(lobe, point));
+            lobes.iter().zip(&mut values).for_each(|(lobe, value)| *value = lobe_value(lobe, point));
             let sum = values.iter().sum::<f64>().max(1e-300);
             targets.iter_mut().zip(&values).for_each(|(target, value)| target[n] = value / sum * point.value);
         }
         for (lobe, target) in lobes.iter_mut().zip(&targets) {
-            improve(points, target, lobe, amplitudes, most_kappa);
+            improve(points, target, lobe, amplitudes, max_kappa);
         }
     }
 }
 
 /// Levenberg-Marquardt in `ln kappa`, `ln gamma` and, where it is free, `ln amplitude`.
-fn improve(points: &[Point], target: &[f64], lobe: &mut Lobe, amplitudes: bool, most_kappa: f64) {
-    let error = |lobe: &Lobe| -> f64 {
-        points.iter().zip(target).map(|(p, y)| p.weight * (lobe_at(lobe, p) - y).powi(2)).sum()
+fn improve(points: &[BinPoint], target: &[f64], lobe: &mut DsbrdfLobe, amplitudes: bool, max_kappa: f64) {
+    let error = |lobe: &DsbrdfLobe| -> f64 {
+        points.iter().zip(target).map(|(p, y)| p.weight * (lobe_value(lobe, p) - y).powi(2)).sum()
     };
     let mut now = error(lobe);
     let mut damping = 1e-3;
@@ -225,8 +226,8 @@ fn improve(points: &[Point], target: &[f64], lobe: &mut Lobe, amplitudes: bool, 
         let mut better = false;
         for _ in 0..4 {
             let [a, b, c] = solve(matrix, side, damping).map(|step| step.clamp(-1.0, 1.0).exp());
-            let trial = Lobe {
-                kappa: (lobe.kappa * a).clamp(1e-7, most_kappa),
+            let trial = DsbrdfLobe {
+                kappa: (lobe.kappa * a).clamp(1e-7, max_kappa),
                 gamma: (lobe.gamma * b).clamp(1e-3, 1e6),
                 amplitude: if amplitudes { (lobe.amplitude * c).clamp(1e-6, 1e6) } else { 1.0 },
             };

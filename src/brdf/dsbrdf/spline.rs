@@ -2,12 +2,12 @@
 
 /// Cubic Hermite pieces between values at 0, 1, 2, ...; constant beyond both ends.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Curve {
+pub(super) struct MonotoneCubic {
     values: Vec<f64>,
     slopes: Vec<f64>,
 }
 
-impl Curve {
+impl MonotoneCubic {
     /// Slopes by the harmonic mean of the neighbouring differences, 0 at extrema and ends: the curve stays between neighbours.
     pub(super) fn new(values: Vec<f64>) -> Self {
         let slope = |k: usize| match (k.checked_sub(1).and_then(|b| values.get(b)), values.get(k), values.get(k + 1)) {
@@ -18,10 +18,10 @@ impl Curve {
             _ => 0.0,
         };
         let slopes = (0..values.len()).map(slope).collect();
-        Curve { values, slopes }
+        MonotoneCubic { values, slopes }
     }
 
-    pub(super) fn at(&self, x: f64) -> f64 {
+    pub(super) fn value_at(&self, x: f64) -> f64 {
         let last = self.values.len().saturating_sub(1);
         let x = x.clamp(0.0, last as f64);
         let k = (x as usize).min(last.saturating_sub(1));

@@ -1,6 +1,6 @@
 //! Reading and writing `.binary` files, in blocks.
 
-use super::{CELLS, MerlTable, PHI_D_BINS, SCALES, THETA_D_BINS, THETA_H_BINS};
+use super::{MERL_CELLS, MERL_SCALES, MerlTable, PHI_D_BINS, THETA_D_BINS, THETA_H_BINS};
 use crate::input::{FileAccess, open};
 use crate::{Error, Result};
 use std::io::{BufWriter, Read, Write};
@@ -8,10 +8,10 @@ use std::path::Path;
 
 const COUNTS: [u32; 3] = [THETA_H_BINS as u32, THETA_D_BINS as u32, PHI_D_BINS as u32];
 /// Bytes of a file.
-const FILE_BYTES: u64 = 12 + 8 * 3 * CELLS as u64;
+const FILE_BYTES: u64 = 12 + 8 * 3 * MERL_CELLS as u64;
 const BLOCK_BYTES: usize = 1 << 16;
 /// Bytes of a table in memory: three floats a cell, in a list that has grown to their number.
-const MEMORY_BYTES: u64 = 2 * 12 * CELLS as u64;
+const MEMORY_BYTES: u64 = 2 * 12 * MERL_CELLS as u64;
 
 impl MerlTable {
     /// Reads a file. The table stays charged; errors name the file.
@@ -42,14 +42,14 @@ impl MerlTable {
         }
         let mut cells = Vec::new();
         let mut block = vec![0; BLOCK_BYTES];
-        let mut odd = Odd::default();
-        for (plane, scale) in SCALES.into_iter().enumerate() {
+        let mut odd = UnusualCells::default();
+        for (plane, scale) in MERL_SCALES.into_iter().enumerate() {
             let mut at = 0;
-            while at < CELLS {
-                let wanted = (8 * (CELLS - at)).min(BLOCK_BYTES);
+            while at < MERL_CELLS {
+                let wanted = (8 * (MERL_CELLS - at)).min(BLOCK_BYTES);
                 let got = fill(&mut reader, &mut block[..wanted], path)?;
                 if got < wanted {
-                    let place = 12 + 8 * (plane * CELLS + at) + got;
+                    let place = 12 + 8 * (plane * MERL_CELLS + at) + got;
                     let message = format!("the table is cut off: it ends at byte {place} of {FILE_BYTES}");
                     return Err(wrong(path, message));
                 }
@@ -82,7 +82,7 @@ impl MerlTable {
         for count in COUNTS {
             writer.write_all(&count.to_le_bytes())?;
         }
-        for (plane, scale) in SCALES.into_iter().enumerate() {
+        for (plane, scale) in MERL_SCALES.into_iter().enumerate() {
             for cell in &self.cells {
                 let value = cell[plane];
                 let stored = if value.is_nan() { -1.0 } else { value as f64 / scale };
@@ -95,12 +95,12 @@ impl MerlTable {
 
 /// Values that no table has, a sign of a damaged file.
 #[derive(Default)]
-struct Odd {
+struct UnusualCells {
     not_numbers: u64,
     beyond: u64,
 }
 
-impl Odd {
+impl UnusualCells {
     fn count(&mut self, stored: f64) {
         let magnitude = stored.abs();
         self.not_numbers += u64::from(!stored.is_finite());
@@ -108,12 +108,12 @@ impl Odd {
         self.beyond += u64::from((magnitude > 1e12) | ((magnitude < 1e-30) & (magnitude > 0.0)));
     }
     fn check(&self, path: &Path) -> Result<()> {
-        let most = CELLS as u64 / 4;
+        let most = MERL_CELLS as u64 / 4;
         if self.not_numbers > most {
             let message = format!(
                 "{} of the {} values are not finite numbers: the table is damaged",
                 self.not_numbers,
-                3 * CELLS
+                3 * MERL_CELLS
             );
             return Err(wrong(path, message));
         }
@@ -121,7 +121,7 @@ impl Odd {
             let message = format!(
                 "{} of the {} values have impossible magnitudes: doubles must be little-endian (or the table is damaged)",
                 self.beyond,
-                3 * CELLS
+                3 * MERL_CELLS
             );
             return Err(wrong(path, message));
         }

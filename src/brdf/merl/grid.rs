@@ -1,12 +1,12 @@
 //! The angles of a table's cells.
 
-use super::{CELLS, HalfDifference, PHI_D_BINS, THETA_D_BINS, THETA_H_BINS};
-use crate::brdf::Sample;
+use super::{HalfDifference, MERL_CELLS, PHI_D_BINS, THETA_D_BINS, THETA_H_BINS};
+use crate::brdf::BrdfSample;
 use std::f64::consts::{FRAC_PI_2, PI};
 
 /// A valid cell of a table.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Cell {
+pub struct MerlCell {
     /// Its place in the file.
     pub index: usize,
     /// Angles at its middle.
@@ -24,52 +24,52 @@ pub struct Cell {
 /// The middle is taken in the coordinates of the bins: bin `i` of `theta_h` has it at `((i + 0.5) / 90)^2 * 90` degrees, the others at
 /// `i + 0.5` degrees. It is where looking a table up cell by cell and a smooth function of the angles agree without bias.
 #[derive(Debug, Clone)]
-pub struct CellGrid {
-    theta_h: Vec<Angle>,
-    theta_d: Vec<Angle>,
-    phi_d: Vec<Angle>,
+pub struct MerlGrid {
+    theta_h: Vec<BinAngle>,
+    theta_d: Vec<BinAngle>,
+    phi_d: Vec<BinAngle>,
 }
 
 #[derive(Debug, Clone, Copy)]
-struct Angle {
+struct BinAngle {
     radians: f64,
     sine: f64,
     cosine: f64,
 }
 
-impl Angle {
+impl BinAngle {
     fn new(radians: f64) -> Self {
         let (sine, cosine) = radians.sin_cos();
-        Angle { radians, sine, cosine }
+        BinAngle { radians, sine, cosine }
     }
 }
 
-impl Default for CellGrid {
+impl Default for MerlGrid {
     fn default() -> Self {
         Self::new()
     }
 }
 
-impl CellGrid {
+impl MerlGrid {
     /// The grid of every table.
     pub fn new() -> Self {
         let middle = |i: usize, bins: usize| (i as f64 + 0.5) / bins as f64;
-        CellGrid {
-            theta_h: (0..THETA_H_BINS).map(|i| Angle::new(middle(i, THETA_H_BINS).powi(2) * FRAC_PI_2)).collect(),
-            theta_d: (0..THETA_D_BINS).map(|i| Angle::new(middle(i, THETA_D_BINS) * FRAC_PI_2)).collect(),
-            phi_d: (0..PHI_D_BINS).map(|i| Angle::new(middle(i, PHI_D_BINS) * PI)).collect(),
+        MerlGrid {
+            theta_h: (0..THETA_H_BINS).map(|i| BinAngle::new(middle(i, THETA_H_BINS).powi(2) * FRAC_PI_2)).collect(),
+            theta_d: (0..THETA_D_BINS).map(|i| BinAngle::new(middle(i, THETA_D_BINS) * FRAC_PI_2)).collect(),
+            phi_d: (0..PHI_D_BINS).map(|i| BinAngle::new(middle(i, PHI_D_BINS) * PI)).collect(),
         }
     }
 
-    /// Angles at the middle of a cell; `index` below [`CELLS`].
+    /// Angles at the middle of a cell; `index` below [`MERL_CELLS`].
     pub fn angles(&self, index: usize) -> HalfDifference {
-        let [h, d, p] = self.of(index);
+        let [h, d, p] = self.bin_angles(index);
         HalfDifference { theta_h: h.radians, theta_d: d.radians, phi_d: p.radians }
     }
 
     /// The directions (incoming, outgoing) at the middle of a cell if both are above the horizon.
     pub fn directions_above(&self, index: usize) -> Option<([f64; 3], [f64; 3])> {
-        let [h, d, p] = self.of(index);
+        let [h, d, p] = self.bin_angles(index);
         let turn = |x: f64, y: f64, z: f64| [h.cosine * x + h.sine * z, y, h.cosine * z - h.sine * x];
         let (x, y) = (d.sine * p.cosine, d.sine * p.sine);
         let (incoming, outgoing) = (turn(x, y, d.cosine), turn(-x, -y, d.cosine));
@@ -88,21 +88,27 @@ impl CellGrid {
                 pairs.push([incoming, outgoing]);
             }
         }
-        let [h, d, _] = self.of(first);
+        let [h, d, _] = self.bin_angles(first);
         [h.radians, d.radians]
     }
 
     /// A cell with its angles, if both directions are above the horizon.
-    pub fn cell(&self, index: usize, value: [f64; 3]) -> Option<Cell> {
-        let [h, d, p] = self.of(index);
+    pub fn cell(&self, index: usize, value: [f64; 3]) -> Option<MerlCell> {
+        let [h, d, p] = self.bin_angles(index);
         let (middle, side) = (h.cosine * d.cosine, h.sine * d.sine * p.cosine);
         let (cos_incoming, cos_outgoing) = (middle - side, middle + side);
         let angles = HalfDifference { theta_h: h.radians, theta_d: d.radians, phi_d: p.radians };
-        (cos_incoming > 0.0 && cos_outgoing > 0.0).then_some(Cell { index, angles, cos_incoming, cos_outgoing, value })
+        (cos_incoming > 0.0 && cos_outgoing > 0.0).then_some(MerlCell {
+            index,
+            angles,
+            cos_incoming,
+            cos_outgoing,
+            value,
+        })
     }
 
-    fn of(&self, index: usize) -> [Angle; 3] {
-        debug_assert!(index < CELLS);
+    fn bin_angles(&self, index: usize) -> [BinAngle; 3] {
+        debug_assert!(index < MERL_CELLS);
         [
             self.theta_h[index / (THETA_D_BINS * PHI_D_BINS)],
             self.theta_d[index / PHI_D_BINS % THETA_D_BINS],
@@ -112,9 +118,9 @@ impl CellGrid {
 }
 
 #[cfg(feature = "encode")]
-impl From<Cell> for Sample {
-    fn from(cell: Cell) -> Self {
-        Sample {
+impl From<MerlCell> for BrdfSample {
+    fn from(cell: MerlCell) -> Self {
+        BrdfSample {
             theta_h: cell.angles.theta_h,
             theta_d: cell.angles.theta_d,
             cos_incoming: cell.cos_incoming,

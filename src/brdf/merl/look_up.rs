@@ -14,7 +14,7 @@ fn coordinates(angles: HalfDifference) -> [f64; 3] {
 }
 
 /// The cell that angles fall into.
-pub(super) fn cell_of(angles: HalfDifference) -> usize {
+pub(super) fn cell_index(angles: HalfDifference) -> usize {
     let [h, d, p] = coordinates(angles);
     let bin = |x: f64, bins: usize| (x as usize).min(bins - 1);
     (bin(h, THETA_H_BINS) * THETA_D_BINS + bin(d, THETA_D_BINS)) * PHI_D_BINS + bin(p, PHI_D_BINS)
@@ -22,16 +22,16 @@ pub(super) fn cell_of(angles: HalfDifference) -> usize {
 
 /// A table whose values are interpolated linearly between the middles of its cells, invalid cells left out.
 #[derive(Debug, Clone, Copy)]
-pub struct SmoothMerl<'a> {
+pub struct InterpolatedMerl<'a> {
     pub(super) table: &'a MerlTable,
 }
 
-impl Brdf for SmoothMerl<'_> {
+impl Brdf for InterpolatedMerl<'_> {
     fn evaluate(&self, incoming: [f64; 3], outgoing: [f64; 3]) -> [f64; 3] {
         if incoming[2] <= 0.0 || outgoing[2] <= 0.0 {
             return [0.0; 3];
         }
-        let angles = HalfDifference::of(incoming, outgoing);
+        let angles = HalfDifference::from_directions(incoming, outgoing);
         let [h, d, p] = coordinates(angles);
         let clamped = |x: f64, bins: usize| {
             let x = (x - 0.5).clamp(0.0, (bins - 1) as f64);

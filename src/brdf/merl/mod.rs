@@ -8,8 +8,8 @@ mod file;
 mod grid;
 mod look_up;
 
-pub use grid::{Cell, CellGrid};
-pub use look_up::SmoothMerl;
+pub use grid::{MerlCell, MerlGrid};
+pub use look_up::InterpolatedMerl;
 
 use super::{Brdf, HalfDifference};
 
@@ -20,14 +20,14 @@ pub const THETA_D_BINS: usize = 90;
 /// Bins of `phi_d`, one degree each, 0 to 180.
 pub const PHI_D_BINS: usize = 180;
 /// Cells of a table.
-pub const CELLS: usize = THETA_H_BINS * THETA_D_BINS * PHI_D_BINS;
+pub const MERL_CELLS: usize = THETA_H_BINS * THETA_D_BINS * PHI_D_BINS;
 /// What a stored red, green, blue value is multiplied by to be a BRDF per steradian.
-pub const SCALES: [f64; 3] = [1.0 / 1500.0, 1.15 / 1500.0, 1.66 / 1500.0];
+pub const MERL_SCALES: [f64; 3] = [1.0 / 1500.0, 1.15 / 1500.0, 1.66 / 1500.0];
 
 /// A measured isotropic material: 90 x 90 x 180 cells of red, green and blue.
 ///
 /// As a [`Brdf`] it answers as the database's own program does, with the value of the cell that the directions fall into;
-/// [`MerlTable::smooth`] interpolates. 17.5 MB.
+/// [`MerlTable::interpolated`] interpolates. 17.5 MB.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MerlTable {
     /// Per steradian; NaN, all three, where a cell is not valid.
@@ -36,8 +36,8 @@ pub struct MerlTable {
 
 impl MerlTable {
     /// A table of any material, each cell evaluated at its middle. Cells whose directions lie below the horizon there are not valid.
-    pub fn of(material: &impl Brdf) -> Self {
-        let grid = CellGrid::new();
+    pub fn tabulate(material: &impl Brdf) -> Self {
+        let grid = MerlGrid::new();
         let planes = crate::parallel::map(THETA_H_BINS, |plane| {
             let (mut indices, mut pairs, mut values) = (Vec::new(), Vec::new(), Vec::new());
             let mut cells = vec![[f32::NAN; 3]; THETA_D_BINS * PHI_D_BINS];
@@ -54,10 +54,10 @@ impl MerlTable {
         MerlTable { cells: planes.concat() }
     }
 
-    /// A table from its cells (per steradian, in the file's order); `None` unless there are [`CELLS`] of them. A cell with a negative value
+    /// A table from its cells (per steradian, in the file's order); `None` unless there are [`MERL_CELLS`] of them. A cell with a negative value
     /// or one that is not finite is not valid.
     pub fn from_cells(mut cells: Vec<[f32; 3]>) -> Option<Self> {
-        if cells.len() != CELLS {
+        if cells.len() != MERL_CELLS {
             return None;
         }
         cells.iter_mut().for_each(|cell| *cell = valid_or_nan(*cell));
@@ -70,21 +70,21 @@ impl MerlTable {
     }
 
     /// The value of the cell that angles fall into, `None` where it is not valid.
-    pub fn at(&self, angles: HalfDifference) -> Option<[f64; 3]> {
-        self.cell(look_up::cell_of(angles))
+    pub fn value_at(&self, angles: HalfDifference) -> Option<[f64; 3]> {
+        self.cell(look_up::cell_index(angles))
     }
 
     /// Every valid cell that lies above the horizon at its middle, in the file's order.
-    pub fn valid_cells<'a>(&'a self, grid: &'a CellGrid) -> impl Iterator<Item = Cell> + 'a {
+    pub fn valid_cells<'a>(&'a self, grid: &'a MerlGrid) -> impl Iterator<Item = MerlCell> + 'a {
         self.valid_cells_of_plane(grid, 0..THETA_H_BINS)
     }
 
     /// The same for some bins of `theta_h`, so that threads can share the work.
     pub fn valid_cells_of_plane<'a>(
         &'a self,
-        grid: &'a CellGrid,
+        grid: &'a MerlGrid,
         theta_h_bins: std::ops::Range<usize>,
-    ) -> impl Iterator<Item = Cell> + 'a {
+    ) -> impl Iterator<Item = MerlCell> + 'a {
         const PLANE: usize = THETA_D_BINS * PHI_D_BINS;
         let range = theta_h_bins.start.min(THETA_H_BINS) * PLANE..theta_h_bins.end.min(THETA_H_BINS) * PLANE;
         range.filter_map(|index| self.cell(index).and_then(|value| grid.cell(index, value)))
@@ -96,8 +96,8 @@ impl MerlTable {
     }
 
     /// The table with values between the middles of its cells interpolated.
-    pub fn smooth(&self) -> SmoothMerl<'_> {
-        SmoothMerl { table: self }
+    pub fn interpolated(&self) -> InterpolatedMerl<'_> {
+        InterpolatedMerl { table: self }
     }
 }
 
@@ -117,7 +117,7 @@ impl Brdf for MerlTable {
         if incoming[2] <= 0.0 || outgoing[2] <= 0.0 {
             return [0.0; 3];
         }
-        self.at(HalfDifference::of(incoming, outgoing)).unwrap_or([0.0; 3])
+        self.value_at(HalfDifference::from_directions(incoming, outgoing)).unwrap_or([0.0; 3])
     }
 }
 

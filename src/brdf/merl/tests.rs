@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 struct Smooth;
 impl Brdf for Smooth {
     fn evaluate(&self, incoming: [f64; 3], outgoing: [f64; 3]) -> [f64; 3] {
-        let angles = HalfDifference::of(incoming, outgoing);
+        let angles = HalfDifference::from_directions(incoming, outgoing);
         let peak = angles.theta_h.cos().powi(40) * (1.0 + angles.theta_d.sin().powi(4));
         [0.2 + peak, 0.1 + 0.5 * peak, 0.3 + 0.1 * (2.0 * angles.phi_d).cos()]
     }
@@ -23,17 +23,18 @@ fn complaint(bytes: &[u8]) -> String {
 
 #[test]
 fn a_table_is_written_and_read_and_looked_up() {
-    let table = MerlTable::of(&Smooth);
+    let table = MerlTable::tabulate(&Smooth);
     let bytes = bytes_of(&table);
     assert_eq!(bytes.len(), 34_992_012);
     let again = MerlTable::read_from(bytes.as_slice(), "x.binary").unwrap();
     assert_eq!(bytes_of(&again), bytes);
-    let grid = CellGrid::new();
+    let grid = MerlGrid::new();
     let (mut count, mut worst) = (0, 0.0f64);
     for cell in table.valid_cells(&grid).step_by(101) {
         let (incoming, outgoing) = grid.directions_above(cell.index).unwrap();
         assert!((incoming[2] - cell.cos_incoming).abs() < 1e-12 && (outgoing[2] - cell.cos_outgoing).abs() < 1e-12);
-        let (looked_up, smooth) = (again.evaluate(incoming, outgoing), again.smooth().evaluate(incoming, outgoing));
+        let (looked_up, smooth) =
+            (again.evaluate(incoming, outgoing), again.interpolated().evaluate(incoming, outgoing));
         let exact = Smooth.evaluate(incoming, outgoing);
         for c in 0..3 {
             worst = worst.max((looked_up[c] - exact[c]).abs()).max((smooth[c] - exact[c]).abs());
@@ -49,14 +50,14 @@ fn a_table_is_written_and_read_and_looked_up() {
         let (incoming, outgoing) = angles.directions();
         let exact = Smooth.evaluate(incoming, outgoing)[0];
         stepped = stepped.max((table.evaluate(incoming, outgoing)[0] - exact).abs());
-        smooth = smooth.max((table.smooth().evaluate(incoming, outgoing)[0] - exact).abs());
+        smooth = smooth.max((table.interpolated().evaluate(incoming, outgoing)[0] - exact).abs());
     }
     assert!(smooth < 1e-3 && stepped > 10.0 * smooth, "{stepped} {smooth}");
 }
 
 #[test]
 fn damaged_files_are_named() {
-    let bytes = bytes_of(&MerlTable::of(&Smooth));
+    let bytes = bytes_of(&MerlTable::tabulate(&Smooth));
     for (length, word) in
         [(0, "has 0"), (11, "has 11"), (12, "byte 12 "), (70_001, "byte 70001 "), (34_992_011, "cut off")]
     {

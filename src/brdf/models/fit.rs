@@ -4,15 +4,15 @@
 //! cells of a table lie near the highlight, many at grazing angles, so that the best log RMSE and the best picture are far apart where
 //! a model can't follow the material.
 
-use super::{ClassicalModel, Form, Geometry};
-use crate::brdf::merl::{CellGrid, MerlTable, PHI_D_BINS, THETA_D_BINS, THETA_H_BINS};
+use super::{ClassicalForm, ClassicalModel, ScatteringAngles};
+use crate::brdf::merl::{MerlGrid, MerlTable, PHI_D_BINS, THETA_D_BINS, THETA_H_BINS};
 use crate::optimise::levenberg_marquardt::{Minimum, minimise};
 use crate::{Error, Result};
 use std::f64::consts::PI;
 
 /// What a fit makes small.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Objective {
+pub enum FitObjective {
     /// What the error report calls log RMSE: the mean square of `ln(1 + f cos) - ln(1 + f' cos)` over valid cells, colours together.
     Logarithm,
     /// The mean square of differences as a picture shows them: of `(x / (x + white))^(1/2.2)`, `x = f cos`, each cell with the area of
@@ -23,25 +23,25 @@ pub enum Objective {
     Both,
 }
 
-impl Objective {
+impl FitObjective {
     /// Weights of the two mean squares.
     fn weights(self) -> [f64; 2] {
         match self {
-            Objective::Logarithm => [1.0, 0.0],
-            Objective::Picture => [0.0, 1.0],
-            Objective::Both => [1.0, 30.0],
+            FitObjective::Logarithm => [1.0, 0.0],
+            FitObjective::Picture => [0.0, 1.0],
+            FitObjective::Both => [1.0, 30.0],
         }
     }
 }
 
 /// A cell as the fit sees it.
-struct Sample {
-    geometry: Geometry,
+struct FitSample {
+    geometry: ScatteringAngles,
     /// The BRDF, red, green, blue.
     value: [f64; 3],
     /// Area of half vectors and difference vectors that it stands for, to a common factor.
     area: f64,
-    /// The measured signals, see [`Signal`].
+    /// The measured signals, see [`FitSignal`].
     signals: [[f64; 3]; 2],
     /// Their weights.
     weights: [f64; 2],
@@ -49,17 +49,17 @@ struct Sample {
 
 /// What is compared, a function of `f cos`.
 #[derive(Clone, Copy)]
-enum Signal {
+enum FitSignal {
     Logarithm,
     Picture { white: f64 },
 }
 
-impl Signal {
+impl FitSignal {
     /// The signal and its derivative.
-    fn of(self, x: f64) -> (f64, f64) {
+    fn with_derivative(self, x: f64) -> (f64, f64) {
         match self {
-            Signal::Logarithm => (x.ln_1p(), 1.0 / (1.0 + x)),
-            Signal::Picture { white } => {
+            FitSignal::Logarithm => (x.ln_1p(), 1.0 / (1.0 + x)),
+            FitSignal::Picture { white } => {
                 const GAMMA: f64 = 1.0 / 2.2;
                 let x = x.max(1e-4 * white);
                 let share = x / (x + white);
@@ -85,7 +85,7 @@ pub struct MeasuredPair {
 ///
 /// # Errors
 /// [`Error::Parameter`] where the table has too few valid cells.
-pub fn fit(table: &MerlTable, form: Form, objective: Objective) -> Result<ClassicalModel> {
+pub fn fit_classical(table: &MerlTable, form: ClassicalForm, objective: FitObjective) -> Result<ClassicalModel> {
     let mut samples = gather(table, [3, 3, 30]);
     if form.is_anisotropic() {
         for (n, sample) in samples.iter_mut().enumerate() {
@@ -103,25 +103,29 @@ pub fn fit(table: &MerlTable, form: Form, objective: Objective) -> Result<Classi
 ///
 /// # Errors
 /// [`Error::Parameter`] where fewer than 100 pairs remain.
-pub fn fit_pairs(pairs: &[MeasuredPair], form: Form, objective: Objective) -> Result<ClassicalModel> {
+pub fn fit_classical_pairs(
+    pairs: &[MeasuredPair],
+    form: ClassicalForm,
+    objective: FitObjective,
+) -> Result<ClassicalModel> {
     let usable = |pair: &&MeasuredPair| {
         pair.incoming[2] > 0.0 && pair.outgoing[2] > 0.0 && pair.value.iter().all(|x| x.is_finite() && *x >= 0.0)
     };
     let sample = |pair: &MeasuredPair| {
-        let geometry = Geometry::of(pair.incoming, pair.outgoing);
-        Sample { geometry, value: pair.value, area: 1.0, signals: [[0.0; 3]; 2], weights: [0.0; 2] }
+        let geometry = ScatteringAngles::from_directions(pair.incoming, pair.outgoing);
+        FitSample { geometry, value: pair.value, area: 1.0, signals: [[0.0; 3]; 2], weights: [0.0; 2] }
     };
     fit_samples(pairs.iter().filter(usable).map(sample).collect(), form, objective)
 }
 
-fn fit_samples(mut samples: Vec<Sample>, form: Form, objective: Objective) -> Result<ClassicalModel> {
+fn fit_samples(mut samples: Vec<FitSample>, form: ClassicalForm, objective: FitObjective) -> Result<ClassicalModel> {
     if samples.len() < 100 {
         return Err(Error::parameter("too few valid values for a fit: 100 are needed"));
     }
     let signals = prepare(&mut samples, objective);
-    let coarse: Vec<&Sample> = samples.iter().step_by(samples.len().div_ceil(1000).min(7)).collect();
-    let all: Vec<&Sample> = samples.iter().collect();
-    let widths: &[f64] = if form == Form::Lambert { &[1.0] } else { &[0.02, 0.06, 0.2, 0.5] };
+    let coarse: Vec<&FitSample> = samples.iter().step_by(samples.len().div_ceil(1000).min(7)).collect();
+    let all: Vec<&FitSample> = samples.iter().collect();
+    let widths: &[f64] = if form == ClassicalForm::Lambert { &[1.0] } else { &[0.02, 0.06, 0.2, 0.5] };
     // A few steps from each width, on some of the samples; then the best two go on, and the better of them on all.
     let mut begun: Vec<Minimum<PARAMETERS>> =
         (widths.iter()).map(|&width| improve(form, &start(form, &coarse, width), &coarse, signals, 8)).collect();
@@ -134,7 +138,7 @@ fn fit_samples(mut samples: Vec<Sample>, form: Form, objective: Objective) -> Re
 }
 
 /// Sets weights and measured signals.
-fn prepare(samples: &mut [Sample], objective: Objective) -> [Signal; 2] {
+fn prepare(samples: &mut [FitSample], objective: FitObjective) -> [FitSignal; 2] {
     let mut bright: Vec<(f64, f64)> = (samples.iter())
         .map(|s| (s.value.iter().copied().fold(0.0, f64::max) * s.geometry.cos_incoming, s.area))
         .collect();
@@ -145,11 +149,12 @@ fn prepare(samples: &mut [Sample], objective: Objective) -> [Signal; 2] {
         left -= area;
         left <= 0.0
     });
-    let signals = [Signal::Logarithm, Signal::Picture { white: white.map_or(1.0, |&(x, _)| x.max(1e-6)) }];
+    let signals = [FitSignal::Logarithm, FitSignal::Picture { white: white.map_or(1.0, |&(x, _)| x.max(1e-6)) }];
     let [log, picture] = objective.weights();
     let count = samples.len() as f64;
     for sample in samples {
-        let signal = |signal: Signal| sample.value.map(|f| signal.of(f * sample.geometry.cos_incoming).0);
+        let signal =
+            |signal: FitSignal| sample.value.map(|f| signal.with_derivative(f * sample.geometry.cos_incoming).0);
         sample.signals = signals.map(signal);
         sample.weights = [log / count, picture * sample.area / total.max(1e-30)];
     }
@@ -159,15 +164,15 @@ fn prepare(samples: &mut [Sample], objective: Objective) -> [Signal; 2] {
 /// Logarithms of diffuse and specular colours, then the shape.
 const PARAMETERS: usize = 9;
 
-fn model(form: Form, p: &[f64; PARAMETERS]) -> ClassicalModel {
+fn model(form: ClassicalForm, p: &[f64; PARAMETERS]) -> ClassicalModel {
     let lobe = form.lobe(&[p[6], p[7], p[8]]);
-    let specular = if form == Form::Lambert { [0.0; 3] } else { [3, 4, 5].map(|i| p[i].exp()) };
+    let specular = if form == ClassicalForm::Lambert { [0.0; 3] } else { [3, 4, 5].map(|i| p[i].exp()) };
     ClassicalModel { diffuse: [0, 1, 2].map(|i| p[i].exp()), specular, lobe }
 }
 
 /// Cells at regular steps of the three angles, the first at half a step: the whole table in small.
-fn gather(table: &MerlTable, steps: [usize; 3]) -> Vec<Sample> {
-    let grid = CellGrid::new();
+fn gather(table: &MerlTable, steps: [usize; 3]) -> Vec<FitSample> {
+    let grid = MerlGrid::new();
     let middles = |step: usize, bins: usize| (step / 2..bins).step_by(step);
     let mut samples = Vec::new();
     for h in middles(steps[0], THETA_H_BINS) {
@@ -175,12 +180,12 @@ fn gather(table: &MerlTable, steps: [usize; 3]) -> Vec<Sample> {
             for p in middles(steps[2], PHI_D_BINS) {
                 let index = (h * THETA_D_BINS + d) * PHI_D_BINS + p;
                 if let Some(cell) = table.cell(index).and_then(|value| grid.cell(index, value)) {
-                    let geometry = Geometry::of_angles(cell.angles);
+                    let geometry = ScatteringAngles::from_half_difference(cell.angles);
                     let (sin_h, sin_d) = (cell.angles.theta_h.sin(), cell.angles.theta_d.sin());
                     // Bins of theta_h are as wide as the root of theta_h is large.
                     let area = sin_h * cell.angles.theta_h.sqrt() * sin_d * cell.angles.theta_d.cos();
                     let (signals, weights) = ([[0.0; 3]; 2], [0.0; 2]);
-                    samples.push(Sample { geometry, value: cell.value, area, signals, weights });
+                    samples.push(FitSample { geometry, value: cell.value, area, signals, weights });
                 }
             }
         }
@@ -189,11 +194,11 @@ fn gather(table: &MerlTable, steps: [usize; 3]) -> Vec<Sample> {
 }
 
 /// Diffuse from what is seen away from the highlight, specular from the rest near it.
-fn start(form: Form, samples: &[&Sample], width: f64) -> [f64; PARAMETERS] {
+fn start(form: ClassicalForm, samples: &[&FitSample], width: f64) -> [f64; PARAMETERS] {
     let lobe = form.lobe(&[width.ln(), form.second().0, 0.0]);
     let mut p = [0.0; PARAMETERS];
     for c in 0..3 {
-        let value = |s: &Sample| s.value[c];
+        let value = |s: &FitSample| s.value[c];
         let mut away: Vec<f64> = samples
             .iter()
             .filter(|s| s.geometry.cos_half < 0.9 && s.geometry.cos_incoming > 0.2)
@@ -218,10 +223,10 @@ fn start(form: Form, samples: &[&Sample], width: f64) -> [f64; PARAMETERS] {
 }
 
 fn improve(
-    form: Form,
+    form: ClassicalForm,
     from: &[f64; PARAMETERS],
-    samples: &[&Sample],
-    signals: [Signal; 2],
+    samples: &[&FitSample],
+    signals: [FitSignal; 2],
     evaluations: u32,
 ) -> Minimum<PARAMETERS> {
     const STEP: f64 = 1e-4;
@@ -231,7 +236,7 @@ fn improve(
     bounds[6] = (0.002f64.ln(), 1.5f64.ln());
     bounds[7] = second;
     bounds[8] = if form.is_anisotropic() { (-4.0, 4.0) } else { (0.0, 0.0) };
-    if form == Form::Lambert {
+    if form == ClassicalForm::Lambert {
         (3..PARAMETERS).for_each(|i| bounds[i] = (0.0, 0.0));
     }
     minimise(*from, &bounds, evaluations, |p, equations| {
@@ -250,12 +255,12 @@ fn improve(
                 let diffuse = found.diffuse[c] / PI;
                 let specular = found.specular[c] * lobe;
                 for k in (0..2).filter(|&k| sample.weights[k] > 0.0) {
-                    let (signal, slope) = signals[k].of((diffuse + specular) * g.cos_incoming);
+                    let (signal, slope) = signals[k].with_derivative((diffuse + specular) * g.cos_incoming);
                     let scaled = g.cos_incoming * slope;
                     let by_shape = [by_width, by_second, by_ratio].map(|by| found.specular[c] * by);
                     let derivatives = [diffuse, specular, by_shape[0], by_shape[1], by_shape[2]].map(|d| scaled * d);
                     let residual = signal - sample.signals[k][c];
-                    equations.add_some(residual, [c, 3 + c, 6, 7, 8], &derivatives, sample.weights[k]);
+                    equations.add_sparse(residual, [c, 3 + c, 6, 7, 8], &derivatives, sample.weights[k]);
                 }
             }
         }

@@ -7,7 +7,7 @@ use std::f64::consts::PI;
 
 /// What the lobes depend on.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Geometry {
+pub struct ScatteringAngles {
     /// Cosine of the incident light's angle to the normal.
     pub cos_incoming: f64,
     /// Cosine of the viewer's angle to the normal.
@@ -20,12 +20,12 @@ pub struct Geometry {
     pub half: [f64; 2],
 }
 
-impl Geometry {
+impl ScatteringAngles {
     /// Of a pair of unit directions.
-    pub fn of(incoming: [f64; 3], outgoing: [f64; 3]) -> Self {
+    pub fn from_directions(incoming: [f64; 3], outgoing: [f64; 3]) -> Self {
         let sum: [f64; 3] = std::array::from_fn(|k| incoming[k] + outgoing[k]);
         let length = (sum[0] * sum[0] + sum[1] * sum[1] + sum[2] * sum[2]).sqrt().max(1e-12);
-        Geometry {
+        ScatteringAngles {
             cos_incoming: incoming[2],
             cos_outgoing: outgoing[2],
             cos_half: sum[2] / length,
@@ -35,10 +35,10 @@ impl Geometry {
     }
 
     /// Of angles; the half vector has azimuth 0.
-    pub fn of_angles(angles: HalfDifference) -> Self {
+    pub fn from_half_difference(angles: HalfDifference) -> Self {
         let ((sin_h, cos_h), (sin_d, cos_d)) = (angles.theta_h.sin_cos(), angles.theta_d.sin_cos());
         let side = sin_h * sin_d * angles.phi_d.cos();
-        Geometry {
+        ScatteringAngles {
             cos_incoming: cos_h * cos_d - side,
             cos_outgoing: cos_h * cos_d + side,
             cos_half: cos_h,
@@ -61,7 +61,7 @@ impl Geometry {
 /// A lobe and its shape, the colour apart.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "model", rename_all = "kebab-case", deny_unknown_fields)]
-pub enum Lobe {
+pub enum ClassicalLobe {
     /// None.
     Lambert,
     /// `(n + 2) / (2 pi) cos^n(theta_h)` (Blinn 1977).
@@ -143,7 +143,7 @@ impl ShiftedGamma {
         [alpha, p, f0, f1, normalisation, lambda, c, k, theta0]
     }
 
-    fn evaluate(&self, g: &Geometry) -> [f64; 3] {
+    fn evaluate(&self, g: &ScatteringAngles) -> [f64; 3] {
         let angle = |cosine: f64| cosine.clamp(-1.0, 1.0).acos();
         let (theta_i, theta_o) = (angle(g.cos_incoming), angle(g.cos_outgoing));
         let cos4 = g.cos_half.powi(4).max(1e-18);
@@ -168,50 +168,54 @@ fn schlick(reflectance: f64, cosine: f64) -> f64 {
     reflectance + (1.0 - reflectance) * m * m * m * m * m
 }
 
-impl Lobe {
+impl ClassicalLobe {
     /// Its name: that of the model.
     pub fn name(&self) -> &'static str {
         match self {
-            Lobe::Lambert => "lambert",
-            Lobe::BlinnPhong { .. } => "blinn-phong",
-            Lobe::CookTorranceBeckmann { .. } => "cook-torrance-beckmann",
-            Lobe::CookTorranceGgx { .. } => "cook-torrance-ggx",
-            Lobe::Ward { .. } => "ward",
-            Lobe::WardAnisotropic { .. } => "ward-anisotropic",
-            Lobe::AshikhminShirley { .. } => "ashikhmin-shirley",
-            Lobe::Lafortune { .. } => "lafortune",
-            Lobe::ShiftedGamma(_) => "shifted-gamma",
+            ClassicalLobe::Lambert => "lambert",
+            ClassicalLobe::BlinnPhong { .. } => "blinn-phong",
+            ClassicalLobe::CookTorranceBeckmann { .. } => "cook-torrance-beckmann",
+            ClassicalLobe::CookTorranceGgx { .. } => "cook-torrance-ggx",
+            ClassicalLobe::Ward { .. } => "ward",
+            ClassicalLobe::WardAnisotropic { .. } => "ward-anisotropic",
+            ClassicalLobe::AshikhminShirley { .. } => "ashikhmin-shirley",
+            ClassicalLobe::Lafortune { .. } => "lafortune",
+            ClassicalLobe::ShiftedGamma(_) => "shifted-gamma",
         }
     }
 
     /// Numbers that describe the shape.
-    pub fn parameters(&self) -> usize {
+    pub fn parameter_count(&self) -> usize {
         match self {
-            Lobe::Lambert => 0,
-            Lobe::BlinnPhong { .. } | Lobe::Ward { .. } => 1,
-            Lobe::CookTorranceBeckmann { .. } | Lobe::CookTorranceGgx { .. } | Lobe::WardAnisotropic { .. } => 2,
-            Lobe::AshikhminShirley { exponents: [n, m], .. } => 2 + usize::from(n != m),
-            Lobe::Lafortune { .. } => 3,
-            Lobe::ShiftedGamma(_) => 27,
+            ClassicalLobe::Lambert => 0,
+            ClassicalLobe::BlinnPhong { .. } | ClassicalLobe::Ward { .. } => 1,
+            ClassicalLobe::CookTorranceBeckmann { .. }
+            | ClassicalLobe::CookTorranceGgx { .. }
+            | ClassicalLobe::WardAnisotropic { .. } => 2,
+            ClassicalLobe::AshikhminShirley { exponents: [n, m], .. } => 2 + usize::from(n != m),
+            ClassicalLobe::Lafortune { .. } => 3,
+            ClassicalLobe::ShiftedGamma(_) => 27,
         }
     }
 
     /// Checks that every parameter is finite and within its range.
     pub fn check(&self) -> Result<()> {
         let numbers: Vec<(f64, f64, f64)> = match self {
-            Lobe::Lambert => vec![],
-            Lobe::BlinnPhong { exponent } => vec![(*exponent, 0.0, 1e9)],
-            Lobe::CookTorranceBeckmann { roughness, reflectance }
-            | Lobe::CookTorranceGgx { roughness, reflectance } => {
+            ClassicalLobe::Lambert => vec![],
+            ClassicalLobe::BlinnPhong { exponent } => vec![(*exponent, 0.0, 1e9)],
+            ClassicalLobe::CookTorranceBeckmann { roughness, reflectance }
+            | ClassicalLobe::CookTorranceGgx { roughness, reflectance } => {
                 vec![(*roughness, 1e-6, 1e3), (*reflectance, 0.0, 1.0)]
             }
-            Lobe::Ward { roughness } => vec![(*roughness, 1e-6, 1e3)],
-            Lobe::WardAnisotropic { roughness: [u, v] } => vec![(*u, 1e-6, 1e3), (*v, 1e-6, 1e3)],
-            Lobe::AshikhminShirley { exponents: [n, m], reflectance } => {
+            ClassicalLobe::Ward { roughness } => vec![(*roughness, 1e-6, 1e3)],
+            ClassicalLobe::WardAnisotropic { roughness: [u, v] } => vec![(*u, 1e-6, 1e3), (*v, 1e-6, 1e3)],
+            ClassicalLobe::AshikhminShirley { exponents: [n, m], reflectance } => {
                 vec![(*n, 0.0, 1e9), (*m, 0.0, 1e9), (*reflectance, 0.0, 1.0)]
             }
-            Lobe::Lafortune { xy, z, exponent } => vec![(*xy, -1e3, 1e3), (*z, -1e3, 1e3), (*exponent, 0.0, 1e9)],
-            Lobe::ShiftedGamma(shape) => {
+            ClassicalLobe::Lafortune { xy, z, exponent } => {
+                vec![(*xy, -1e3, 1e3), (*z, -1e3, 1e3), (*exponent, 0.0, 1e9)]
+            }
+            ClassicalLobe::ShiftedGamma(shape) => {
                 let widths = shape.alpha.map(|alpha| (alpha, 1e-9, 1e3));
                 let others = shape.lists().into_iter().flatten().map(|&x| (x, -1e300, 1e300));
                 widths.into_iter().chain(others).collect()
@@ -227,25 +231,25 @@ impl Lobe {
     }
 
     /// Value at angles, red, green, blue (different for the shifted gamma distribution only), before colour.
-    pub fn evaluate(&self, g: &Geometry) -> [f64; 3] {
+    pub fn evaluate(&self, g: &ScatteringAngles) -> [f64; 3] {
         match self {
-            Lobe::ShiftedGamma(shape) => shape.evaluate(g),
+            ClassicalLobe::ShiftedGamma(shape) => shape.evaluate(g),
             _ => [self.scalar(g); 3],
         }
     }
 
     /// Value of a lobe that is the same for all colours; 0 of the others.
-    pub(super) fn scalar(&self, g: &Geometry) -> f64 {
+    pub(super) fn scalar(&self, g: &ScatteringAngles) -> f64 {
         match *self {
-            Lobe::Lambert | Lobe::ShiftedGamma(_) => 0.0,
-            Lobe::BlinnPhong { exponent } => (exponent + 2.0) / (2.0 * PI) * cos_power(g, exponent),
-            Lobe::CookTorranceBeckmann { roughness, reflectance } => {
+            ClassicalLobe::Lambert | ClassicalLobe::ShiftedGamma(_) => 0.0,
+            ClassicalLobe::BlinnPhong { exponent } => (exponent + 2.0) / (2.0 * PI) * cos_power(g, exponent),
+            ClassicalLobe::CookTorranceBeckmann { roughness, reflectance } => {
                 let m2 = roughness * roughness;
                 let distribution = (-g.tan2_half() / m2).exp() / (PI * m2 * g.cos_half.powi(4).max(1e-18));
                 let groove = 2.0 * g.cos_half * g.cos_incoming.min(g.cos_outgoing) / g.cos_difference.max(1e-9);
                 schlick(reflectance, g.cos_difference) * distribution * groove.min(1.0) / (4.0 * g.cosines())
             }
-            Lobe::CookTorranceGgx { roughness, reflectance } => {
+            ClassicalLobe::CookTorranceGgx { roughness, reflectance } => {
                 let a2 = roughness * roughness;
                 // cos^2 (a^2 - 1) + 1 without cancellation near the normal.
                 let sin2 = g.half[0] * g.half[0] + g.half[1] * g.half[1];
@@ -255,15 +259,15 @@ impl Lobe {
                 let shadowing = unshadowed(g.cos_incoming) * unshadowed(g.cos_outgoing);
                 schlick(reflectance, g.cos_difference) * distribution * shadowing / 4.0
             }
-            Lobe::Ward { roughness } => {
+            ClassicalLobe::Ward { roughness } => {
                 let a2 = roughness * roughness;
                 (-g.tan2_half() / a2).exp() / (4.0 * PI * a2 * g.cosines().sqrt())
             }
-            Lobe::WardAnisotropic { roughness: [u, v] } => {
+            ClassicalLobe::WardAnisotropic { roughness: [u, v] } => {
                 let slope = ((g.half[0] / u).powi(2) + (g.half[1] / v).powi(2)) / (g.cos_half * g.cos_half).max(1e-18);
                 (-slope).exp() / (4.0 * PI * u * v * g.cosines().sqrt())
             }
-            Lobe::AshikhminShirley { exponents: [n, m], reflectance } => {
+            ClassicalLobe::AshikhminShirley { exponents: [n, m], reflectance } => {
                 let sin2 = g.half[0] * g.half[0] + g.half[1] * g.half[1];
                 let exponent = if sin2 > 1e-18 && n != m {
                     (n * g.half[0] * g.half[0] + m * g.half[1] * g.half[1]) / sin2
@@ -274,7 +278,7 @@ impl Lobe {
                 let norm = ((n + 1.0) * (m + 1.0)).sqrt() / (8.0 * PI);
                 norm * schlick(reflectance, g.cos_difference) * cos_power(g, exponent) / denominator
             }
-            Lobe::Lafortune { xy, z, exponent } => {
+            ClassicalLobe::Lafortune { xy, z, exponent } => {
                 let along = g.cos_incoming * g.cos_outgoing;
                 let within = 2.0 * g.cos_difference * g.cos_difference - 1.0 - along;
                 let base = (xy * within + z * along) / xy.abs().max(z.abs()).max(1e-9);
@@ -285,7 +289,7 @@ impl Lobe {
 }
 
 /// `cos^n(theta_h)`, by the sine near the normal.
-fn cos_power(g: &Geometry, exponent: f64) -> f64 {
+fn cos_power(g: &ScatteringAngles, exponent: f64) -> f64 {
     let sin2 = (g.half[0] * g.half[0] + g.half[1] * g.half[1]).min(1.0);
     (0.5 * exponent * (-sin2).ln_1p()).exp()
 }

@@ -9,10 +9,10 @@ mod lobe;
 mod published;
 
 #[cfg(feature = "encode")]
-pub use fit::{MeasuredPair, Objective, fit, fit_pairs};
+pub use fit::{FitObjective, MeasuredPair, fit_classical, fit_classical_pairs};
 #[cfg(feature = "encode")]
-pub use form::Form;
-pub use lobe::{Geometry, Lobe, ShiftedGamma};
+pub use form::ClassicalForm;
+pub use lobe::{ClassicalLobe, ScatteringAngles, ShiftedGamma};
 #[cfg(feature = "encode")]
 pub use published::{PublishedFit, read_published};
 
@@ -29,7 +29,7 @@ pub struct ClassicalModel {
     /// Factor of the lobe, red, green, blue.
     pub specular: [f64; 3],
     /// The lobe and its shape.
-    pub lobe: Lobe,
+    pub lobe: ClassicalLobe,
 }
 
 impl ClassicalModel {
@@ -43,15 +43,15 @@ impl ClassicalModel {
     }
 
     /// Numbers that the model has.
-    pub fn parameters(&self) -> usize {
+    pub fn parameter_count(&self) -> usize {
         match self.lobe {
-            Lobe::Lambert => 3,
-            _ => 6 + self.lobe.parameters(),
+            ClassicalLobe::Lambert => 3,
+            _ => 6 + self.lobe.parameter_count(),
         }
     }
 
     /// Value at angles, per steradian.
-    pub fn at(&self, geometry: &Geometry) -> [f64; 3] {
+    pub fn value_at(&self, geometry: &ScatteringAngles) -> [f64; 3] {
         let lobe = self.lobe.evaluate(geometry);
         std::array::from_fn(|c| {
             let value = self.diffuse[c] / PI + self.specular[c] * lobe[c];
@@ -65,7 +65,7 @@ impl Brdf for ClassicalModel {
         if incoming[2] <= 0.0 || outgoing[2] <= 0.0 {
             return [0.0; 3];
         }
-        self.at(&Geometry::of(incoming, outgoing))
+        self.value_at(&ScatteringAngles::from_directions(incoming, outgoing))
     }
 
     fn evaluate_row(&self, theta_h: f64, theta_d: f64, pairs: &[[[f64; 3]; 2]], values: &mut Vec<[f64; 3]>) {
@@ -73,7 +73,13 @@ impl Brdf for ClassicalModel {
         let cos_difference = theta_d.cos();
         values.extend(pairs.iter().map(|[incoming, outgoing]| {
             let (cos_incoming, cos_outgoing) = (incoming[2], outgoing[2]);
-            self.at(&Geometry { cos_incoming, cos_outgoing, cos_half, cos_difference, half: [sin_half, 0.0] })
+            self.value_at(&ScatteringAngles {
+                cos_incoming,
+                cos_outgoing,
+                cos_half,
+                cos_difference,
+                half: [sin_half, 0.0],
+            })
         }));
     }
 }

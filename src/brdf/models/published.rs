@@ -1,7 +1,7 @@
 //! Fits of MERL materials that were published, as the collection `bsdfbenchmark` lists them: a line a material,
 //! `NAME = Aggregate(Lambertian(albedo = [..]), MODEL(..))`.
 
-use super::{ClassicalModel, Lobe, ShiftedGamma};
+use super::{ClassicalLobe, ClassicalModel, ShiftedGamma};
 use crate::input::FileAccess;
 use crate::{Error, Result};
 use std::f64::consts::PI;
@@ -20,12 +20,12 @@ pub struct PublishedFit {
 /// 1.15 and their blue 1.66 times too small.
 const NGAN_SCALES: [f64; 3] = [1.0, 1.15, 1.66];
 /// A list has some 100 lines of some 500 bytes.
-const MOST_BYTES: u64 = 16 << 20;
+const MAX_BYTES: u64 = 16 << 20;
 
 /// Reads a list. Comments (`#`) and empty lines are skipped.
 pub fn read_published(path: impl AsRef<Path>, access: &FileAccess) -> Result<Vec<PublishedFit>> {
     let path = path.as_ref();
-    let text = access.read_text(path, "list of fits", MOST_BYTES)?;
+    let text = access.read_text(path, "list of fits", MAX_BYTES)?;
     parse(&text, path)
 }
 
@@ -51,20 +51,20 @@ fn read_model(text: &str) -> std::result::Result<ClassicalModel, String> {
     let specular = colours(parameters, "albedo")?;
     let scaled = |colour: [f64; 3], factor: f64| std::array::from_fn(|c| colour[c] * NGAN_SCALES[c] * factor);
     let (lobe, factor) = match model.trim() {
-        "NganBlinnPhong" => (Lobe::BlinnPhong { exponent: number(parameters, "sharpness")? }, 1.0),
-        "NganWard" => (Lobe::Ward { roughness: number(parameters, "roughness")? }, 1.0),
+        "NganBlinnPhong" => (ClassicalLobe::BlinnPhong { exponent: number(parameters, "sharpness")? }, 1.0),
+        "NganWard" => (ClassicalLobe::Ward { roughness: number(parameters, "roughness")? }, 1.0),
         "NganCookTorrance" => {
             let (roughness, reflectance) = (number(parameters, "roughness")?, number(parameters, "eta")?);
             // Theirs divides by pi where this one divides by 4.
-            (Lobe::CookTorranceBeckmann { roughness, reflectance }, 4.0 / PI)
+            (ClassicalLobe::CookTorranceBeckmann { roughness, reflectance }, 4.0 / PI)
         }
         "NganAshikhminShirley" => {
             let exponents = [number(parameters, "sharpness")?; 2];
-            (Lobe::AshikhminShirley { exponents, reflectance: number(parameters, "fresnelReflectance")? }, 1.0)
+            (ClassicalLobe::AshikhminShirley { exponents, reflectance: number(parameters, "fresnelReflectance")? }, 1.0)
         }
         "NganLafortune" => {
             let (xy, z) = (number(parameters, "Cxy")?, number(parameters, "Cz")?);
-            (Lobe::Lafortune { xy, z, exponent: number(parameters, "sharpness")? }, 1.0)
+            (ClassicalLobe::Lafortune { xy, z, exponent: number(parameters, "sharpness")? }, 1.0)
         }
         "Bagher" => {
             let fresnel = numbers(parameters, "eta")?;
@@ -86,7 +86,7 @@ fn read_model(text: &str) -> std::result::Result<ClassicalModel, String> {
                 k: list("k")?,
                 theta0: list("theta0")?,
             };
-            return Ok(ClassicalModel { diffuse, specular, lobe: Lobe::ShiftedGamma(Box::new(shape)) });
+            return Ok(ClassicalModel { diffuse, specular, lobe: ClassicalLobe::ShiftedGamma(Box::new(shape)) });
         }
         other => return Err(format!("a model that is not known: {other}")),
     };

@@ -4,16 +4,16 @@ use crate::brdf::test_data::shared;
 use crate::brdf::{HalfDifference, errors, merl::MerlTable};
 use std::path::Path;
 
-fn lobes() -> Vec<Lobe> {
+fn lobes() -> Vec<ClassicalLobe> {
     vec![
-        Lobe::Lambert,
-        Lobe::BlinnPhong { exponent: 80.0 },
-        Lobe::CookTorranceBeckmann { roughness: 0.2, reflectance: 0.1 },
-        Lobe::CookTorranceGgx { roughness: 0.2, reflectance: 0.1 },
-        Lobe::Ward { roughness: 0.2 },
-        Lobe::WardAnisotropic { roughness: [0.2, 0.3] },
-        Lobe::AshikhminShirley { exponents: [80.0, 40.0], reflectance: 0.1 },
-        Lobe::Lafortune { xy: -1.0, z: 0.95, exponent: 20.0 },
+        ClassicalLobe::Lambert,
+        ClassicalLobe::BlinnPhong { exponent: 80.0 },
+        ClassicalLobe::CookTorranceBeckmann { roughness: 0.2, reflectance: 0.1 },
+        ClassicalLobe::CookTorranceGgx { roughness: 0.2, reflectance: 0.1 },
+        ClassicalLobe::Ward { roughness: 0.2 },
+        ClassicalLobe::WardAnisotropic { roughness: [0.2, 0.3] },
+        ClassicalLobe::AshikhminShirley { exponents: [80.0, 40.0], reflectance: 0.1 },
+        ClassicalLobe::Lafortune { xy: -1.0, z: 0.95, exponent: 20.0 },
     ]
 }
 
@@ -30,7 +30,8 @@ fn models_are_reciprocal_and_read_as_written() {
         assert!(text.contains(model.lobe.name()), "{text}");
         assert_eq!(serde_json::from_str::<ClassicalModel>(&text).unwrap(), model);
     }
-    let bad = ClassicalModel { diffuse: [0.1; 3], specular: [1.0; 3], lobe: Lobe::Ward { roughness: f64::NAN } };
+    let bad =
+        ClassicalModel { diffuse: [0.1; 3], specular: [1.0; 3], lobe: ClassicalLobe::Ward { roughness: f64::NAN } };
     assert!(bad.check().is_err());
 }
 
@@ -39,11 +40,11 @@ fn distributions_have_their_norm() {
     // Without shadowing and Fresnel, the projected distribution integrates to 1: at normal incidence, the albedo of a narrow lobe is
     // its reflectance.
     for lobe in [
-        Lobe::CookTorranceBeckmann { roughness: 0.05, reflectance: 1.0 },
-        Lobe::CookTorranceGgx { roughness: 0.01, reflectance: 1.0 },
-        Lobe::Ward { roughness: 0.05 },
-        Lobe::WardAnisotropic { roughness: [0.03, 0.06] },
-        Lobe::AshikhminShirley { exponents: [2000.0; 2], reflectance: 1.0 },
+        ClassicalLobe::CookTorranceBeckmann { roughness: 0.05, reflectance: 1.0 },
+        ClassicalLobe::CookTorranceGgx { roughness: 0.01, reflectance: 1.0 },
+        ClassicalLobe::Ward { roughness: 0.05 },
+        ClassicalLobe::WardAnisotropic { roughness: [0.03, 0.06] },
+        ClassicalLobe::AshikhminShirley { exponents: [2000.0; 2], reflectance: 1.0 },
     ] {
         let model = ClassicalModel { diffuse: [0.0; 3], specular: [1.0; 3], lobe };
         let albedo = errors::albedo(&model, 0.0)[0];
@@ -72,19 +73,26 @@ fn rows_and_single_pairs_agree() {
 
 #[test]
 fn fits_find_what_made_the_table() {
-    for form in
-        [Form::Lambert, Form::BlinnPhong, Form::CookTorranceGgx, Form::Ward, Form::AshikhminShirley, Form::Lafortune]
-    {
+    for form in [
+        ClassicalForm::Lambert,
+        ClassicalForm::BlinnPhong,
+        ClassicalForm::CookTorranceGgx,
+        ClassicalForm::Ward,
+        ClassicalForm::AshikhminShirley,
+        ClassicalForm::Lafortune,
+    ] {
         let lobe = lobes().into_iter().find(|lobe| lobe.name() == form.name()).unwrap();
         let lobe = match lobe {
-            Lobe::AshikhminShirley { reflectance, .. } => Lobe::AshikhminShirley { exponents: [80.0; 2], reflectance },
+            ClassicalLobe::AshikhminShirley { reflectance, .. } => {
+                ClassicalLobe::AshikhminShirley { exponents: [80.0; 2], reflectance }
+            }
             other => other,
         };
-        let specular = if form == Form::Lambert { [0.0; 3] } else { [0.5, 0.4, 0.3] };
+        let specular = if form == ClassicalForm::Lambert { [0.0; 3] } else { [0.5, 0.4, 0.3] };
         let made = ClassicalModel { diffuse: [0.3, 0.2, 0.1], specular, lobe };
-        let table = MerlTable::of(&made);
-        for objective in [Objective::Logarithm, Objective::Picture, Objective::Both] {
-            let found = fit(&table, form, objective).unwrap();
+        let table = MerlTable::tabulate(&made);
+        for objective in [FitObjective::Logarithm, FitObjective::Picture, FitObjective::Both] {
+            let found = fit_classical(&table, form, objective).unwrap();
             let error = errors::log_rmse(&table, &found);
             assert!(error < 2e-4, "{form:?} {objective:?}: {error} {found:?}");
         }
@@ -94,8 +102,11 @@ fn fits_find_what_made_the_table() {
 #[test]
 fn anisotropic_fits_find_both_widths() {
     for (form, lobe) in [
-        (Form::WardAnisotropic, Lobe::WardAnisotropic { roughness: [0.12, 0.35] }),
-        (Form::AshikhminShirleyAnisotropic, Lobe::AshikhminShirley { exponents: [300.0, 20.0], reflectance: 0.1 }),
+        (ClassicalForm::WardAnisotropic, ClassicalLobe::WardAnisotropic { roughness: [0.12, 0.35] }),
+        (
+            ClassicalForm::AshikhminShirleyAnisotropic,
+            ClassicalLobe::AshikhminShirley { exponents: [300.0, 20.0], reflectance: 0.1 },
+        ),
     ] {
         let made = ClassicalModel { diffuse: [0.3, 0.2, 0.1], specular: [0.5, 0.4, 0.3], lobe };
         let direction = |k: usize, angle: f64, turn: f64| {
@@ -111,24 +122,24 @@ fn anisotropic_fits_find_both_widths() {
             MeasuredPair { incoming, outgoing, value: made.evaluate(incoming, outgoing) }
         };
         let pairs: Vec<MeasuredPair> = (0..4000).map(pair).collect();
-        for objective in [Objective::Logarithm, Objective::Both] {
-            let found = fit_pairs(&pairs, form, objective).unwrap();
+        for objective in [FitObjective::Logarithm, FitObjective::Both] {
+            let found = fit_classical_pairs(&pairs, form, objective).unwrap();
             for pair in &pairs {
                 let value = found.evaluate(pair.incoming, pair.outgoing);
                 let close = |c: usize| (value[c] - pair.value[c]).abs() < 2e-3 * (pair.value[c] + 0.01);
                 assert!((0..3).all(close), "{form:?} {objective:?}: {found:?}");
             }
         }
-        assert!(fit_pairs(&pairs[..50], form, Objective::Both).is_err());
+        assert!(fit_classical_pairs(&pairs[..50], form, FitObjective::Both).is_err());
     }
     // An isotropic table has two equal widths.
-    let lobe = Lobe::Ward { roughness: 0.2 };
-    let table = MerlTable::of(&ClassicalModel { diffuse: [0.3, 0.2, 0.1], specular: [0.5; 3], lobe });
-    let found = fit(&table, Form::WardAnisotropic, Objective::Both).unwrap();
-    let Lobe::WardAnisotropic { roughness } = found.lobe else { panic!("{found:?}") };
+    let lobe = ClassicalLobe::Ward { roughness: 0.2 };
+    let table = MerlTable::tabulate(&ClassicalModel { diffuse: [0.3, 0.2, 0.1], specular: [0.5; 3], lobe });
+    let found = fit_classical(&table, ClassicalForm::WardAnisotropic, FitObjective::Both).unwrap();
+    let ClassicalLobe::WardAnisotropic { roughness } = found.lobe else { panic!("{found:?}") };
     assert!(roughness.iter().all(|r| (r / 0.2 - 1.0).abs() < 1e-3), "{found:?}");
-    let as_form = fit(&table, Form::AshikhminShirleyAnisotropic, Objective::Both).unwrap();
-    let Lobe::AshikhminShirley { exponents: [n, m], .. } = as_form.lobe else { panic!("{as_form:?}") };
+    let as_form = fit_classical(&table, ClassicalForm::AshikhminShirleyAnisotropic, FitObjective::Both).unwrap();
+    let ClassicalLobe::AshikhminShirley { exponents: [n, m], .. } = as_form.lobe else { panic!("{as_form:?}") };
     assert!((n / m).ln().abs() < 0.03, "{as_form:?}");
 }
 

@@ -11,28 +11,28 @@ const PEAK_IMPORTANCE: f64 = 0.005;
 /// Angle from which errors count fully, radians.
 const PEAK: f64 = 5.0 / 180.0 * std::f64::consts::PI;
 /// Slices of `theta_d` at most, as published.
-const MOST_SLICES: usize = 18;
+const MAX_SLICES: usize = 18;
 
 /// As many slices as leave five samples for each, up to the published 18.
 pub(super) fn slices(count: usize) -> usize {
-    ((count as f64 / 5.0).sqrt().round() as usize).clamp(1, MOST_SLICES)
+    ((count as f64 / 5.0).sqrt().round() as usize).clamp(1, MAX_SLICES)
 }
 
 /// Steps along `theta_h`.
-pub(super) struct Steps<'a> {
+pub(super) struct ThetaHSteps<'a> {
     /// Where they begin, radians.
-    pub least_theta_h: f64,
+    pub min_theta_h: f64,
     /// Variances, one a degree from 0 to 90: steps follow equations 10 and 11. Equal ones without.
     pub variance: Option<&'a [f64]>,
     /// A variance is at least this part of the greatest beyond `least_theta_h`: where all materials agree its inverse would have no bound.
     pub floor: f64,
 }
 
-impl Steps<'_> {
+impl ThetaHSteps<'_> {
     /// `A_i`, equation 10, from 0 to 1, over the variances of the range.
     fn warp(&self) -> Option<Vec<f64>> {
         let variance = self.variance?;
-        let first = (self.least_theta_h / FRAC_PI_2 * variance.len() as f64).round() as usize;
+        let first = (self.min_theta_h / FRAC_PI_2 * variance.len() as f64).round() as usize;
         let variance = variance.get(first..).filter(|v| !v.is_empty())?;
         let greatest = variance.iter().copied().fold(1e-12, f64::max);
         let mut sum = 0.0;
@@ -63,7 +63,7 @@ impl Steps<'_> {
                 };
                 let theta_d = (slice as f64 + 0.5) / slices as f64 * FRAC_PI_2;
                 all.push(HalfDifference {
-                    theta_h: self.least_theta_h + part * (FRAC_PI_2 - self.least_theta_h),
+                    theta_h: self.min_theta_h + part * (FRAC_PI_2 - self.min_theta_h),
                     theta_d,
                     phi_d: MIDDLE_PHI,
                 });
@@ -74,7 +74,7 @@ impl Steps<'_> {
 }
 
 /// Bayesian linear design: values are `components . place + noise`, places normal with the given variances.
-pub(super) struct Design<'a> {
+pub(super) struct OptimalDesign<'a> {
     /// Components at each cell.
     pub along: &'a [Vec<f64>],
     /// Variance that the components leave over at each cell.
@@ -87,7 +87,7 @@ pub(super) struct Design<'a> {
     pub variances: &'a [f64],
 }
 
-impl Design<'_> {
+impl OptimalDesign<'_> {
     /// What an error along the components counts, over all cells, those near the highlight's centre `peak` times.
     fn metric(&self, peak: f64) -> Vec<Vec<f64>> {
         let count = self.variances.len();

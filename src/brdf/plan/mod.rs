@@ -5,7 +5,7 @@
 //! **Optimal**: one sample after the other, each where it lowers the expected error most (Bayesian A-optimal design, Chaloner and
 //! Verdinelli 1995), given the principal components of the population's logarithms; after Nielsen, Jensen and Ramamoorthi 2015 and Xu
 //! et al. 2016, who choose samples by the condition of such a basis. A plan of any method carries the components, so that
-//! [`Plan::reconstruct`] gives a whole material from a few samples by the same Gaussian estimate.
+//! [`MeasurementPlan::reconstruct`] gives a whole material from a few samples by the same Gaussian estimate.
 
 mod choose;
 mod population;
@@ -13,7 +13,7 @@ mod principal;
 
 pub use population::Population;
 
-use super::Sample;
+use super::BrdfSample;
 use super::compact::{TERMS, terms};
 use crate::error::{Error, Result};
 use crate::vector::dot_slices;
@@ -23,7 +23,7 @@ use std::f64::consts::PI;
 /// How angles are chosen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Method {
+pub enum PlanMethod {
     /// By the population's variance along `theta_h`.
     Published,
     /// In equal steps.
@@ -35,7 +35,7 @@ pub enum Method {
 /// A pair of directions to measure.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Angles {
+pub struct PlannedAngles {
     /// Angle between normal and half vector, degrees.
     pub theta_h_deg: f64,
     /// Angle between half vector and either direction, degrees.
@@ -46,7 +46,7 @@ pub struct Angles {
     pub variance: f64,
 }
 
-impl Angles {
+impl PlannedAngles {
     /// The same in radians.
     pub fn half_difference(&self) -> super::HalfDifference {
         let [theta_h, theta_d, phi_d] = [self.theta_h_deg, self.theta_d_deg, self.phi_d_deg].map(f64::to_radians);
@@ -65,7 +65,7 @@ impl Angles {
 /// What a population of materials has in common: mean and principal components of `ln(f + floor)` as coefficients of the tuned form's terms.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Components {
+pub struct PopulationComponents {
     /// What is added to the BRDF before its logarithm is taken.
     pub floor: f64,
     /// Coefficients of the mean.
@@ -79,42 +79,42 @@ pub struct Components {
 /// Angles to measure, and what is needed to make a material of the values.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Plan {
-    /// What the file is: [`FORMAT`].
+pub struct MeasurementPlan {
+    /// What the file is: [`PLAN_FORMAT`].
     pub format: String,
     /// How the angles were chosen.
-    pub method: Method,
+    pub method: PlanMethod,
     /// Materials that the plan was made from.
     pub materials: usize,
     /// Log RMSE that is expected of a material like those, reconstructed from these samples.
     pub expected_log_rmse: f64,
     /// The angles.
-    pub angles: Vec<Angles>,
+    pub angles: Vec<PlannedAngles>,
     /// What the population has in common.
-    pub components: Components,
+    pub components: PopulationComponents,
 }
 
 /// First field of a plan.
-pub const FORMAT: &str = "tsuya-brdf-plan-1";
+pub const PLAN_FORMAT: &str = "tsuya-brdf-plan-1";
 /// Bounds of what a plan file may hold.
-const MOST_ANGLES: usize = 100_000;
-const MOST_COMPONENTS: usize = 256;
+const MAX_ANGLES: usize = 100_000;
+const MAX_COMPONENTS: usize = 256;
 /// Added to every variance: no measurement is exact.
 const NOISE: f64 = 1e-3;
 
-impl Plan {
+impl MeasurementPlan {
     /// Reads a plan's JSON.
     /// # Errors
     /// [`Error::Parameter`] where it isn't JSON of this format, or numbers are out of range.
     pub fn from_json(text: &[u8]) -> Result<Self> {
-        let plan: Plan =
+        let plan: MeasurementPlan =
             serde_json::from_slice(text).map_err(|e| Error::parameter(format!("not a sampling plan: {e}")))?;
         let wrong = |what: &str| Err(Error::parameter(format!("not a sampling plan of this version: {what}")));
-        if plan.format != FORMAT {
-            return wrong(&format!("its format is '{}', '{FORMAT}' expected", plan.format));
+        if plan.format != PLAN_FORMAT {
+            return wrong(&format!("its format is '{}', '{PLAN_FORMAT}' expected", plan.format));
         }
         let of = &plan.components;
-        if plan.angles.len() > MOST_ANGLES || of.components.len() > MOST_COMPONENTS {
+        if plan.angles.len() > MAX_ANGLES || of.components.len() > MAX_COMPONENTS {
             return wrong("too many angles or components");
         }
         let sized = of.mean.len() == TERMS && of.components.iter().all(|c| c.len() == TERMS);
@@ -125,7 +125,7 @@ impl Plan {
         }
         let finite = of.mean.iter().chain(of.components.iter().flatten()).all(|x| x.is_finite() && x.abs() < 1e6);
         let positive = |x: &f64| x.is_finite() && *x > 0.0 && *x < 1e12;
-        let angles = |a: &Angles| {
+        let angles = |a: &PlannedAngles| {
             (0.0..=90.0).contains(&a.theta_h_deg)
                 && (0.0..=90.0).contains(&a.theta_d_deg)
                 && (0.0..=180.0).contains(&a.phi_d_deg)
@@ -145,7 +145,7 @@ impl Plan {
     }
 
     /// The samples of a material at the plan's angles, as a goniometer would take them; `None` where it has no value.
-    pub fn measure(&self, material: impl Fn(&Angles) -> Option<[f64; 3]>) -> Vec<Option<[f64; 3]>> {
+    pub fn measure(&self, material: impl Fn(&PlannedAngles) -> Option<[f64; 3]>) -> Vec<Option<[f64; 3]>> {
         self.angles.iter().map(material).collect()
     }
 
@@ -153,7 +153,7 @@ impl Plan {
     /// samples of `bins` of `theta_h`, `theta_d` and `phi_d`, to be fitted in any form.
     /// # Errors
     /// [`Error::Parameter`] where no value is usable, or their number is not that of the angles.
-    pub fn reconstruct(&self, values: &[Option<[f64; 3]>], bins: [usize; 3]) -> Result<Vec<Sample>> {
+    pub fn reconstruct(&self, values: &[Option<[f64; 3]>], bins: [usize; 3]) -> Result<Vec<BrdfSample>> {
         if values.len() != self.angles.len() {
             let message = format!("the plan has {} angles, {} values given", self.angles.len(), values.len());
             return Err(Error::parameter(message));
@@ -190,21 +190,21 @@ impl Plan {
         });
         // No brighter than e^2 times the brightest measured, or than the population's mean: extrapolation can't run away.
         let highest = values.iter().flatten().flatten().fold(0.0f64, |a, &b| a.max(b));
-        let value = |s: &Sample| {
+        let value = |s: &BrdfSample| {
             let terms = terms(s.theta_h, s.theta_d, s.cos_incoming, s.cos_outgoing);
             let ceiling = (highest.ln() + 2.0).max(dot_slices(&of.mean, &terms) + 2.0);
             [0, 1, 2].map(|c| (dot_slices(&coefficients[c], &terms).min(ceiling).exp() - of.floor).max(0.0))
         };
-        let mut samples = Sample::of(&Nothing, bins);
+        let mut samples = BrdfSample::tabulate(&NoBrdf, bins);
         samples.iter_mut().for_each(|s| s.value = value(s));
         Ok(samples)
     }
 }
 
 /// A black material: only its angles are wanted.
-struct Nothing;
+struct NoBrdf;
 
-impl super::Brdf for Nothing {
+impl super::Brdf for NoBrdf {
     fn evaluate(&self, _: [f64; 3], _: [f64; 3]) -> [f64; 3] {
         [0.0; 3]
     }

@@ -1,10 +1,10 @@
 //! What is known of a population of materials.
 
-use super::principal::{self, Principal};
-use super::{Angles, Components, FORMAT, Method, NOISE, Plan, choose};
+use super::principal::{self, PrincipalComponents};
+use super::{MeasurementPlan, NOISE, PLAN_FORMAT, PlanMethod, PlannedAngles, PopulationComponents, choose};
 use crate::brdf::compact::{TERMS, coefficients, terms};
-use crate::brdf::merl::{CellGrid, MerlTable, PHI_D_BINS, THETA_D_BINS, THETA_H_BINS};
-use crate::brdf::{HalfDifference, Sample};
+use crate::brdf::merl::{MerlGrid, MerlTable, PHI_D_BINS, THETA_D_BINS, THETA_H_BINS};
+use crate::brdf::{BrdfSample, HalfDifference};
 use crate::error::{Error, Result};
 use crate::vector::dot_slices;
 
@@ -15,7 +15,7 @@ const COMPONENTS: usize = 40;
 /// Least variance in published plans, as a part of the greatest, unless another is asked for.
 const VARIANCE_FLOOR: f64 = 0.01;
 /// No direction of a plan is nearer to the horizon: cosine of 85 degrees.
-const LEAST_COSINE: f64 = 0.087;
+const MIN_COSINE: f64 = 0.087;
 
 /// Materials, gathered one by one, then asked for plans.
 #[derive(Debug)]
@@ -31,7 +31,7 @@ pub struct Population {
     /// Sum over materials of what squared errors of the logarithm count at the cells.
     weights: Vec<f64>,
     variance_floor: f64,
-    least_theta_h: f64,
+    min_theta_h: f64,
 }
 
 impl Default for Population {
@@ -43,7 +43,7 @@ impl Default for Population {
 impl Population {
     /// None yet.
     pub fn new() -> Self {
-        let grid = CellGrid::new();
+        let grid = MerlGrid::new();
         let mut population = Population {
             cells: vec![],
             angles: vec![],
@@ -53,7 +53,7 @@ impl Population {
             logarithms: vec![],
             weights: vec![],
             variance_floor: VARIANCE_FLOOR,
-            least_theta_h: 0.0,
+            min_theta_h: 0.0,
         };
         for h in (0..THETA_H_BINS).step_by(2) {
             for d in (1..THETA_D_BINS).step_by(3) {
@@ -79,10 +79,10 @@ impl Population {
     }
 
     /// Uniform and published plans that begin at this half angle, 0 to 80 degrees: what is fitted to them leaves smaller ones out, as
-    /// lobes do by default ([`crate::brdf::dsbrdf::FitOptions::least_theta_h_deg`]), so that samples there would be lost. The floor of
+    /// lobes do by default ([`crate::brdf::dsbrdf::DsbrdfFitOptions::min_theta_h_deg`]), so that samples there would be lost. The floor of
     /// the variance is then a part of the greatest beyond it. Optimal plans don't change.
-    pub fn with_least_theta_h_deg(mut self, least: f64) -> Self {
-        self.least_theta_h = least.clamp(0.0, 80.0).to_radians();
+    pub fn with_min_theta_h_deg(mut self, least: f64) -> Self {
+        self.min_theta_h = least.clamp(0.0, 80.0).to_radians();
         self
     }
 
@@ -112,7 +112,7 @@ impl Population {
         for (n, &cell) in self.cells.iter().enumerate() {
             let ([cos_incoming, cos_outgoing], angles) = (self.cosines[n], self.angles[n]);
             let Some(value) = value(cell, angles) else { continue };
-            samples.push(Sample {
+            samples.push(BrdfSample {
                 theta_h: angles.theta_h,
                 theta_d: angles.theta_d,
                 cos_incoming,
@@ -134,53 +134,58 @@ impl Population {
     /// A plan of `count` samples.
     /// # Errors
     /// [`Error::Parameter`] for fewer than 2 materials, or a count of 0 or of more than there are cells.
-    pub fn plan(&self, count: usize, method: Method) -> Result<Plan> {
+    pub fn plan(&self, count: usize, method: PlanMethod) -> Result<MeasurementPlan> {
         self.plan_of(count, choose::slices(count), method)
     }
 
     /// A uniform or published plan of `slices` of `theta_d`, each of `count` samples; for the optimal one only their product counts.
     /// # Errors
     /// As [`Population::plan`].
-    pub fn plan_slices(&self, slices: usize, count: usize, method: Method) -> Result<Plan> {
+    pub fn plan_slices(&self, slices: usize, count: usize, method: PlanMethod) -> Result<MeasurementPlan> {
         self.plan_of(slices.saturating_mul(count), slices.clamp(1, 90), method)
     }
 
-    fn plan_of(&self, count: usize, slices: usize, method: Method) -> Result<Plan> {
+    fn plan_of(&self, count: usize, slices: usize, method: PlanMethod) -> Result<MeasurementPlan> {
         if self.len() < 2 {
             return Err(Error::parameter("a plan takes a population of 2 materials or more"));
         }
         if count == 0 || count > self.cells.len() / 4 {
             return Err(Error::parameter(format!("a plan has 1 to {} samples", self.cells.len() / 4)));
         }
-        let Principal { mean, components, variances } = principal::components(&self.vectors, COMPONENTS);
+        let PrincipalComponents { mean, components, variances } = principal::components(&self.vectors, COMPONENTS);
         let along: Vec<Vec<f64>> =
             self.rows.iter().map(|row| components.iter().map(|c| dot_slices(c, row)).collect()).collect();
         let left = self.left_over(&mean, &components, &along);
         let weights: Vec<f64> = self.weights.iter().map(|w| w / self.len() as f64).collect();
         let theta_h: Vec<f64> = self.angles.iter().map(|a| a.theta_h).collect();
-        let design =
-            choose::Design { along: &along, left: &left, weights: &weights, theta_h: &theta_h, variances: &variances };
+        let design = choose::OptimalDesign {
+            along: &along,
+            left: &left,
+            weights: &weights,
+            theta_h: &theta_h,
+            variances: &variances,
+        };
         let candidates: Vec<bool> = (0..self.cells.len())
             .map(|n| {
                 let valid = self.logarithms.iter().all(|l| !l[n].is_nan());
-                valid && self.cosines[n].iter().all(|&cosine| cosine > LEAST_COSINE)
+                valid && self.cosines[n].iter().all(|&cosine| cosine > MIN_COSINE)
             })
             .collect();
-        let angles_of = |angles: HalfDifference, variance: f64| Angles {
+        let angles_of = |angles: HalfDifference, variance: f64| PlannedAngles {
             theta_h_deg: angles.theta_h.to_degrees(),
             theta_d_deg: angles.theta_d.to_degrees(),
             phi_d_deg: angles.phi_d.to_degrees(),
             variance,
         };
-        let angles: Vec<Angles> = match method {
-            Method::Optimal => {
+        let angles: Vec<PlannedAngles> = match method {
+            PlanMethod::Optimal => {
                 design.optimal(count, &candidates).into_iter().map(|n| angles_of(self.angles[n], left[n])).collect()
             }
-            Method::Uniform | Method::Published => {
-                let variance = (method == Method::Published).then(|| self.variance_along_theta_h());
+            PlanMethod::Uniform | PlanMethod::Published => {
+                let variance = (method == PlanMethod::Published).then(|| self.variance_along_theta_h());
                 let near = |angles: HalfDifference| angles_of(angles, left[self.nearest(angles)]);
-                let steps = choose::Steps {
-                    least_theta_h: self.least_theta_h,
+                let steps = choose::ThetaHSteps {
+                    min_theta_h: self.min_theta_h,
                     variance: variance.as_deref(),
                     floor: self.variance_floor,
                 };
@@ -194,8 +199,15 @@ impl Population {
             })
             .collect();
         let expected_log_rmse = design.expected(&rows);
-        let components = Components { floor: FLOOR, mean, components, variances };
-        Ok(Plan { format: FORMAT.into(), method, materials: self.len(), expected_log_rmse, angles, components })
+        let components = PopulationComponents { floor: FLOOR, mean, components, variances };
+        Ok(MeasurementPlan {
+            format: PLAN_FORMAT.into(),
+            method,
+            materials: self.len(),
+            expected_log_rmse,
+            angles,
+            components,
+        })
     }
 
     /// Variance of `ln(1 + f)`, whose errors reports count, over the population at each degree of `theta_h`, over all `theta_d` and

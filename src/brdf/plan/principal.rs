@@ -3,14 +3,14 @@
 use crate::vector::dot_slices;
 
 /// Mean, components (unit length, by falling variance) and the variances along them.
-pub(super) struct Principal {
+pub(super) struct PrincipalComponents {
     pub mean: Vec<f64>,
     pub components: Vec<Vec<f64>>,
     pub variances: Vec<f64>,
 }
 
 /// At most `most` components, from the eigenvectors of the vectors' products.
-pub(super) fn components(vectors: &[Vec<f64>], most: usize) -> Principal {
+pub(super) fn components(vectors: &[Vec<f64>], most: usize) -> PrincipalComponents {
     let count = vectors.len();
     let size = vectors.first().map_or(0, Vec::len);
     let mean: Vec<f64> = (0..size).map(|k| vectors.iter().map(|v| v[k]).sum::<f64>() / count.max(1) as f64).collect();
@@ -27,7 +27,7 @@ pub(super) fn components(vectors: &[Vec<f64>], most: usize) -> Principal {
         components.push((0..size).map(of).collect());
         variances.push(values[n] / count as f64);
     }
-    Principal { mean, components, variances }
+    PrincipalComponents { mean, components, variances }
 }
 
 /// Eigenvalues and, as columns, eigenvectors of a symmetric matrix by Jacobi's rotations.

@@ -6,7 +6,7 @@ struct Made(f64, f64, f64);
 
 impl Brdf for Made {
     fn evaluate(&self, incoming: [f64; 3], outgoing: [f64; 3]) -> [f64; 3] {
-        let angles = HalfDifference::of(incoming, outgoing);
+        let angles = HalfDifference::from_directions(incoming, outgoing);
         let highlight =
             self.1 * (-(angles.theta_h / self.2).powi(2)).exp() * (1.0 + 3.0 * angles.theta_d.sin().powi(5));
         [self.0 + highlight, 0.6 * self.0 + highlight, 0.3 * self.0 + highlight]
@@ -26,8 +26,8 @@ fn add(population: &mut Population, n: usize) {
     population.add_values(value).unwrap();
 }
 
-fn log_rmse(truth: &Made, samples: &[Sample]) -> f64 {
-    let square = |s: &Sample| {
+fn log_rmse(truth: &Made, samples: &[BrdfSample]) -> f64 {
+    let square = |s: &BrdfSample| {
         let angles = HalfDifference { theta_h: s.theta_h, theta_d: s.theta_d, phi_d: 1.0 };
         let value = truth.evaluate(angles.directions().0, angles.directions().1);
         ((s.value[1] * s.cos_incoming).ln_1p() - (value[1] * s.cos_incoming).ln_1p()).powi(2)
@@ -42,15 +42,15 @@ fn a_few_chosen_samples_are_worth_many_uniform_ones() {
         add(&mut population, n);
     }
     assert_eq!(population.len(), 12);
-    let error = |count: usize, method: Method| {
+    let error = |count: usize, method: PlanMethod| {
         let plan = population.plan(count, method).unwrap();
         assert_eq!(plan.angles.len(), count);
         assert!(plan.expected_log_rmse > 0.0 && plan.expected_log_rmse < 1.0, "{}", plan.expected_log_rmse);
-        let plan = Plan::from_json(plan.to_json().unwrap().as_bytes()).unwrap();
+        let plan = MeasurementPlan::from_json(plan.to_json().unwrap().as_bytes()).unwrap();
         (12..17)
             .map(|n| {
                 let material = made(n);
-                let at = |a: &Angles| {
+                let at = |a: &PlannedAngles| {
                     let (incoming, outgoing) = a.half_difference().directions();
                     (incoming[2] > 0.0 && outgoing[2] > 0.0).then(|| material.evaluate(incoming, outgoing))
                 };
@@ -58,9 +58,9 @@ fn a_few_chosen_samples_are_worth_many_uniform_ones() {
             })
             .sum::<f64>()
     };
-    let (optimal, uniform) = (error(16, Method::Optimal), error(100, Method::Uniform));
+    let (optimal, uniform) = (error(16, PlanMethod::Optimal), error(100, PlanMethod::Uniform));
     assert!(optimal < uniform, "optimal {optimal}, uniform {uniform}");
-    assert!(population.plan(0, Method::Optimal).is_err());
+    assert!(population.plan(0, PlanMethod::Optimal).is_err());
 }
 
 #[test]
@@ -69,7 +69,7 @@ fn steps_shrink_where_materials_differ() {
     variance[..10].fill(2.0);
     let near = |plan: &[HalfDifference]| plan.iter().filter(|a| a.theta_h.to_degrees() < 10.0).count();
     let steps = |variance, least: f64| {
-        choose::Steps { least_theta_h: least.to_radians(), variance, floor: 0.01 }.along_theta_h(90, 4)
+        choose::ThetaHSteps { min_theta_h: least.to_radians(), variance, floor: 0.01 }.along_theta_h(90, 4)
     };
     let (uniform, published) = (steps(None, 0.0), steps(Some(&variance[..]), 0.0));
     assert_eq!((uniform.len(), published.len()), (90, 90));
@@ -85,17 +85,17 @@ fn steps_shrink_where_materials_differ() {
 #[test]
 fn damaged_plans_are_refused() {
     let mut population = Population::new();
-    assert!(population.plan(8, Method::Uniform).is_err());
+    assert!(population.plan(8, PlanMethod::Uniform).is_err());
     for n in 0..3 {
         add(&mut population, n);
     }
-    let plan = population.plan(8, Method::Published).unwrap();
+    let plan = population.plan(8, PlanMethod::Published).unwrap();
     let text = plan.to_json().unwrap();
-    assert!(Plan::from_json(text.replace("plan-1", "plan-9").as_bytes()).is_err());
-    assert!(Plan::from_json(&text.as_bytes()[..text.len() / 2]).is_err());
+    assert!(MeasurementPlan::from_json(text.replace("plan-1", "plan-9").as_bytes()).is_err());
+    assert!(MeasurementPlan::from_json(&text.as_bytes()[..text.len() / 2]).is_err());
     let mut wrong = plan.clone();
     wrong.components.mean.pop();
-    assert!(Plan::from_json(wrong.to_json().unwrap().as_bytes()).is_err());
+    assert!(MeasurementPlan::from_json(wrong.to_json().unwrap().as_bytes()).is_err());
     assert!(plan.reconstruct(&[None; 8], [4, 4, 2]).is_err());
     assert!(plan.reconstruct(&[None; 7], [4, 4, 2]).is_err());
 }

@@ -6,14 +6,14 @@ use std::f64::consts::PI;
 /// A lat-long environment, as Mitsuba has it: rows from the zenith (`+y`) to the nadir; columns from `-z` (behind the sphere) over `+x`
 /// and `+z` (the middle, behind the camera) once around.
 #[derive(Debug, Clone)]
-pub struct Environment {
+pub struct PreviewEnvironment {
     /// The picture, then each averaged over 2 x 2 texels of the one before.
     levels: Vec<RgbImage>,
     /// Solid angle of a texel of the first level at the horizon.
     texel: f64,
 }
 
-impl Environment {
+impl PreviewEnvironment {
     /// Of a lat-long picture of linear radiance. Negative values and those that are not numbers count as 0. An empty picture is black.
     pub fn new(picture: &RgbImage) -> Self {
         let known = |x: f32| if x.is_finite() { x.max(0.0) } else { 0.0 };
@@ -28,11 +28,11 @@ impl Environment {
             levels.push(std::mem::replace(&mut level, next));
         }
         levels.push(level);
-        Environment { levels, texel }
+        PreviewEnvironment { levels, texel }
     }
 
     /// Radiance about a direction, averaged over about the solid angle.
-    pub fn average(&self, direction: [f64; 3], solid_angle: f64) -> [f32; 3] {
+    pub fn average_radiance(&self, direction: [f64; 3], solid_angle: f64) -> [f32; 3] {
         let level = (0.5 * (solid_angle / self.texel).max(1.0).log2()).min((self.levels.len() - 1) as f64);
         let (lower, part) = (level as usize, level.fract() as f32);
         let u = direction[0].atan2(-direction[2]) / (2.0 * PI);
@@ -52,7 +52,7 @@ impl Environment {
         let y = (v * picture.height as f64 - 0.5).clamp(0.0, (picture.height - 1) as f64);
         let (column, row) = (x as usize, y as usize);
         let (along, down) = ((x - column as f64) as f32, (y - row as f64) as f32);
-        let at = |i: usize, j: usize| picture.at((column + i) % picture.width, (row + j).min(picture.height - 1));
+        let at = |i: usize, j: usize| picture.value_at((column + i) % picture.width, (row + j).min(picture.height - 1));
         let (a, b, c, d) = (at(0, 0), at(1, 0), at(0, 1), at(1, 1));
         std::array::from_fn(|k| {
             let (top, bottom) = (a[k] + (b[k] - a[k]) * along, c[k] + (d[k] - c[k]) * along);
@@ -68,8 +68,8 @@ fn halved(picture: &RgbImage) -> RgbImage {
     for y in 0..picture.height {
         let weight = ((y as f64 + 0.5) / picture.height as f64 * PI).sin();
         for x in 0..picture.width {
-            let sum = sums.at_mut((x / 2).min(width - 1), (y / 2).min(height - 1));
-            let pixel = picture.at(x, y);
+            let sum = sums.value_at_mut((x / 2).min(width - 1), (y / 2).min(height - 1));
+            let pixel = picture.value_at(x, y);
             (0..3).for_each(|c| sum[c] += weight * pixel[c] as f64);
             sum[3] += weight;
         }
@@ -78,7 +78,7 @@ fn halved(picture: &RgbImage) -> RgbImage {
 }
 
 /// The standard environment: a dusk sky over dark ground, a low sun, a window of four panes, a strip light and a few lamps. 512 x 256.
-pub fn studio() -> RgbImage {
+pub fn studio_environment() -> RgbImage {
     let (width, height) = (512, 256);
     let pixel = |k: usize| {
         let (azimuth, height_angle) = (

@@ -15,7 +15,7 @@
 mod environment;
 mod psnr;
 
-pub use environment::{Environment, studio};
+pub use environment::{PreviewEnvironment, studio_environment};
 pub use psnr::{exposure, psnr_db};
 
 use super::Brdf;
@@ -34,7 +34,7 @@ const VIEWS: usize = 48;
 const LAST_SINE: f64 = 0.9995;
 const POINT_SAMPLES: usize = 3;
 /// 16 KB a pixel: 50 MB.
-const MOST_KEPT_SIDE: usize = 64;
+const MAX_KEPT_SIDE: usize = 64;
 
 /// What all pictures of spheres share: lights and where they are sampled.
 #[derive(Debug, Clone)]
@@ -43,7 +43,7 @@ pub struct SphereScenes {
     mask: Mask,
     /// Pixels of the sphere: index, sine of the angle of view.
     pixels: Vec<(usize, f64)>,
-    environment: Option<Environment>,
+    environment: Option<PreviewEnvironment>,
     half: HalfVectors,
     /// Radiance from each sample's direction, for each pixel of the sphere; empty for large pictures, which look it up each time.
     radiance: Vec<[f32; 3]>,
@@ -62,7 +62,7 @@ pub struct SpherePair {
 
 /// A material's two pictures.
 #[derive(Debug, Clone)]
-pub struct SpherePictures {
+pub struct SphereImages {
     /// Under the point light.
     pub point: RgbImage,
     /// In the environment.
@@ -71,10 +71,10 @@ pub struct SpherePictures {
 
 impl SphereScenes {
     /// Pictures of `side * side` pixels; 64 is what error reports use.
-    pub fn new(side: usize, environment: &Environment) -> Self {
-        let mut scenes = Self::points(side);
+    pub fn new(side: usize, environment: &PreviewEnvironment) -> Self {
+        let mut scenes = Self::point_lights(side);
         scenes.environment = Some(environment.clone());
-        if side <= MOST_KEPT_SIDE {
+        if side <= MAX_KEPT_SIDE {
             scenes.radiance = parallel::map(scenes.pixels.len(), |p| scenes.radiance_of(p)).concat();
         }
         scenes
@@ -86,20 +86,20 @@ impl SphereScenes {
             return Vec::new();
         };
         let place = |k: usize| (2 * k + 1) as f64 / self.side as f64 - 1.0;
-        let frame = Frame::of([place(k % self.side), -place(k / self.side)]);
+        let frame = SphereBasis::at_position([place(k % self.side), -place(k / self.side)]);
         let outgoing = [sine, 0.0, (1.0 - sine * sine).sqrt()];
         let sample = |s: usize| {
             let (incoming, dot) = self.half.reflect(s, outgoing);
             if incoming[2] <= 0.0 || dot <= 0.0 {
                 return [0.0; 3];
             }
-            environment.average(frame.to_world(incoming), 4.0 * dot * self.half.areas[s])
+            environment.average_radiance(frame.to_world(incoming), 4.0 * dot * self.half.areas[s])
         };
         (0..SAMPLES).map(sample).collect()
     }
 
     /// The same for point lights only: the environment is black.
-    pub fn points(side: usize) -> Self {
+    pub fn point_lights(side: usize) -> Self {
         let place = |k: usize| (2 * k + 1) as f64 / side as f64 - 1.0;
         let away = |k: usize| place(k % side).hypot(place(k / side));
         let pixels: Vec<(usize, f64)> =
@@ -115,7 +115,7 @@ impl SphereScenes {
     }
 
     /// A sphere under a point light of unit irradiance at the distance of the sphere's centre.
-    pub fn point(&self, material: &impl Brdf, light: [f64; 3]) -> RgbImage {
+    pub fn render_point_light(&self, material: &impl Brdf, light: [f64; 3]) -> RgbImage {
         let squared = light.iter().map(|x| x * x).sum::<f64>();
         let step = 2.0 / (self.side * POINT_SAMPLES) as f64;
         let rows = parallel::map(self.side, |y| {
@@ -137,7 +137,7 @@ impl SphereScenes {
     }
 
     /// A sphere in the environment.
-    pub fn environment(&self, material: &impl Brdf) -> RgbImage {
+    pub fn render_environment(&self, material: &impl Brdf) -> RgbImage {
         let half = &self.half;
         let lobes = parallel::map(VIEWS, |view| {
             let sine = view as f64 / (VIEWS - 1) as f64 * LAST_SINE;
@@ -177,12 +177,12 @@ impl SphereScenes {
 
     /// Both materials under a point light.
     pub fn point_pair(&self, measured: &impl Brdf, fitted: &impl Brdf) -> SpherePair {
-        self.pair(self.point(measured, POINT_LIGHT), self.point(fitted, POINT_LIGHT))
+        self.pair(self.render_point_light(measured, POINT_LIGHT), self.render_point_light(fitted, POINT_LIGHT))
     }
 
     /// Both materials in the environment.
     pub fn environment_pair(&self, measured: &impl Brdf, fitted: &impl Brdf) -> SpherePair {
-        self.pair(self.environment(measured), self.environment(fitted))
+        self.pair(self.render_environment(measured), self.render_environment(fitted))
     }
 
     fn pair(&self, measured: RgbImage, fitted: RgbImage) -> SpherePair {
@@ -191,13 +191,16 @@ impl SphereScenes {
     }
 
     /// A material under the point light and in the environment.
-    pub fn pictures(&self, material: &impl Brdf) -> SpherePictures {
-        SpherePictures { point: self.point(material, POINT_LIGHT), environment: self.environment(material) }
+    pub fn images(&self, material: &impl Brdf) -> SphereImages {
+        SphereImages {
+            point: self.render_point_light(material, POINT_LIGHT),
+            environment: self.render_environment(material),
+        }
     }
 
     /// PSNR of a fitted material's pictures against the measured one's.
-    pub fn psnr_of(&self, measured: &SpherePictures, fitted: &impl Brdf) -> SpherePsnr {
-        let fitted = self.pictures(fitted);
+    pub fn psnr_of(&self, measured: &SphereImages, fitted: &impl Brdf) -> SpherePsnr {
+        let fitted = self.images(fitted);
         let db = |measured: &RgbImage, fitted: &RgbImage| {
             psnr_db(measured, fitted, &self.mask, exposure(measured, &self.mask))
         };
@@ -209,7 +212,7 @@ impl SphereScenes {
 
     /// The same, of materials.
     pub fn psnr(&self, measured: &impl Brdf, fitted: &impl Brdf) -> SpherePsnr {
-        self.psnr_of(&self.pictures(measured), fitted)
+        self.psnr_of(&self.images(measured), fitted)
     }
 }
 
@@ -220,7 +223,7 @@ fn shade(material: &impl Brdf, place: [f64; 2], light: [f64; 3]) -> Option<[f64;
         return None;
     }
     let normal = [place[0], place[1], (1.0 - squared).sqrt()];
-    let frame = Frame::of(place);
+    let frame = SphereBasis::at_position(place);
     let to_light: [f64; 3] = std::array::from_fn(|k| light[k] - normal[k]);
     let distance2 = to_light.iter().map(|x| x * x).sum::<f64>();
     let incoming = frame.to_local(to_light.map(|x| x / distance2.sqrt()));
@@ -232,18 +235,18 @@ fn shade(material: &impl Brdf, place: [f64; 2], light: [f64; 3]) -> Option<[f64;
 }
 
 /// The surface's axes at a place of the sphere: the viewer lies in the plane of the first and the normal.
-struct Frame {
+struct SphereBasis {
     axes: [[f64; 3]; 3],
 }
 
-impl Frame {
-    fn of([x, y]: [f64; 2]) -> Self {
+impl SphereBasis {
+    fn at_position([x, y]: [f64; 2]) -> Self {
         let sine = x.hypot(y);
         let cosine = (1.0 - sine * sine).max(0.0).sqrt();
         let (cos_p, sin_p) = if sine > 1e-12 { (x / sine, y / sine) } else { (1.0, 0.0) };
         let first = [-cosine * cos_p, -cosine * sin_p, sine];
         let second = [sin_p, -cos_p, 0.0];
-        Frame { axes: [first, second, [x, y, cosine]] }
+        SphereBasis { axes: [first, second, [x, y, cosine]] }
     }
     fn to_local(&self, v: [f64; 3]) -> [f64; 3] {
         self.axes.map(|axis| axis[0] * v[0] + axis[1] * v[1] + axis[2] * v[2])

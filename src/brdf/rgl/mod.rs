@@ -15,10 +15,10 @@ use std::f64::consts::{FRAC_2_PI, FRAC_PI_2, PI};
 use std::io::Read;
 use std::path::Path;
 use tensor::TensorFile;
-use warp::Warp;
+use warp::MarginalWarp;
 
 /// An isotropic file of red, green and blue has some 700 KB.
-const MOST_FILE_BYTES: u64 = 16 << 20;
+const MAX_FILE_BYTES: u64 = 16 << 20;
 /// Doubles are made of single floats, and sums of them.
 const MEMORY_PER_BYTE: u64 = 8;
 
@@ -29,12 +29,12 @@ pub struct RglMaterial {
     /// Increasing elevations of the incident light, radians.
     theta_i: Vec<f64>,
     /// Rows of azimuth, columns of elevation.
-    ndf: Warp,
-    sigma: Warp,
+    ndf: MarginalWarp,
+    sigma: MarginalWarp,
     /// One slice an elevation.
-    vndf: Warp,
+    vndf: MarginalWarp,
     /// Three slices an elevation.
-    colour: Warp,
+    colour: MarginalWarp,
     /// Whether `colour` is to be multiplied by `ndf / (4 sigma)`.
     jacobian: bool,
 }
@@ -43,7 +43,7 @@ impl RglMaterial {
     /// Reads a file. The material stays charged; errors name the file.
     pub fn read(path: impl AsRef<Path>, access: &FileAccess) -> Result<Self> {
         let path = path.as_ref();
-        let bytes = access.read(path, ".bsdf file", MOST_FILE_BYTES)?;
+        let bytes = access.read_bytes(path, ".bsdf file", MAX_FILE_BYTES)?;
         access.charge(path, ".bsdf file", MEMORY_PER_BYTE * bytes.len() as u64)?;
         Self::from_bytes(&bytes, path)
     }
@@ -52,9 +52,9 @@ impl RglMaterial {
     pub fn read_from(reader: impl Read, path: impl AsRef<Path>) -> Result<Self> {
         let path = path.as_ref();
         let mut bytes = Vec::new();
-        reader.take(MOST_FILE_BYTES + 1).read_to_end(&mut bytes).map_err(|e| Error::io(path, e))?;
-        if bytes.len() as u64 > MOST_FILE_BYTES {
-            return Err(Error::Limits { what: ".bsdf file", asked: bytes.len() as u64, allowed: MOST_FILE_BYTES });
+        reader.take(MAX_FILE_BYTES + 1).read_to_end(&mut bytes).map_err(|e| Error::io(path, e))?;
+        if bytes.len() as u64 > MAX_FILE_BYTES {
+            return Err(Error::Limits { what: ".bsdf file", asked: bytes.len() as u64, allowed: MAX_FILE_BYTES });
         }
         Self::from_bytes(&bytes, path)
     }
@@ -82,7 +82,7 @@ impl RglMaterial {
         if theta_i.is_empty() || !increasing || !within {
             return Err(wrong("field theta_i: elevations must increase within 0 and pi/2".into()));
         }
-        let grid = |name: &str, leading: &[usize], normalised: bool| -> Result<Warp> {
+        let grid = |name: &str, leading: &[usize], normalised: bool| -> Result<MarginalWarp> {
             let field = file.floats(name, leading.len() + 2)?;
             if field.shape.get(..leading.len()) != Some(leading) {
                 return Err(wrong(format!("field {name}: shape {:?}, {leading:?} expected first", field.shape)));
@@ -95,7 +95,7 @@ impl RglMaterial {
             let [.., rows, columns] = *field.shape.as_slice() else {
                 return Err(wrong(format!("field {name}: no rows and columns")));
             };
-            Warp::new(field.values, columns, rows, slices, normalised)
+            MarginalWarp::new(field.values, columns, rows, slices, normalised)
                 .map_err(|what| wrong(format!("field {name}: {what}")))
         };
         let azimuths = phi_i.values.len();
@@ -116,7 +116,7 @@ impl RglMaterial {
         };
         // Read for its check alone: it serves sampling, which nothing here does.
         grid("luminance", &[azimuths, elevations], false)?;
-        if material.sigma.greatest() <= 0.0 || material.ndf.greatest() <= 0.0 {
+        if material.sigma.max_value() <= 0.0 || material.ndf.max_value() <= 0.0 {
             return Err(wrong("fields ndf and sigma: nothing but zeros".into()));
         }
         Ok(material)
@@ -162,8 +162,8 @@ impl RglMaterial {
 
     /// The same material made reciprocal: both orders of the directions averaged, each with the weight of its cosine, so that the
     /// order measured under less noise counts more. For tables that keep one value of both orders.
-    pub fn reciprocal(&self) -> Reciprocal<'_> {
-        Reciprocal(self)
+    pub fn reciprocal(&self) -> ReciprocalRgl<'_> {
+        ReciprocalRgl(self)
     }
 }
 
@@ -178,9 +178,9 @@ impl Brdf for RglMaterial {
 
 /// See [`RglMaterial::reciprocal`].
 #[derive(Debug, Clone, Copy)]
-pub struct Reciprocal<'a>(&'a RglMaterial);
+pub struct ReciprocalRgl<'a>(&'a RglMaterial);
 
-impl Brdf for Reciprocal<'_> {
+impl Brdf for ReciprocalRgl<'_> {
     fn evaluate(&self, incoming: [f64; 3], outgoing: [f64; 3]) -> [f64; 3] {
         if incoming[2] <= 0.0 || outgoing[2] <= 0.0 {
             return [0.0; 3];

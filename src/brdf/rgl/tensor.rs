@@ -4,8 +4,8 @@ use crate::{Error, Result};
 use std::path::Path;
 
 const SIGNATURE: &[u8; 12] = b"tensor_file\0";
-const MOST_FIELDS: u32 = 64;
-const MOST_DIMENSIONS: u16 = 8;
+const MAX_FIELDS: u32 = 64;
+const MAX_DIMENSIONS: u16 = 8;
 /// Bytes of an item of each type: nothing, integers of 1, 2, 4 and 8 bytes without and with sign in turn, floats of 2, 4 and 8.
 const ITEM_BYTES: [usize; 12] = [0, 1, 1, 2, 2, 4, 4, 8, 8, 2, 4, 8];
 const FLOAT32: u8 = 10;
@@ -14,10 +14,10 @@ const FLOAT64: u8 = 11;
 /// The fields of a file.
 pub struct TensorFile<'a> {
     path: &'a Path,
-    fields: Vec<Field<'a>>,
+    fields: Vec<TensorField<'a>>,
 }
 
-struct Field<'a> {
+struct TensorField<'a> {
     name: &'a str,
     kind: u8,
     shape: Vec<usize>,
@@ -25,7 +25,7 @@ struct Field<'a> {
 }
 
 /// An array of numbers, all finite.
-pub struct Floats {
+pub struct TensorFloats {
     /// Lengths, slowest first.
     pub shape: Vec<usize>,
     /// As many as the shape says.
@@ -37,7 +37,7 @@ impl<'a> TensorFile<'a> {
     pub fn parse(bytes: &'a [u8], path: &'a Path) -> Result<Self> {
         let wrong = |message: String| Error::input(path, message);
         let cut = |what: &str| wrong(format!("the file is cut off in {what}; it has {} bytes", bytes.len()));
-        let mut reader = Reader { bytes, at: 0 };
+        let mut reader = TensorReader { bytes, at: 0 };
         let signature = reader.take(12).ok_or_else(|| cut("its signature"))?;
         if signature != SIGNATURE {
             return Err(wrong("not a tensor file (.bsdf): it does not begin with \"tensor_file\"".into()));
@@ -48,18 +48,18 @@ impl<'a> TensorFile<'a> {
             return Err(Error::Unsupported(message));
         }
         let count = reader.u32().ok_or_else(|| cut("its count of fields"))?;
-        if count > MOST_FIELDS {
+        if count > MAX_FIELDS {
             let swapped = count.swap_bytes();
-            let why = if swapped <= MOST_FIELDS {
+            let why = if swapped <= MAX_FIELDS {
                 format!(
                     "{swapped} if the file is big-endian: numbers of a tensor file are little-endian, swap their bytes"
                 )
             } else {
-                format!("at most {MOST_FIELDS} are read")
+                format!("at most {MAX_FIELDS} are read")
             };
             return Err(wrong(format!("{count} fields; {why}")));
         }
-        let mut fields: Vec<Field> = Vec::new();
+        let mut fields: Vec<TensorField> = Vec::new();
         for index in 0..count {
             let cut = || cut(&format!("the header of field {}", index + 1));
             let length = reader.u16().ok_or_else(cut)?;
@@ -69,10 +69,8 @@ impl<'a> TensorFile<'a> {
             let dimensions = reader.u16().ok_or_else(cut)?;
             let kind = reader.take(1).and_then(|kind| kind.first().copied()).ok_or_else(cut)?;
             let offset = reader.u64().ok_or_else(cut)?;
-            if dimensions > MOST_DIMENSIONS {
-                return Err(wrong(format!(
-                    "field {name}: {dimensions} dimensions, at most {MOST_DIMENSIONS} are read"
-                )));
+            if dimensions > MAX_DIMENSIONS {
+                return Err(wrong(format!("field {name}: {dimensions} dimensions, at most {MAX_DIMENSIONS} are read")));
             }
             let item_bytes = ITEM_BYTES.get(usize::from(kind)).copied().filter(|&size| size > 0);
             let item_bytes =
@@ -98,7 +96,7 @@ impl<'a> TensorFile<'a> {
             if fields.iter().any(|field| field.name == name) {
                 return Err(wrong(format!("field {name} is there twice")));
             }
-            fields.push(Field { name, kind, shape, bytes: data });
+            fields.push(TensorField { name, kind, shape, bytes: data });
         }
         Ok(TensorFile { path, fields })
     }
@@ -114,7 +112,7 @@ impl<'a> TensorFile<'a> {
     }
 
     /// A field of `dimensions` whose numbers are floats.
-    pub fn floats(&self, name: &str, dimensions: usize) -> Result<Floats> {
+    pub fn floats(&self, name: &str, dimensions: usize) -> Result<TensorFloats> {
         let field = self.field(name)?;
         let wrong = |message: String| Error::input(self.path, format!("field {name}: {message}"));
         if field.shape.len() != dimensions {
@@ -138,21 +136,21 @@ impl<'a> TensorFile<'a> {
         if let Some(value) = values.iter().find(|value| value.abs() > 1e20) {
             return Err(wrong(format!("a value of {value:e}: the file is damaged or big-endian")));
         }
-        Ok(Floats { shape: field.shape.clone(), values })
+        Ok(TensorFloats { shape: field.shape.clone(), values })
     }
 
-    fn field(&self, name: &str) -> Result<&Field<'a>> {
+    fn field(&self, name: &str) -> Result<&TensorField<'a>> {
         let missing = || Error::input(self.path, format!("field {name} is missing: not an RGL material"));
         self.fields.iter().find(|field| field.name == name).ok_or_else(missing)
     }
 }
 
-struct Reader<'a> {
+struct TensorReader<'a> {
     bytes: &'a [u8],
     at: usize,
 }
 
-impl<'a> Reader<'a> {
+impl<'a> TensorReader<'a> {
     fn take(&mut self, count: usize) -> Option<&'a [u8]> {
         let taken = self.bytes.get(self.at..self.at.checked_add(count)?)?;
         self.at += count;

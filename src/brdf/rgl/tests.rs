@@ -118,7 +118,7 @@ fn damaged_files_are_named() {
 #[test]
 fn the_warp_and_its_inverse_meet() {
     // Density 4 x y on one patch: marginal y^2, conditional x^2.
-    let warp = Warp::new(vec![0.0, 0.0, 0.0, 4.0], 2, 2, 1, true).unwrap();
+    let warp = MarginalWarp::new(vec![0.0, 0.0, 0.0, 4.0], 2, 2, 1, true).unwrap();
     let found = warp.invert([0.5, 0.3], [0, 0], 0.0);
     assert!((found[0] - 0.25).abs() < 1e-12 && (found[1] - 0.09).abs() < 1e-12, "{found:?}");
     assert!((warp.evaluate([0.5, 0.3], [0, 0], 0.0) - 0.6).abs() < 1e-12);

@@ -5,7 +5,7 @@
 
 /// Slices of `rows * columns` values at the corners of equal patches; between two slices, everything is linear.
 #[derive(Debug, Clone)]
-pub struct Warp {
+pub struct MarginalWarp {
     columns: usize,
     rows: usize,
     values: Vec<f64>,
@@ -15,7 +15,7 @@ pub struct Warp {
     marginal: Vec<f64>,
 }
 
-impl Warp {
+impl MarginalWarp {
     /// Checks sizes; with `normalised`, makes the integral of each slice 1.
     pub fn new(
         mut values: Vec<f64>,
@@ -59,17 +59,17 @@ impl Warp {
                 scaled.for_each(|x| *x *= scale);
             }
         }
-        Ok(Warp { columns, rows, values, conditional, marginal })
+        Ok(MarginalWarp { columns, rows, values, conditional, marginal })
     }
 
     /// The largest value.
-    pub fn greatest(&self) -> f64 {
+    pub fn max_value(&self) -> f64 {
         self.values.iter().copied().fold(f64::NEG_INFINITY, f64::max)
     }
 
     /// The value at a place (along columns, along rows), `part` of the way between two slices.
     pub fn evaluate(&self, place: [f64; 2], slices: [usize; 2], part: f64) -> f64 {
-        let patch = self.patch(place);
+        let patch = self.cell_at(place);
         let [first, second] = slices.map(|slice| {
             let [top, bottom] = self.corners(&patch, slice);
             mix(mix(top[0], top[1], patch.along), mix(bottom[0], bottom[1], patch.along), patch.down)
@@ -79,7 +79,7 @@ impl Warp {
 
     /// The sample that is warped to a place. Only for normalised functions.
     pub fn invert(&self, place: [f64; 2], slices: [usize; 2], part: f64) -> [f64; 2] {
-        let patch = self.patch(place);
+        let patch = self.cell_at(place);
         let (mut corners, mut before, mut totals, mut above) = ([[0.0; 2]; 2], [0.0; 2], [0.0; 2], 0.0);
         for (slice, weight) in [(slices[0], 1.0 - part), (slices[1], part)] {
             let found = self.corners(&patch, slice);
@@ -103,17 +103,17 @@ impl Warp {
         [along.clamp(0.0, 1.0), down.clamp(0.0, 1.0)]
     }
 
-    fn patch(&self, place: [f64; 2]) -> Patch {
+    fn cell_at(&self, place: [f64; 2]) -> WarpCell {
         let split = |x: f64, corners: usize| {
             let x = x.clamp(0.0, 1.0) * (corners - 1) as f64;
             let begin = (x as usize).min(corners - 2);
             (begin, x - begin as f64)
         };
         let ((column, along), (row, down)) = (split(place[0], self.columns), split(place[1], self.rows));
-        Patch { column, row, along, down }
+        WarpCell { column, row, along, down }
     }
 
-    fn corners(&self, patch: &Patch, slice: usize) -> [[f64; 2]; 2] {
+    fn corners(&self, patch: &WarpCell, slice: usize) -> [[f64; 2]; 2] {
         [0, 1].map(|r| {
             let row = (slice * self.rows + patch.row + r) * self.columns;
             [0, 1].map(|c| self.values.get(row + patch.column + c).copied().unwrap_or(0.0))
@@ -122,7 +122,7 @@ impl Warp {
 }
 
 /// The patch that a place lies in, and where in it.
-struct Patch {
+struct WarpCell {
     column: usize,
     row: usize,
     along: f64,

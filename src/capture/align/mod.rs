@@ -17,8 +17,8 @@
 pub(crate) mod refine;
 pub(crate) mod start;
 
-use super::description::Description;
-use super::json::{Document, Node};
+use super::description::CaptureDescription;
+use super::json::{JsonDocument, JsonNode};
 use crate::error::{Error, Result};
 use crate::input::{FileAccess, quoted};
 use crate::mesh::Mesh;
@@ -28,7 +28,7 @@ use std::ffi::OsStr;
 use std::path::Path;
 
 /// Fewest correspondences that determine a pose linearly.
-pub const FEWEST_POINTS: usize = 6;
+pub const MIN_POINTS: usize = 6;
 /// Most correspondences that a file may hold; people mark some dozens.
 const MAX_POINTS: usize = 4096;
 
@@ -73,20 +73,20 @@ impl Similarity {
 }
 
 /// Reads a points file and takes the lens distortion off its image positions.
-pub fn read_points(
+pub fn read_correspondences(
     path: impl AsRef<Path>,
-    description: &Description,
+    description: &CaptureDescription,
     access: &FileAccess,
 ) -> Result<Vec<Correspondence>> {
-    let document = Document::read(path.as_ref(), access)?;
+    let document = JsonDocument::read(path.as_ref(), access)?;
     let mut correspondences = Vec::new();
-    let frames = FrameNames::of(description);
-    for point in document.root().need("points")?.items(MAX_POINTS)? {
-        let node = point.need("frame")?;
+    let frames = FrameNames::from_description(description);
+    for point in document.root().required("points")?.items(MAX_POINTS)? {
+        let node = point.required("frame")?;
         let frame = frames.find(&node)?;
         let described = &description.frames[frame];
         let camera = &described.view.camera;
-        let pixel_node = point.need("pixel")?;
+        let pixel_node = point.required("pixel")?;
         let pixel = pixel_node.numbers::<2>()?;
         if !(0.0..=camera.width as f64).contains(&pixel[0]) || !(0.0..=camera.height as f64).contains(&pixel[1]) {
             return Err(pixel_node.error(format!("outside the picture of {} x {} pixels", camera.width, camera.height)));
@@ -98,7 +98,7 @@ pub fn read_points(
         };
         let pixel =
             [ideal[0] * camera.focal[0] + camera.principal[0], ideal[1] * camera.focal[1] + camera.principal[1]];
-        correspondences.push(Correspondence { frame, pixel, mesh: point.need("mesh")?.numbers()? });
+        correspondences.push(Correspondence { frame, pixel, mesh: point.required("mesh")?.numbers()? });
     }
     Ok(correspondences)
 }
@@ -111,7 +111,7 @@ struct FrameNames<'a> {
 }
 
 impl<'a> FrameNames<'a> {
-    fn of(description: &'a Description) -> Self {
+    fn from_description(description: &'a CaptureDescription) -> Self {
         let mut names = FrameNames { whole: HashMap::new(), file: HashMap::new() };
         for (index, frame) in description.frames.iter().enumerate() {
             let name = frame.view.name.as_str();
@@ -123,7 +123,7 @@ impl<'a> FrameNames<'a> {
         names
     }
 
-    fn find(&self, node: &Node) -> Result<usize> {
+    fn find(&self, node: &JsonNode) -> Result<usize> {
         let name = node.text()?.trim_start_matches("./");
         if let Some(&index) = self.whole.get(name) {
             return Ok(index);
@@ -143,9 +143,9 @@ impl<'a> FrameNames<'a> {
 /// Linear starts, from each frame with six points or more and from points marked in several frames, are refined by
 /// Levenberg-Marquardt on the reprojection error; the best is taken. Too few, collinear or coplanar points are an error.
 pub fn align(cameras: &[Camera], correspondences: &[Correspondence], with_scale: bool) -> Result<Alignment> {
-    if correspondences.len() < FEWEST_POINTS {
+    if correspondences.len() < MIN_POINTS {
         return Err(Error::parameter(format!(
-            "{} points are given, {FEWEST_POINTS} at least are needed: mark more",
+            "{} points are given, {MIN_POINTS} at least are needed: mark more",
             correspondences.len()
         )));
     }
@@ -172,7 +172,7 @@ pub fn align(cameras: &[Camera], correspondences: &[Correspondence], with_scale:
              mesh is not mirrored",
         ));
     };
-    let errors = refine::errors(cameras, correspondences, &best).unwrap_or_default();
+    let errors = refine::reprojection_errors(cameras, correspondences, &best).unwrap_or_default();
     let (r, t) = (best.rotation.transpose().to_cols_array_2d(), best.translation.to_array());
     let row = |i: usize| [r[i][0] * best.scale, r[i][1] * best.scale, r[i][2] * best.scale, t[i]];
     Ok(Alignment {
@@ -185,7 +185,7 @@ pub fn align(cameras: &[Camera], correspondences: &[Correspondence], with_scale:
 }
 
 /// Moves a mesh by a 4 x 4 matrix (rows) from its coordinates to the world. A mirroring one also turns the triangles around.
-pub fn apply(mesh: &mut Mesh, pose: &[[f64; 4]; 4]) {
+pub fn apply_pose(mesh: &mut Mesh, pose: &[[f64; 4]; 4]) {
     for position in &mut mesh.positions {
         let p = position.map(f64::from);
         *position =

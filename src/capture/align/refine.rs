@@ -6,14 +6,18 @@ use glam::{DMat3, DQuat, DVec3};
 
 /// Rotation vector, translation of the points' centroid, logarithm of the scale.
 const UNKNOWNS: usize = 7;
-const MOST_STEPS: usize = 200;
+const MAX_STEPS: usize = 200;
 
 fn camera_rotation(camera: &Camera) -> DMat3 {
     DMat3::from_cols_array_2d(&camera.rotation).transpose()
 }
 
 /// Distance in pixels of each correspondence; `None` if a point lies behind its camera.
-pub(crate) fn errors(cameras: &[Camera], points: &[Correspondence], pose: &Similarity) -> Option<Vec<f64>> {
+pub(crate) fn reprojection_errors(
+    cameras: &[Camera],
+    points: &[Correspondence],
+    pose: &Similarity,
+) -> Option<Vec<f64>> {
     let one = |point: &Correspondence| {
         let world = pose.transform(DVec3::from_array(point.mesh));
         let (pixel, _) = cameras[point.frame].project(world.to_array())?;
@@ -23,7 +27,7 @@ pub(crate) fn errors(cameras: &[Camera], points: &[Correspondence], pose: &Simil
 }
 
 fn cost(cameras: &[Camera], points: &[Correspondence], pose: &Similarity) -> Option<f64> {
-    let sum: f64 = errors(cameras, points, pose)?.iter().map(|e| e * e).sum();
+    let sum: f64 = reprojection_errors(cameras, points, pose)?.iter().map(|e| e * e).sum();
     sum.is_finite().then_some(sum)
 }
 
@@ -39,7 +43,7 @@ pub(crate) fn refine(
     let unknowns = if with_scale { UNKNOWNS } else { UNKNOWNS - 1 };
     let (mut pose, mut lowest) = (start, cost(cameras, points, &start)?);
     let mut damping = 1e-3;
-    for _ in 0..MOST_STEPS {
+    for _ in 0..MAX_STEPS {
         let (matrix, gradient) = normal_equations(cameras, points, &pose, centroid);
         let mut improved = false;
         while damping < 1e12 {

@@ -1,8 +1,8 @@
 //! Linear starts: the direct linear transform of one frame, and points triangulated from several.
 
-use super::{Correspondence, FEWEST_POINTS, Similarity};
+use super::{Correspondence, MIN_POINTS, Similarity};
 use crate::error::{Error, Result};
-use crate::parallel::apart;
+use crate::parallel::on_own_thread;
 use crate::views::Camera;
 use faer::Mat;
 use glam::{DMat3, DVec3};
@@ -11,7 +11,7 @@ use glam::{DMat3, DVec3};
 /// middle direction).
 const FLAT: f64 = 1e-3;
 /// Frames that the direct linear transform is tried on.
-const MOST_FRAMES: usize = 8;
+const MAX_FRAMES: usize = 8;
 
 /// Poses to refine, or the reason that there is none.
 pub(super) fn candidates(cameras: &[Camera], points: &[Correspondence], with_scale: bool) -> Result<Vec<Similarity>> {
@@ -28,10 +28,10 @@ pub(super) fn candidates(cameras: &[Camera], points: &[Correspondence], with_sca
             None => by_frame.push((point.frame, vec![*point])),
         }
     }
-    for (frame, list) in by_frame.iter().filter(|(_, list)| list.len() >= FEWEST_POINTS).take(MOST_FRAMES) {
+    for (frame, list) in by_frame.iter().filter(|(_, list)| list.len() >= MIN_POINTS).take(MAX_FRAMES) {
         let mesh_points = distinct(list.iter().map(|p| p.mesh));
         let spread = self::spread(&mesh_points);
-        if mesh_points.len() < FEWEST_POINTS || spread[2] <= FLAT * spread[0] {
+        if mesh_points.len() < MIN_POINTS || spread[2] <= FLAT * spread[0] {
             flat_frame = Some(*frame);
             continue;
         }
@@ -69,7 +69,7 @@ fn distinct(points: impl Iterator<Item = [f64; 3]>) -> Vec<DVec3> {
 fn spread(points: &[DVec3]) -> [f64; 3] {
     let centre = points.iter().sum::<DVec3>() / points.len().max(1) as f64;
     let matrix = Mat::from_fn(points.len().max(3), 3, |i, j| points.get(i).map_or(0.0, |p| (*p - centre)[j]));
-    match apart(|| matrix.thin_svd()) {
+    match on_own_thread(|| matrix.thin_svd()) {
         Ok(svd) => {
             let values = svd.S().column_vector();
             [values[0], values[1], values[2]]
@@ -103,7 +103,7 @@ fn direct_linear(camera: &Camera, points: &[Correspondence]) -> Option<(DMat3, D
             _ => 0.0,
         }
     });
-    let svd = apart(|| matrix.thin_svd()).ok()?;
+    let svd = on_own_thread(|| matrix.thin_svd()).ok()?;
     let values = svd.S().column_vector();
     if values[10] <= 1e-9 * values[0] {
         return None;
@@ -125,7 +125,7 @@ fn direct_linear(camera: &Camera, points: &[Correspondence]) -> Option<(DMat3, D
 
 /// The rotation nearest to a matrix, and the mean of its singular values.
 pub(crate) fn nearest_rotation(matrix: DMat3) -> Option<(DMat3, f64)> {
-    let svd = apart(|| Mat::from_fn(3, 3, |i, j| matrix.col(j)[i]).svd()).ok()?;
+    let svd = on_own_thread(|| Mat::from_fn(3, 3, |i, j| matrix.col(j)[i]).svd()).ok()?;
     let values = svd.S().column_vector();
     let take = |m: faer::MatRef<'_, f64>| {
         DMat3::from_cols_array_2d(&std::array::from_fn(|j| std::array::from_fn(|i| m[(i, j)])))

@@ -135,8 +135,8 @@ fn degenerate_points_are_named() {
 #[test]
 fn apply_moves_and_keeps_the_outside_outside() {
     let mut mesh = Mesh { positions: vec![[1.0, 2.0, 3.0]; 3], triangles: vec![[0, 1, 2]] };
-    apply(&mut mesh, &[[0.0, -2.0, 0.0, 1.0], [2.0, 0.0, 0.0, 0.0], [0.0, 0.0, 2.0, -1.0], [0.0, 0.0, 0.0, 1.0]]);
+    apply_pose(&mut mesh, &[[0.0, -2.0, 0.0, 1.0], [2.0, 0.0, 0.0, 0.0], [0.0, 0.0, 2.0, -1.0], [0.0, 0.0, 0.0, 1.0]]);
     assert_eq!((mesh.positions[0], mesh.triangles[0]), ([-3.0, 2.0, 5.0], [0, 1, 2]));
-    apply(&mut mesh, &[[-1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]]);
+    apply_pose(&mut mesh, &[[-1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]]);
     assert_eq!(mesh.triangles[0], [0, 2, 1]);
 }

@@ -3,7 +3,7 @@
 use super::{Grid, Mask, RgbImage, from_srgb};
 use crate::error::{Error, Result};
 use crate::input::FileAccess;
-use crate::limits::Held;
+use crate::limits::Reservation;
 use std::path::Path;
 
 mod openexr;
@@ -21,7 +21,7 @@ pub struct ColorSpace {
 
 impl ColorSpace {
     /// By name: `srgb` (the default), `rec709`, `gamma-2.2` (any exponent), `linear-rec709`, or `linear-NAME` for other primaries.
-    pub fn named(name: &str) -> Result<Self> {
+    pub fn from_name(name: &str) -> Result<Self> {
         let lower = name.trim().to_ascii_lowercase();
         let plain = lower.replace(['_', ' '], "-");
         let mut linear_name = "linear-rec709".to_owned();
@@ -55,36 +55,36 @@ impl ColorSpace {
 }
 
 /// Why a picture was not read.
-pub(crate) enum Fault {
+pub(crate) enum ImageFault {
     /// It is missing or damaged: the frame can be left out.
     Unreadable(Error),
     /// It contradicts the capture: nothing should go on.
     Wrong(Error),
 }
 
-impl Fault {
+impl ImageFault {
     /// What asks for too much, or is no file, is no accident of one frame.
-    fn of(error: Error) -> Self {
+    fn from_error(error: Error) -> Self {
         use std::io::ErrorKind::{InvalidInput, IsADirectory};
         let accident = match &error {
             Error::InputMemory { .. } => false,
             Error::Io { source, .. } => !matches!(source.kind(), InvalidInput | IsADirectory),
             _ => true,
         };
-        if accident { Fault::Unreadable(error) } else { Fault::Wrong(error) }
+        if accident { ImageFault::Unreadable(error) } else { ImageFault::Wrong(error) }
     }
 }
 
-impl From<Fault> for Error {
-    fn from(fault: Fault) -> Self {
+impl From<ImageFault> for Error {
+    fn from(fault: ImageFault) -> Self {
         match fault {
-            Fault::Unreadable(e) | Fault::Wrong(e) => e,
+            ImageFault::Unreadable(e) | ImageFault::Wrong(e) => e,
         }
     }
 }
 
 /// A picture in linear radiance.
-pub(crate) struct Picture {
+pub(crate) struct RadianceImage {
     /// Missing pixels (NaN or infinite in any colour) are NaN in all three.
     pub colour: RgbImage,
     /// Pixels whose alpha is one half or more; `None` without alpha, or where all are.
@@ -92,12 +92,12 @@ pub(crate) struct Picture {
 }
 
 /// Reads a photograph. A given `size` (width, height) is checked before the pixels are decoded.
-pub(crate) fn read_picture(
+pub(crate) fn read_radiance_image(
     path: &Path,
     access: &FileAccess,
     space: &ColorSpace,
     size: Option<(u32, u32)>,
-) -> Result<Picture, Fault> {
+) -> Result<RadianceImage, ImageFault> {
     with_raw(path, access, size, |raw| {
         let linear = |value: f32| if raw.display_referred { space.linear(value) } else { value };
         let colour = raw.map(|p| {
@@ -105,42 +105,42 @@ pub(crate) fn read_picture(
             if rgb.iter().all(|c| c.is_finite()) { rgb.map(linear) } else { [f32::NAN; 3] }
         });
         let alpha = raw.has_alpha.then(|| raw.map(|p| p[3] >= 0.5)).filter(|mask| mask.data.contains(&false));
-        Picture { colour, alpha }
+        RadianceImage { colour, alpha }
     })
 }
 
 /// Reads a picture that belongs to no capture, such as an environment map, as linear radiance; integer pictures are sRGB.
 /// Memory is charged while it is read, not the result.
 pub fn read_radiance(path: &Path, access: &FileAccess) -> Result<RgbImage> {
-    read_values(path, access, "srgb")
+    read_linear_image(path, access, "srgb")
 }
 
-/// As [`read_radiance`], integer pictures being of another colour space (see [`ColorSpace::named`]); `linear` for numbers that are no
+/// As [`read_radiance`], integer pictures being of another colour space (see [`ColorSpace::from_name`]); `linear` for numbers that are no
 /// colours.
-pub fn read_values(path: &Path, access: &FileAccess, color_space: &str) -> Result<RgbImage> {
-    Ok(read_picture(path, access, &ColorSpace::named(color_space)?, None)?.colour)
+pub fn read_linear_image(path: &Path, access: &FileAccess, color_space: &str) -> Result<RgbImage> {
+    Ok(read_radiance_image(path, access, &ColorSpace::from_name(color_space)?, None)?.colour)
 }
 
 /// Reads a picture of 8 bits a colour as it is, not decoded to radiance. `None` for pictures of other kinds, and for damaged ones.
-pub(crate) fn read_display(path: &Path, access: &FileAccess) -> Result<Option<Grid<[u8; 3]>>> {
-    let bytes = access.read(path, "picture file", u64::MAX)?;
+pub(crate) fn read_display_image(path: &Path, access: &FileAccess) -> Result<Option<Grid<[u8; 3]>>> {
+    let bytes = access.read_bytes(path, "picture file", u64::MAX)?;
     if openexr::is_exr(&bytes) {
         return Ok(None);
     }
-    match raster::read_eight_bits(&PictureFile { path, bytes: &bytes, access }) {
+    match raster::read_rgb8(&ImageFile { path, bytes: &bytes, access }) {
         Ok(picture) => Ok(picture),
-        Err(Fault::Unreadable(_)) => Ok(None),
-        Err(Fault::Wrong(error)) => Err(error),
+        Err(ImageFault::Unreadable(_)) => Ok(None),
+        Err(ImageFault::Wrong(error)) => Err(error),
     }
 }
 
 /// Reads a mask: pixels of one half and brighter show the object.
-pub(crate) fn read_mask(path: &Path, access: &FileAccess, size: (u32, u32)) -> Result<Mask, Fault> {
+pub(crate) fn read_mask(path: &Path, access: &FileAccess, size: (u32, u32)) -> Result<Mask, ImageFault> {
     with_raw(path, access, Some(size), |raw| raw.map(|p| p[0].max(p[1]).max(p[2]) >= 0.5))
 }
 
 /// A picture as its file has it.
-struct RawPicture {
+struct RawImage {
     width: usize,
     height: usize,
     /// Red, green, blue and alpha of each pixel.
@@ -149,7 +149,7 @@ struct RawPicture {
     display_referred: bool,
 }
 
-impl RawPicture {
+impl RawImage {
     /// A value for each pixel.
     fn map<T>(&self, value: impl FnMut(&[f32; 4]) -> T) -> Grid<T> {
         Grid { width: self.width, height: self.height, data: self.values.as_chunks().0.iter().map(value).collect() }
@@ -160,7 +160,7 @@ impl RawPicture {
 const WORKING_BYTES: u64 = 16 + 12 + 2;
 
 /// Memory that a picture takes while it is read, at most: the file and what is made of it.
-pub(crate) fn reading_bytes(file_bytes: u64, width: u32, height: u32) -> u64 {
+pub(crate) fn reading_memory(file_bytes: u64, width: u32, height: u32) -> u64 {
     // A decoder has up to four floats a pixel, and may hold the file a second time.
     2 * file_bytes + u64::from(width) * u64::from(height) * (WORKING_BYTES + 24) + raster::PNG_PROFILE_BYTES
 }
@@ -170,9 +170,9 @@ fn with_raw<T>(
     path: &Path,
     access: &FileAccess,
     size: Option<(u32, u32)>,
-    take: impl FnOnce(&RawPicture) -> T,
-) -> Result<T, Fault> {
-    let bytes = access.read(path, "picture file", u64::MAX).map_err(Fault::of)?;
+    take: impl FnOnce(&RawImage) -> T,
+) -> Result<T, ImageFault> {
+    let bytes = access.read_bytes(path, "picture file", u64::MAX).map_err(ImageFault::from_error)?;
     decode(path, &bytes, access, size, take)
 }
 
@@ -181,46 +181,47 @@ fn decode<T>(
     bytes: &[u8],
     access: &FileAccess,
     size: Option<(u32, u32)>,
-    take: impl FnOnce(&RawPicture) -> T,
-) -> Result<T, Fault> {
+    take: impl FnOnce(&RawImage) -> T,
+) -> Result<T, ImageFault> {
     if bytes.is_empty() {
         return Err(unreadable(path, "the picture file is empty (0 bytes)"));
     }
-    let file = PictureFile { path, bytes, access };
-    let (raw, _held) = if openexr::is_exr(bytes) { openexr::read(&file, size)? } else { raster::read(&file, size)? };
+    let file = ImageFile { path, bytes, access };
+    let (raw, _held) =
+        if openexr::is_exr(bytes) { openexr::read_exr(&file, size)? } else { raster::read_raster(&file, size)? };
     Ok(take(&raw))
 }
 
 /// A picture's bytes, and what reading them may use.
-struct PictureFile<'a> {
+struct ImageFile<'a> {
     path: &'a Path,
     bytes: &'a [u8],
     access: &'a FileAccess,
 }
 
-impl<'a> PictureFile<'a> {
+impl<'a> ImageFile<'a> {
     /// Charges the memory of decoding, `decoder_bytes` and what every pixel takes, before anything is decoded.
-    fn hold(&self, width: u64, height: u64, decoder_bytes: u64) -> Result<Held<'a>, Fault> {
-        let side = u64::from(self.access.budget().limits().picture_side);
+    fn reserve(&self, width: u64, height: u64, decoder_bytes: u64) -> Result<Reservation<'a>, ImageFault> {
+        let side = u64::from(self.access.budget().limits().image_side);
         if width == 0 || height == 0 || width > side || height > side {
             let message = format!("a picture of {width} x {height} pixels; 1 to {side} each way are read");
-            return Err(Fault::Wrong(Error::input(self.path, message)));
+            return Err(ImageFault::Wrong(Error::input(self.path, message)));
         }
         let bytes = (width * height * WORKING_BYTES).saturating_add(decoder_bytes);
-        self.access.hold(self.path, "picture", bytes).map_err(Fault::Wrong)
+        self.access.reserve(self.path, "picture", bytes).map_err(ImageFault::Wrong)
     }
-    fn damaged(&self, message: impl std::fmt::Display) -> Fault {
+    fn damaged(&self, message: impl std::fmt::Display) -> ImageFault {
         unreadable(self.path, message)
     }
 }
 
-fn unreadable(path: &Path, message: impl std::fmt::Display) -> Fault {
-    Fault::Unreadable(Error::input(path, message.to_string()))
+fn unreadable(path: &Path, message: impl std::fmt::Display) -> ImageFault {
+    ImageFault::Unreadable(Error::input(path, message.to_string()))
 }
 
-fn check_size(path: &Path, found: (u32, u32), declared: Option<(u32, u32)>) -> Result<(), Fault> {
+fn check_size(path: &Path, found: (u32, u32), declared: Option<(u32, u32)>) -> Result<(), ImageFault> {
     match declared {
-        Some(declared) if declared != found => Err(Fault::Wrong(Error::input(
+        Some(declared) if declared != found => Err(ImageFault::Wrong(Error::input(
             path,
             format!(
                 "the picture is {} x {} pixels, its camera is declared as {} x {}; resize the picture or correct the \
@@ -238,27 +239,27 @@ mod tests {
 
     #[test]
     fn transfer_functions_at_known_codes() {
-        let srgb = ColorSpace::named("sRGB").unwrap();
+        let srgb = ColorSpace::from_name("sRGB").unwrap();
         assert!((srgb.linear(188.0 / 255.0) - 0.502_886_5).abs() < 1e-6);
         assert!((srgb.linear(10.0 / 255.0) - 10.0 / 255.0 / 12.92).abs() < 1e-8);
         assert_eq!((srgb.linear(0.0), srgb.linear(1.0)), (0.0, 1.0));
-        let rec709 = ColorSpace::named("rec709").unwrap();
+        let rec709 = ColorSpace::from_name("rec709").unwrap();
         assert!((rec709.linear(0.5) - ((0.5f32 + 0.099) / 1.099).powf(1.0 / 0.45)).abs() < 2e-5);
-        let gamma = ColorSpace::named("gamma-2.2").unwrap();
+        let gamma = ColorSpace::from_name("gamma-2.2").unwrap();
         assert!((gamma.linear(128.0 / 255.0) - (128.0f32 / 255.0).powf(2.2)).abs() < 1e-6);
-        let other = ColorSpace::named("linear-rec2020").unwrap();
+        let other = ColorSpace::from_name("linear-rec2020").unwrap();
         assert_eq!((other.linear(1.0), other.linear_name.as_str()), (1.0, "linear-rec2020"));
-        assert!(matches!(ColorSpace::named("gamma-x"), Err(Error::Unsupported(_))));
-        assert!(matches!(ColorSpace::named("slog3"), Err(Error::Unsupported(_))));
+        assert!(matches!(ColorSpace::from_name("gamma-x"), Err(Error::Unsupported(_))));
+        assert!(matches!(ColorSpace::from_name("slog3"), Err(Error::Unsupported(_))));
     }
 
     #[test]
     fn every_format_gives_the_same_radiance() {
         let folder = tempfile::tempdir().unwrap();
-        let space = ColorSpace::named("srgb").unwrap();
+        let space = ColorSpace::from_name("srgb").unwrap();
         let read = |name: &str| {
             let path = folder.path().join(name);
-            match read_picture(&path, &FileAccess::default(), &space, Some((3, 2))) {
+            match read_radiance_image(&path, &FileAccess::default(), &space, Some((3, 2))) {
                 Ok(picture) => picture,
                 Err(fault) => panic!("{}", Error::from(fault)),
             }
@@ -305,17 +306,20 @@ mod tests {
         let layer = Layer::new((2, 2), layer, Encoding::FAST_LOSSLESS, values);
         let window = IntegerBounds { position: Vec2(10, 5), size: Vec2(4, 3) };
         Image { attributes: ImageAttributes::new(window), layer_data: layer }.write().to_file(&path).unwrap();
-        let space = ColorSpace::named("srgb").unwrap();
-        let picture = read_picture(&path, &FileAccess::default(), &space, Some((4, 3))).ok().unwrap().colour;
-        assert_eq!(*picture.at(0, 0), [0.0; 3]);
-        assert_eq!(*picture.at(1, 1), [1.0, 0.0, 3.0]);
-        assert_eq!(*picture.at(2, 2), [2.0, 1.0, 3.0]);
-        assert!(picture.at(2, 1).iter().all(|c| c.is_nan()));
+        let space = ColorSpace::from_name("srgb").unwrap();
+        let picture = read_radiance_image(&path, &FileAccess::default(), &space, Some((4, 3))).ok().unwrap().colour;
+        assert_eq!(*picture.value_at(0, 0), [0.0; 3]);
+        assert_eq!(*picture.value_at(1, 1), [1.0, 0.0, 3.0]);
+        assert_eq!(*picture.value_at(2, 2), [2.0, 1.0, 3.0]);
+        assert!(picture.value_at(2, 1).iter().all(|c| c.is_nan()));
         let whole = std::fs::read(&path).unwrap();
         for length in [0, 1, 4, 20, whole.len() / 2, whole.len() - 1] {
             std::fs::write(&path, &whole[..length]).unwrap();
             assert!(
-                matches!(read_picture(&path, &FileAccess::default(), &space, None), Err(Fault::Unreadable(_))),
+                matches!(
+                    read_radiance_image(&path, &FileAccess::default(), &space, None),
+                    Err(ImageFault::Unreadable(_))
+                ),
                 "{length}"
             );
         }
@@ -337,7 +341,7 @@ mod tests {
                     let mut bytes = whole.clone();
                     bytes[at] = value;
                     let access = FileAccess::default();
-                    let read = |raw: &RawPicture| raw.values.len();
+                    let read = |raw: &RawImage| raw.values.len();
                     if let Ok(count) = decode(&file, &bytes, &access, Some((9, 7)), read) {
                         assert_eq!(count, 4 * 63);
                     }

@@ -1,7 +1,7 @@
 //! OpenEXR.
 
-use super::{Fault, PictureFile, RawPicture, check_size};
-use crate::limits::Held;
+use super::{ImageFault, ImageFile, RawImage, check_size};
+use crate::limits::Reservation;
 use exr::prelude::{ReadChannels, ReadLayers};
 use std::io::Cursor;
 
@@ -10,7 +10,10 @@ pub(super) fn is_exr(bytes: &[u8]) -> bool {
     bytes.starts_with(&[0x76, 0x2f, 0x31, 0x01])
 }
 
-pub(super) fn read<'a>(file: &PictureFile<'a>, size: Option<(u32, u32)>) -> Result<(RawPicture, Held<'a>), Fault> {
+pub(super) fn read_exr<'a>(
+    file: &ImageFile<'a>,
+    size: Option<(u32, u32)>,
+) -> Result<(RawImage, Reservation<'a>), ImageFault> {
     let damaged = |e: exr::error::Error| file.damaged(format!("EXR: {e}"));
     let meta = exr::meta::MetaData::read_from_buffered(Cursor::new(file.bytes), false).map_err(damaged)?;
     let Some(header) = meta.headers.first() else {
@@ -23,7 +26,7 @@ pub(super) fn read<'a>(file: &PictureFile<'a>, size: Option<(u32, u32)>) -> Resu
         let area = (layer.layer_size.0 as u64).saturating_mul(layer.layer_size.1 as u64);
         area.saturating_mul(layer.channels.bytes_per_pixel as u64 + 4)
     });
-    let held = file.hold(width as u64, height as u64, layers.max().unwrap_or(0))?;
+    let held = file.reserve(width as u64, height as u64, layers.max().unwrap_or(0))?;
     check_size(file.path, (width as u32, height as u32), size)?;
     let image = exr::prelude::read()
         .no_deep_data()
@@ -74,5 +77,5 @@ pub(super) fn read<'a>(file: &PictureFile<'a>, size: Option<(u32, u32)>) -> Resu
             }
         }
     }
-    Ok((RawPicture { width, height, values, has_alpha: alpha.is_some(), display_referred: false }, held))
+    Ok((RawImage { width, height, values, has_alpha: alpha.is_some(), display_referred: false }, held))
 }

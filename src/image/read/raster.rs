@@ -1,8 +1,8 @@
 //! PNG, JPEG, TIFF and Radiance HDR.
 
-use super::{Fault, PictureFile, RawPicture, check_size};
+use super::{ImageFault, ImageFile, RawImage, check_size};
 use crate::image::Grid;
-use crate::limits::Held;
+use crate::limits::Reservation;
 use image::{ColorType, DynamicImage, ImageDecoder, ImageFormat, ImageReader};
 use std::io::Cursor;
 
@@ -16,7 +16,7 @@ pub(super) const PNG_PROFILE_BYTES: u64 = 4 << 20;
 const MAX_JPEG_SCANS: usize = 256;
 
 /// Decodes, once the header's size has been checked and its memory charged.
-fn decode<'a>(file: &PictureFile<'a>, size: Option<(u32, u32)>) -> Result<(DynamicImage, Held<'a>), Fault> {
+fn decode<'a>(file: &ImageFile<'a>, size: Option<(u32, u32)>) -> Result<(DynamicImage, Reservation<'a>), ImageFault> {
     let damaged = |e: image::ImageError| file.damaged(format!("not readable as a picture: {e}"));
     let mut reader = ImageReader::new(Cursor::new(file.bytes))
         .with_guessed_format()
@@ -30,7 +30,7 @@ fn decode<'a>(file: &PictureFile<'a>, size: Option<(u32, u32)>) -> Result<(Dynam
     let most = if is_png { PNG_PROFILE_BYTES } else { u64::MAX };
     limits.max_alloc = Some(file.access.budget().left().min(most));
     let profile = if is_png { PNG_PROFILE_BYTES } else { 0 };
-    let _profile = file.access.hold(file.path, "picture", profile).map_err(Fault::Wrong)?;
+    let _profile = file.access.reserve(file.path, "picture", profile).map_err(ImageFault::Wrong)?;
     reader.limits(limits);
     let decoder = reader.into_decoder().map_err(damaged)?;
     let (width, height) = decoder.dimensions();
@@ -38,7 +38,7 @@ fn decode<'a>(file: &PictureFile<'a>, size: Option<(u32, u32)>) -> Result<(Dynam
     // A progressive JPEG holds its coefficients, and the decoder the file once more.
     let is_jpeg = format == ImageFormat::Jpeg;
     let decoder_bytes = decoder.total_bytes().saturating_add(if is_jpeg { 8 * pixels } else { 0 });
-    let held = file.hold(width.into(), height.into(), decoder_bytes.saturating_add(file.bytes.len() as u64))?;
+    let held = file.reserve(width.into(), height.into(), decoder_bytes.saturating_add(file.bytes.len() as u64))?;
     check_size(file.path, (width, height), size)?;
     if is_jpeg && pixels > file.bytes.len() as u64 * JPEG_PIXELS_PER_BYTE {
         let count = file.bytes.len();
@@ -74,18 +74,21 @@ fn count_jpeg_scans(bytes: &[u8]) -> usize {
     scans
 }
 
-pub(super) fn read<'a>(file: &PictureFile<'a>, size: Option<(u32, u32)>) -> Result<(RawPicture, Held<'a>), Fault> {
+pub(super) fn read_raster<'a>(
+    file: &ImageFile<'a>,
+    size: Option<(u32, u32)>,
+) -> Result<(RawImage, Reservation<'a>), ImageFault> {
     let (picture, held) = decode(file, size)?;
     let colour_type = picture.color();
     let display_referred = !matches!(colour_type, ColorType::Rgb32F | ColorType::Rgba32F);
     let has_alpha = colour_type.has_alpha();
     let (width, height) = (picture.width() as usize, picture.height() as usize);
     let values = picture.into_rgba32f().into_raw();
-    Ok((RawPicture { width, height, values, has_alpha, display_referred }, held))
+    Ok((RawImage { width, height, values, has_alpha, display_referred }, held))
 }
 
 /// The picture where it has 8 bits a colour.
-pub(super) fn read_eight_bits(file: &PictureFile) -> Result<Option<Grid<[u8; 3]>>, Fault> {
+pub(super) fn read_rgb8(file: &ImageFile) -> Result<Option<Grid<[u8; 3]>>, ImageFault> {
     let (picture, _held) = decode(file, None)?;
     if !matches!(picture.color(), ColorType::L8 | ColorType::La8 | ColorType::Rgb8 | ColorType::Rgba8) {
         return Ok(None);

@@ -4,14 +4,14 @@
 //! `a -> b` the next triangle is `(a, b, w)`, and the symbol says what `w` is. Edges that no symbol joins stay apart: their two
 //! sides are coded as border. So every list of triangles can be told, manifold or not.
 
-use crate::entropy::{BitCoder, BitModel, Number};
+use crate::entropy::{BitCoder, BitModel, NumberModel};
 
 /// No gate, no half-edge, no vertex.
 pub(super) const NONE: u32 = u32::MAX;
 
 /// What the third vertex at a gate is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Symbol {
+pub(super) enum GateSymbol {
     /// A vertex that did not come before.
     New,
     /// The vertex before the gate on its loop; the triangle fills the gate before as well.
@@ -29,7 +29,7 @@ pub(super) enum Symbol {
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum State {
+enum GateState {
     Open,
     /// Known to have no triangle.
     Border,
@@ -44,7 +44,7 @@ struct Gate {
     next: u32,
     /// The half-edge on the known side.
     half_edge: u32,
-    state: State,
+    state: GateState,
 }
 
 /// Triangles so far, and the borders around them. Half-edge `3 t + k` goes from corner `k` to corner `k + 1` of triangle `t`.
@@ -85,7 +85,7 @@ impl Growth {
     }
     fn gate(&mut self, from: u32, to: u32, half_edge: u32) -> u32 {
         let index = self.gates.len() as u32;
-        self.gates.push(Gate { from, to, previous: index, next: index, half_edge, state: State::Open });
+        self.gates.push(Gate { from, to, previous: index, next: index, half_edge, state: GateState::Open });
         self.latest[from as usize] = index;
         index
     }
@@ -95,7 +95,7 @@ impl Growth {
     }
     fn fill(&mut self, gate: u32, half_edge: u32) {
         let gate = &mut self.gates[gate as usize];
-        gate.state = State::Filled;
+        gate.state = GateState::Filled;
         self.opposite[gate.half_edge as usize] = half_edge;
         self.opposite[half_edge as usize] = gate.half_edge;
     }
@@ -116,7 +116,7 @@ impl Growth {
             return Some(urgent);
         }
         while let Some(gate) = self.queue.pop_front() {
-            if self.gates[gate as usize].state == State::Open {
+            if self.gates[gate as usize].state == GateState::Open {
                 return Some(gate);
             }
         }
@@ -128,7 +128,7 @@ impl Growth {
         let gate = &self.gates[gate as usize];
         (gate.from, gate.to)
     }
-    /// The gate that begins where [`Symbol::Before`] or [`Symbol::After`] mean.
+    /// The gate that begins where [`GateSymbol::CodedNeighbours`] or [`GateSymbol::After`] mean.
     fn walk(&self, gate: u32, steps: u32, forward: bool) -> u32 {
         let start = if forward { self.gates[gate as usize].next } else { self.gates[gate as usize].previous };
         (0..steps + forward as u32)
@@ -136,54 +136,59 @@ impl Growth {
     }
     /// The nearest place on the loop where a vertex is.
     #[cfg(feature = "encode")]
-    pub(super) fn near(&self, gate: u32, vertex: u32) -> Option<Symbol> {
+    pub(super) fn near(&self, gate: u32, vertex: u32) -> Option<GateSymbol> {
         let is = |steps, forward| self.gates[self.walk(gate, steps, forward) as usize].from == vertex;
         (1..=FARTHEST).find_map(|steps| {
-            if is(steps, false) { Some(Symbol::Before(steps)) } else { is(steps, true).then_some(Symbol::After(steps)) }
+            if is(steps, false) {
+                Some(GateSymbol::Before(steps))
+            } else {
+                is(steps, true).then_some(GateSymbol::After(steps))
+            }
         })
     }
     fn open(&self, gate: u32) -> Option<&Gate> {
-        Some(&self.gates[gate as usize]).filter(|gate| gate.state == State::Open)
+        Some(&self.gates[gate as usize]).filter(|gate| gate.state == GateState::Open)
     }
-    /// The vertex that [`Symbol::Previous`] means, where it is allowed.
+    /// The vertex that [`GateSymbol::Previous`] means, where it is allowed.
     pub(super) fn previous_vertex(&self, gate: u32) -> Option<u32> {
         let previous = self.gates[gate as usize].previous;
         self.open(previous).filter(|_| previous != gate).map(|gate| gate.from)
     }
-    /// The vertex that [`Symbol::Next`] means, where it is allowed.
+    /// The vertex that [`GateSymbol::Next`] means, where it is allowed.
     pub(super) fn next_vertex(&self, gate: u32) -> Option<u32> {
         let next = self.gates[gate as usize].next;
         self.open(next).filter(|_| next != gate).map(|gate| gate.to)
     }
     /// Does what a symbol says. `Previous` and `Next` only where they are allowed.
-    pub(super) fn apply(&mut self, gate: u32, symbol: Symbol) {
+    pub(super) fn apply(&mut self, gate: u32, symbol: GateSymbol) {
         let Gate { from: a, to: b, previous, next, .. } = self.gates[gate as usize];
         match symbol {
-            Symbol::Border => self.gates[gate as usize].state = State::Border,
-            Symbol::New => {
+            GateSymbol::Border => self.gates[gate as usize].state = GateState::Border,
+            GateSymbol::New => {
                 let v = self.new_vertex();
                 self.ear(gate, v, NONE);
             }
-            Symbol::Known(w) => {
+            GateSymbol::Known(w) => {
                 let pass = self.latest[w as usize];
-                let pass = if pass != NONE && self.gates[pass as usize].state != State::Filled { pass } else { NONE };
+                let pass =
+                    if pass != NONE && self.gates[pass as usize].state != GateState::Filled { pass } else { NONE };
                 self.ear(gate, w, pass);
             }
-            Symbol::Before(steps) => {
+            GateSymbol::Before(steps) => {
                 let pass = self.walk(gate, steps, false);
                 self.ear(gate, self.gates[pass as usize].from, pass);
             }
-            Symbol::After(steps) => {
+            GateSymbol::After(steps) => {
                 let pass = self.walk(gate, steps, true);
                 self.ear(gate, self.gates[pass as usize].from, pass);
             }
-            Symbol::Previous => {
+            GateSymbol::Previous => {
                 let p = self.gates[previous as usize].from;
                 let half_edge = self.triangle([a, b, p]);
                 self.fill(gate, half_edge);
                 self.fill(previous, half_edge + 2);
                 let before = self.gates[previous as usize].previous;
-                if before == next && self.gates[next as usize].state == State::Open {
+                if before == next && self.gates[next as usize].state == GateState::Open {
                     self.fill(next, half_edge + 1);
                 } else if before != gate {
                     let rest = self.gate(p, b, half_edge + 1);
@@ -192,7 +197,7 @@ impl Growth {
                     self.queue.push_back(rest);
                 }
             }
-            Symbol::Next => {
+            GateSymbol::Next => {
                 let n = self.gates[next as usize].to;
                 let half_edge = self.triangle([a, b, n]);
                 self.fill(gate, half_edge);
@@ -243,17 +248,17 @@ const CONTEXTS: usize = 576;
 struct Decision([BitModel; 3]);
 
 /// What has been learned about symbols.
-pub(super) struct Models {
+pub(super) struct ConnectivityModels {
     new: Vec<Decision>,
     previous: Vec<Decision>,
     next: Vec<Decision>,
     near: BitModel,
     forward: BitModel,
-    steps: [Number; 2],
+    steps: [NumberModel; 2],
     border: [BitModel; 4],
-    known: Number,
+    known: NumberModel,
     seed_new: [BitModel; 3],
-    seed_known: Number,
+    seed_known: NumberModel,
     /// The last symbol: 0 new, 1 previous, 2 next, 3 any other.
     last: usize,
 }
@@ -268,10 +273,10 @@ fn decide<C: BitCoder>(models: &mut [Decision], contexts: [usize; 3], coder: &mu
     bit
 }
 
-impl Models {
+impl ConnectivityModels {
     pub(super) fn new() -> Self {
         let decisions = || vec![Decision::default(); 3 * CONTEXTS];
-        Models {
+        ConnectivityModels {
             new: decisions(),
             previous: decisions(),
             next: decisions(),
@@ -279,9 +284,9 @@ impl Models {
             forward: BitModel::default(),
             steps: Default::default(),
             border: Default::default(),
-            known: Number::default(),
+            known: NumberModel::default(),
             seed_new: Default::default(),
-            seed_known: Number::default(),
+            seed_known: NumberModel::default(),
             last: 0,
         }
     }
@@ -292,8 +297,8 @@ impl Models {
         coder: &mut C,
         growth: &Growth,
         gate: u32,
-        symbol: Symbol,
-    ) -> Option<Symbol> {
+        symbol: GateSymbol,
+    ) -> Option<GateSymbol> {
         let here = &growth.gates[gate as usize];
         let before = &growth.gates[here.previous as usize];
         let after = &growth.gates[here.next as usize];
@@ -314,44 +319,44 @@ impl Models {
         let of_loop = |contexts: [usize; 3]| contexts.map(|context| around * CONTEXTS + context);
 
         let contexts = of_loop([((a7 * 8 + b7) * 3 + p2) * 3 + n2, a7 * 5 + p4, (b7 * 5 + n4) * 4 + last]);
-        if decide(&mut self.new, contexts, coder, symbol == Symbol::New) {
+        if decide(&mut self.new, contexts, coder, symbol == GateSymbol::New) {
             self.last = 0;
-            return Some(Symbol::New);
+            return Some(GateSymbol::New);
         }
         if growth.previous_vertex(gate).is_some() {
             let contexts = of_loop([((a7 * 8 + p7) * 3 + b2) * 3 + n2, (a7 * 5 + b4) * 4 + last, a7]);
-            if decide(&mut self.previous, contexts, coder, symbol == Symbol::Previous) {
+            if decide(&mut self.previous, contexts, coder, symbol == GateSymbol::Previous) {
                 self.last = 1;
-                return Some(Symbol::Previous);
+                return Some(GateSymbol::Previous);
             }
         }
         if growth.next_vertex(gate).is_some() {
             let contexts = of_loop([((b7 * 8 + n7) * 3 + a2) * 3 + p2, (b7 * 5 + a4) * 4 + last, b7]);
-            if decide(&mut self.next, contexts, coder, symbol == Symbol::Next) {
+            if decide(&mut self.next, contexts, coder, symbol == GateSymbol::Next) {
                 self.last = 2;
-                return Some(Symbol::Next);
+                return Some(GateSymbol::Next);
             }
         }
         self.last = 3;
         let (near, forward, steps) = match symbol {
-            Symbol::Before(steps) => (true, false, steps),
-            Symbol::After(steps) => (true, true, steps),
+            GateSymbol::Before(steps) => (true, false, steps),
+            GateSymbol::After(steps) => (true, true, steps),
             _ => (false, false, 1),
         };
         if self.near.code(coder, near) {
             let forward = self.forward.code(coder, forward);
             let steps = self.steps[forward as usize].code(coder, steps - 1) + 1;
-            let symbol = if forward { Symbol::After(steps) } else { Symbol::Before(steps) };
+            let symbol = if forward { GateSymbol::After(steps) } else { GateSymbol::Before(steps) };
             return Some(symbol).filter(|_| steps <= FARTHEST);
         }
-        let context = (before.state == State::Border) as usize + 2 * (after.state == State::Border) as usize;
-        if self.border[context].code(coder, symbol == Symbol::Border) {
-            return Some(Symbol::Border);
+        let context = (before.state == GateState::Border) as usize + 2 * (after.state == GateState::Border) as usize;
+        if self.border[context].code(coder, symbol == GateSymbol::Border) {
+            return Some(GateSymbol::Border);
         }
         let newest = growth.vertices - 1;
-        let back = if let Symbol::Known(vertex) = symbol { newest - vertex } else { 0 };
+        let back = if let GateSymbol::Known(vertex) = symbol { newest - vertex } else { 0 };
         let back = self.known.code(coder, back);
-        newest.checked_sub(back).map(Symbol::Known)
+        newest.checked_sub(back).map(GateSymbol::Known)
     }
 
     /// Codes one vertex of a region's first triangle: `Ok(None)` for a new one, `Err` when the bytes tell an impossible one.

@@ -7,12 +7,12 @@ mod prediction;
 
 use super::Mesh;
 use crate::container::Tag;
-use crate::entropy::{Number, RangeDecoder, code_end, code_raw};
+use crate::entropy::{NumberModel, RangeDecoder, code_end, code_raw};
 use crate::limits::{Budget, check};
 use crate::{Error, Result};
-use connectivity::{Growth, Models, Symbol};
+use connectivity::{ConnectivityModels, GateSymbol, Growth};
 use lattice::Lattice;
-use positions::Surface;
+use positions::CornerTable;
 
 #[cfg(feature = "encode")]
 mod write;
@@ -22,7 +22,7 @@ pub use write::{EncodedMesh, MeshOptions, encode};
 /// First byte of the section. Part of the format.
 const VERSION: u8 = 0;
 /// Most vertices, and most triangles. Part of the format.
-const LARGEST_COUNT: u64 = 1 << 28;
+const MAX_COUNT: u64 = 1 << 28;
 /// Vertices or triangles that one byte of the section may stand for, so that the work is bounded by the bytes: the cheapest
 /// triangle costs one bit of probability 65504 / 65536, the 11354th part of a byte. Part of the format.
 const ELEMENTS_PER_BYTE: u64 = 16_384;
@@ -35,7 +35,7 @@ const VERTEX_BYTES: u64 = 128;
 
 /// What stands before the triangles.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Header {
+struct MeshHeader {
     vertices: u32,
     triangles: u32,
     bits: u32,
@@ -43,21 +43,21 @@ struct Header {
     step: f32,
 }
 
-impl Header {
-    fn largest(&self) -> i32 {
+impl MeshHeader {
+    fn max_coordinate(&self) -> i32 {
         (1 << self.bits) - 1
     }
     /// The place of a lattice point: computed in double precision, rounded once.
-    fn place(&self, lattice: Lattice) -> [f32; 3] {
+    fn position(&self, lattice: Lattice) -> [f32; 3] {
         std::array::from_fn(|k| (self.origin[k] as f64 + lattice[k] as f64 * self.step as f64) as f32)
     }
-    fn code<C: crate::entropy::BitCoder>(&self, coder: &mut C) -> Header {
-        let mut number = Number::default();
+    fn code<C: crate::entropy::BitCoder>(&self, coder: &mut C) -> MeshHeader {
+        let mut number = NumberModel::default();
         let vertices = number.code(coder, self.vertices);
         let triangles = number.code(coder, self.triangles);
         let bits = number.code(coder, self.bits);
         let mut float = |value: f32| f32::from_bits(code_raw(coder, 32, value.to_bits()));
-        Header { vertices, triangles, bits, origin: self.origin.map(&mut float), step: float(self.step) }
+        MeshHeader { vertices, triangles, bits, origin: self.origin.map(&mut float), step: float(self.step) }
     }
 }
 
@@ -66,7 +66,7 @@ fn wrong(message: &str) -> Error {
 }
 
 /// Fewest bytes after the first one that a mesh of this size may be told with.
-fn bytes_at_least(vertices: u32, triangles: u32) -> usize {
+fn min_bytes(vertices: u32, triangles: u32) -> usize {
     (vertices.max(triangles) as u64 / ELEMENTS_PER_BYTE) as usize
 }
 
@@ -79,31 +79,31 @@ pub fn decode(bytes: &[u8], budget: &Budget) -> Result<Mesh> {
         return Err(Error::Unsupported(format!("section MESH of version {version}, this build reads {VERSION}")));
     }
     let mut coder = RangeDecoder::new(stream);
-    let nothing = Header { vertices: 0, triangles: 0, bits: 0, origin: [0.0; 3], step: 0.0 };
+    let nothing = MeshHeader { vertices: 0, triangles: 0, bits: 0, origin: [0.0; 3], step: 0.0 };
     let header = nothing.code(&mut coder);
     check_header(&header, stream.len(), budget)?;
     let growth = decode_connectivity(&mut coder, &header)?;
     let vertices = header.vertices as usize;
-    let surface = Surface::new(&growth.triangles, &growth.opposite, vertices);
+    let surface = CornerTable::new(&growth.triangles, &growth.opposite, vertices);
     let mut lattice = vec![[0; 3]; vertices];
-    positions::code(&mut coder, &surface, &mut lattice, header.largest())
+    positions::code(&mut coder, &surface, &mut lattice, header.max_coordinate())
         .map_err(|()| wrong("position outside the lattice"))?;
-    if !code_end(&mut coder) || !coder.ends_as_written(bytes_at_least(header.vertices, header.triangles)) {
+    if !code_end(&mut coder) || !coder.ends_as_written(min_bytes(header.vertices, header.triangles)) {
         return Err(wrong("bytes do not end with the last position"));
     }
-    let positions = lattice.into_iter().map(|point| header.place(point)).collect();
+    let positions = lattice.into_iter().map(|point| header.position(point)).collect();
     budget.release(header.triangles as u64 * (TRIANGLE_BYTES - 12) + header.vertices as u64 * (VERTEX_BYTES - 12));
     let mut triangles = growth.triangles;
     triangles.shrink_to_fit();
     Ok(Mesh { positions, triangles })
 }
 
-fn check_header(header: &Header, stream_bytes: usize, budget: &Budget) -> Result<()> {
-    let &Header { vertices, triangles, bits, origin, step } = header;
-    let most = LARGEST_COUNT.min(budget.limits().mesh_elements as u64);
+fn check_header(header: &MeshHeader, stream_bytes: usize, budget: &Budget) -> Result<()> {
+    let &MeshHeader { vertices, triangles, bits, origin, step } = header;
+    let most = MAX_COUNT.min(budget.limits().mesh_elements as u64);
     check("vertices of the mesh", vertices as u64, most)?;
     check("triangles of the mesh", triangles as u64, most)?;
-    if stream_bytes < bytes_at_least(vertices, triangles) {
+    if stream_bytes < min_bytes(vertices, triangles) {
         return Err(wrong("more vertices or triangles than the bytes can tell"));
     }
     if !POSITION_BITS.contains(&bits) {
@@ -112,16 +112,16 @@ fn check_header(header: &Header, stream_bytes: usize, budget: &Budget) -> Result
     if !origin.iter().all(|x| x.is_finite()) || !step.is_finite() || step < 0.0 {
         return Err(wrong("origin or step of the lattice not finite"));
     }
-    if !header.place([header.largest(); 3]).iter().all(|x| x.is_finite()) {
+    if !header.position([header.max_coordinate(); 3]).iter().all(|x| x.is_finite()) {
         return Err(wrong("lattice reaches beyond finite numbers"));
     }
     budget.charge("triangles of the mesh", triangles as u64 * TRIANGLE_BYTES)?;
     budget.charge("vertices of the mesh", vertices as u64 * VERTEX_BYTES)
 }
 
-fn decode_connectivity(coder: &mut RangeDecoder, header: &Header) -> Result<Growth> {
+fn decode_connectivity(coder: &mut RangeDecoder, header: &MeshHeader) -> Result<Growth> {
     let mut growth = Growth::new();
-    let mut models = Models::new();
+    let mut models = ConnectivityModels::new();
     let unknown = || wrong("a vertex that did not come before");
     while growth.triangles.len() < header.triangles as usize {
         if growth.vertices > header.vertices {
@@ -129,7 +129,7 @@ fn decode_connectivity(coder: &mut RangeDecoder, header: &Header) -> Result<Grow
         }
         match growth.next_gate() {
             Some(gate) => {
-                let symbol = models.symbol(coder, &growth, gate, Symbol::Border).ok_or_else(unknown)?;
+                let symbol = models.symbol(coder, &growth, gate, GateSymbol::Border).ok_or_else(unknown)?;
                 growth.apply(gate, symbol);
             }
             None => {

@@ -4,11 +4,11 @@ use super::connectivity::NONE;
 use super::lattice::Lattice;
 use super::prediction;
 use super::prediction::{Learned, Vector, add, scale, subtract};
-use crate::entropy::{BitCoder, BitModel, Number, code_raw};
+use crate::entropy::{BitCoder, BitModel, NumberModel, code_raw};
 use crate::vector::{cross, dot};
 
 /// Connectivity as the prediction needs it.
-pub(super) struct Surface<'a> {
+pub(super) struct CornerTable<'a> {
     pub(super) triangles: &'a [[u32; 3]],
     pub(super) opposite: &'a [u32],
     /// For each vertex where its corners begin in `corners`.
@@ -16,7 +16,7 @@ pub(super) struct Surface<'a> {
     corners: Vec<u32>,
 }
 
-impl<'a> Surface<'a> {
+impl<'a> CornerTable<'a> {
     pub(super) fn new(triangles: &'a [[u32; 3]], opposite: &'a [u32], vertices: usize) -> Self {
         let mut starts = vec![0u32; vertices + 1];
         for &vertex in triangles.as_flattened() {
@@ -31,7 +31,7 @@ impl<'a> Surface<'a> {
             corners[fill[vertex as usize] as usize] = corner as u32;
             fill[vertex as usize] += 1;
         }
-        Surface { triangles, opposite, starts, corners }
+        CornerTable { triangles, opposite, starts, corners }
     }
     fn corners_of(&self, vertex: u32) -> &[u32] {
         &self.corners[self.starts[vertex as usize] as usize..self.starts[vertex as usize + 1] as usize]
@@ -56,7 +56,7 @@ pub(super) struct Order {
 }
 
 impl Order {
-    fn new(surface: &Surface, vertices: usize) -> Self {
+    fn new(surface: &CornerTable, vertices: usize) -> Self {
         Order {
             known: vec![false; vertices],
             known_corners: vec![0; surface.triangles.len()],
@@ -78,7 +78,7 @@ impl Order {
         }
         self.next as u32
     }
-    fn learn(&mut self, surface: &Surface, vertex: u32) {
+    fn learn(&mut self, surface: &CornerTable, vertex: u32) {
         self.known[vertex as usize] = true;
         for &corner in surface.corners_of(vertex) {
             let triangle = corner / 3;
@@ -91,7 +91,7 @@ impl Order {
                 if other == NONE {
                     continue;
                 }
-                let apex = surface.vertex(Surface::turn(Surface::turn(other)));
+                let apex = surface.vertex(CornerTable::turn(CornerTable::turn(other)));
                 let count = &mut self.parallelograms[apex as usize];
                 if !self.known[apex as usize] && (*count as usize) < self.stacks.len() {
                     *count += 1;
@@ -114,7 +114,7 @@ const ALONG: usize = 0;
 const OFF: usize = 1;
 
 /// What the known surroundings of a vertex say about it.
-struct Surroundings {
+struct VertexNeighbourhood {
     class: usize,
     parallelograms: usize,
     /// Mean of the known neighbours, each as often as known triangle corners beside it say.
@@ -131,7 +131,7 @@ struct Surroundings {
 
 /// Codes residuals of one kind, scaled by what is expected of them.
 struct Residuals {
-    high: [Number; 6],
+    high: [NumberModel; 6],
     sign: BitModel,
 }
 
@@ -149,7 +149,7 @@ impl Residuals {
 
 /// State of the coding of positions.
 struct Positions<'a> {
-    surface: &'a Surface<'a>,
+    surface: &'a CornerTable<'a>,
     known: Vec<bool>,
     /// Magnitudes of the residuals coded at each vertex.
     magnitudes: Vec<[f64; 2]>,
@@ -169,7 +169,7 @@ fn vector(position: Lattice) -> Vector {
 /// Codes all positions; in decoding those given are ignored and replaced. An error when the bytes tell one outside the lattice.
 pub(super) fn code<C: BitCoder>(
     coder: &mut C,
-    surface: &Surface,
+    surface: &CornerTable,
     positions: &mut [Lattice],
     largest: i32,
 ) -> Result<(), ()> {
@@ -199,7 +199,7 @@ pub(super) fn code<C: BitCoder>(
 }
 
 impl Positions<'_> {
-    fn look_around(&self, positions: &[Lattice], vertex: u32) -> Surroundings {
+    fn look_around(&self, positions: &[Lattice], vertex: u32) -> VertexNeighbourhood {
         let surface = self.surface;
         let known = |u: u32| self.known[u as usize];
         let place = |u: u32| vector(positions[u as usize]);
@@ -207,8 +207,8 @@ impl Positions<'_> {
         let mut normals = [[0.0; 3]; 2];
         let (mut count, mut neighbour_count, mut length, mut near) = (0, 0.0, 0.0, [0.0; 2]);
         for &corner in surface.corners_of(vertex) {
-            let edge = Surface::turn(corner);
-            let (x, y) = (surface.vertex(edge), surface.vertex(Surface::turn(edge)));
+            let edge = CornerTable::turn(corner);
+            let (x, y) = (surface.vertex(edge), surface.vertex(CornerTable::turn(edge)));
             for u in [x, y] {
                 if known(u) {
                     neighbours = add(neighbours, place(u));
@@ -223,7 +223,7 @@ impl Positions<'_> {
             if other == NONE || !known(x) || !known(y) {
                 continue;
             }
-            let c = surface.vertex(Surface::turn(Surface::turn(other)));
+            let c = surface.vertex(CornerTable::turn(CornerTable::turn(other)));
             if !known(c) {
                 continue;
             }
@@ -252,7 +252,7 @@ impl Positions<'_> {
             features = [scale(across_sum, share), scale(along_sum, share), subtract(scale(middle_sum, share), base)];
             length *= share;
         }
-        Surroundings { class, parallelograms: count, base, features, length, normals, near }
+        VertexNeighbourhood { class, parallelograms: count, base, features, length, normals, near }
     }
 
     /// Codes one position.
@@ -265,7 +265,7 @@ impl Positions<'_> {
         largest: i32,
     ) -> Result<Lattice, ()> {
         let around = self.look_around(positions, vertex);
-        let Surroundings { class, parallelograms, base, features, length, normals, near } = around;
+        let VertexNeighbourhood { class, parallelograms, base, features, length, normals, near } = around;
         let mut guess = base;
         if parallelograms > 0 {
             let weights = self.along[class].weights(length);
@@ -274,7 +274,7 @@ impl Positions<'_> {
             }
         }
         // The axis that the surface faces most comes last: its height follows from the two others.
-        let facing = prediction::largest_axis(normals[0]);
+        let facing = prediction::dominant_axis(normals[0]);
         let axes = [(facing + 1) % 3, (facing + 2) % 3, facing];
         let expected: [f64; 2] = std::array::from_fn(|kind| {
             let (errors, lengths) = self.scales[class];

@@ -16,7 +16,7 @@ pub(super) fn scale(a: Vector, by: f64) -> Vector {
 }
 
 /// The axis of the largest magnitude, the last one of equals.
-pub(super) fn largest_axis(a: Vector) -> usize {
+pub(super) fn dominant_axis(a: Vector) -> usize {
     let mut axis = 2;
     for k in [1, 0] {
         if a[k].abs() > a[axis].abs() {

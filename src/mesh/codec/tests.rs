@@ -222,7 +222,7 @@ fn hostile_bytes_are_refused() {
 #[test]
 fn large_claims_need_bytes() {
     for (vertices, triangles) in [(0, 1 << 26), (1 << 26, 0), (1 << 26, 1 << 26)] {
-        let header = Header { vertices, triangles, bits: 12, origin: [0.0; 3], step: 1.0 };
+        let header = MeshHeader { vertices, triangles, bits: 12, origin: [0.0; 3], step: 1.0 };
         let mut coder = crate::entropy::RangeEncoder::new();
         header.code(&mut coder);
         let bytes = [&[VERSION][..], &coder.finish(), &[0x55; 100]].concat();
@@ -231,7 +231,7 @@ fn large_claims_need_bytes() {
     }
     // Just enough bytes: the triangles are there, made of whatever the bytes say, or are refused; either way at once.
     for fill in [0x00, 0x55, 0xaa, 0xff] {
-        let header = Header { vertices: 1 << 20, triangles: 1 << 20, bits: 12, origin: [0.0; 3], step: 1.0 };
+        let header = MeshHeader { vertices: 1 << 20, triangles: 1 << 20, bits: 12, origin: [0.0; 3], step: 1.0 };
         let mut coder = crate::entropy::RangeEncoder::new();
         header.code(&mut coder);
         let bytes = [&[VERSION][..], &coder.finish(), &[fill; 64]].concat();

@@ -35,8 +35,8 @@ pub struct EncodedMesh {
 /// triangle may be rotated. Nothing is merged or dropped.
 pub fn encode(mesh: &Mesh, options: &MeshOptions) -> Result<EncodedMesh> {
     let counts = [mesh.positions.len(), mesh.triangles.len()];
-    if counts.iter().any(|&count| count as u64 > LARGEST_COUNT) {
-        return Err(Error::parameter(format!("mesh with more than {LARGEST_COUNT} vertices or triangles")));
+    if counts.iter().any(|&count| count as u64 > MAX_COUNT) {
+        return Err(Error::parameter(format!("mesh with more than {MAX_COUNT} vertices or triangles")));
     }
     if mesh.triangles.as_flattened().iter().any(|&vertex| vertex as usize >= mesh.positions.len()) {
         return Err(Error::parameter("triangle with a vertex that the mesh does not have"));
@@ -45,21 +45,21 @@ pub fn encode(mesh: &Mesh, options: &MeshOptions) -> Result<EncodedMesh> {
     let mut coder = RangeEncoder::new();
     header.code(&mut coder);
     let (growth, triangle_order, vertex_order) = encode_connectivity(&mut coder, mesh);
-    let surface = Surface::new(&growth.triangles, &growth.opposite, mesh.positions.len());
+    let surface = CornerTable::new(&growth.triangles, &growth.opposite, mesh.positions.len());
     let mut lattice: Vec<Lattice> =
         vertex_order.iter().map(|&v| nearest(&header, mesh.positions[v as usize])).collect();
-    positions::code(&mut coder, &surface, &mut lattice, header.largest())
+    positions::code(&mut coder, &surface, &mut lattice, header.max_coordinate())
         .map_err(|()| Error::parameter("position outside the lattice"))?;
     code_end(&mut coder);
     let mut bytes = vec![VERSION];
     bytes.extend(coder.finish());
-    bytes.resize(bytes.len().max(1 + bytes_at_least(header.vertices, header.triangles)), 0);
-    let positions = lattice.into_iter().map(|point| header.place(point)).collect();
+    bytes.resize(bytes.len().max(1 + min_bytes(header.vertices, header.triangles)), 0);
+    let positions = lattice.into_iter().map(|point| header.position(point)).collect();
     Ok(EncodedMesh { bytes, mesh: Mesh { positions, triangles: growth.triangles }, triangle_order, vertex_order })
 }
 
 /// The cubic lattice of the bounding box.
-fn lattice_of(mesh: &Mesh, options: &MeshOptions) -> Result<Header> {
+fn lattice_of(mesh: &Mesh, options: &MeshOptions) -> Result<MeshHeader> {
     let bits = options.position_bits as u32;
     if !POSITION_BITS.contains(&bits) {
         return Err(Error::parameter("position bits must be 1 to 24"));
@@ -79,18 +79,18 @@ fn lattice_of(mesh: &Mesh, options: &MeshOptions) -> Result<Header> {
     // Never too short for the longest side.
     let step = if exact as f32 as f64 >= exact { exact as f32 } else { (exact as f32).next_up() };
     let (vertices, triangles) = (mesh.positions.len() as u32, mesh.triangles.len() as u32);
-    let header = Header { vertices, triangles, bits, origin, step };
-    if !header.place([header.largest(); 3]).iter().all(|x| x.is_finite()) {
+    let header = MeshHeader { vertices, triangles, bits, origin, step };
+    if !header.position([header.max_coordinate(); 3]).iter().all(|x| x.is_finite()) {
         return Err(Error::parameter("mesh larger than numbers reach"));
     }
     Ok(header)
 }
 
-fn nearest(header: &Header, position: [f32; 3]) -> Lattice {
+fn nearest(header: &MeshHeader, position: [f32; 3]) -> Lattice {
     std::array::from_fn(|k| {
         let steps = (position[k] as f64 - header.origin[k] as f64) / header.step as f64;
         // 0 / 0 of a mesh without extent becomes 0.
-        (steps.round() as i32).clamp(0, header.largest())
+        (steps.round() as i32).clamp(0, header.max_coordinate())
     })
 }
 
@@ -132,7 +132,7 @@ impl<'a> Edges<'a> {
 fn encode_connectivity(coder: &mut RangeEncoder, mesh: &Mesh) -> (Growth, Vec<u32>, Vec<u32>) {
     let mut edges = Edges::new(mesh);
     let mut growth = Growth::new();
-    let mut models = Models::new();
+    let mut models = ConnectivityModels::new();
     let mut triangle_order: Vec<u32> = Vec::with_capacity(mesh.triangles.len());
     let mut vertex_order: Vec<u32> = Vec::with_capacity(mesh.positions.len());
     let mut renumbered = vec![NONE; mesh.positions.len()];
@@ -161,12 +161,12 @@ fn encode_connectivity(coder: &mut RangeEncoder, mesh: &Mesh) -> (Growth, Vec<u3
         let (a, b) = growth.ends(gate);
         let found = edges.find(vertex_order[a as usize], vertex_order[b as usize]);
         let symbol = match found {
-            None => Symbol::Border,
+            None => GateSymbol::Border,
             Some((_, third)) => match renumbered[third as usize] {
-                NONE => Symbol::New,
-                w if growth.previous_vertex(gate) == Some(w) => Symbol::Previous,
-                w if growth.next_vertex(gate) == Some(w) => Symbol::Next,
-                w => growth.near(gate, w).unwrap_or(Symbol::Known(w)),
+                NONE => GateSymbol::New,
+                w if growth.previous_vertex(gate) == Some(w) => GateSymbol::Previous,
+                w if growth.next_vertex(gate) == Some(w) => GateSymbol::Next,
+                w => growth.near(gate, w).unwrap_or(GateSymbol::Known(w)),
             },
         };
         models.symbol(coder, &growth, gate, symbol);
@@ -174,7 +174,7 @@ fn encode_connectivity(coder: &mut RangeEncoder, mesh: &Mesh) -> (Growth, Vec<u3
         if let Some((triangle, third)) = found {
             edges.coded[triangle as usize] = true;
             triangle_order.push(triangle);
-            if symbol == Symbol::New {
+            if symbol == GateSymbol::New {
                 renumbered[third as usize] = vertex_order.len() as u32;
                 vertex_order.push(third);
             }

@@ -3,7 +3,7 @@
 use super::charge;
 use crate::error::{Error, Result};
 use crate::input::{FileAccess, Folder};
-use crate::limits::Held;
+use crate::limits::Reservation;
 use crate::mesh::Mesh;
 use std::path::Path;
 
@@ -16,7 +16,7 @@ const MAX_PRIMITIVES: u64 = 1 << 20;
 const MAX_JSON_BYTES: usize = 256 << 20;
 
 /// Charges what the parsers make of the JSON of a glTF or GLB file, for as long as they hold it.
-fn hold_json<'a>(path: &Path, bytes: &[u8], access: &'a FileAccess) -> Result<Held<'a>> {
+fn hold_json<'a>(path: &Path, bytes: &[u8], access: &'a FileAccess) -> Result<Reservation<'a>> {
     let chunk = |at: usize| bytes.get(at..at + 4)?.try_into().ok().map(u32::from_le_bytes);
     let json = match bytes.strip_prefix(b"glTF") {
         // The head of the file has 12 bytes, that of the chunk 8.
@@ -35,7 +35,7 @@ fn hold_json<'a>(path: &Path, bytes: &[u8], access: &'a FileAccess) -> Result<He
         objects += u64::from(*byte == b'{');
         values += u64::from(matches!(byte, b',' | b'['));
     }
-    access.hold(path, "glTF JSON", objects * OBJECT_BYTES + values * VALUE_BYTES + 4 * json.len() as u64)
+    access.reserve(path, "glTF JSON", objects * OBJECT_BYTES + values * VALUE_BYTES + 4 * json.len() as u64)
 }
 
 /// The length in a GLB file's head, from which the glTF crate subtracts that of the head itself.
@@ -175,7 +175,7 @@ fn read_buffers(
     mut chunk: Option<Vec<u8>>,
     access: &FileAccess,
 ) -> Result<Vec<Vec<u8>>> {
-    let folder = Folder::of(path, access.allows_outside());
+    let folder = Folder::containing(path, access.allows_outside());
     let mut buffers = Vec::new();
     for buffer in document.buffers() {
         let wrong = |message: String| Error::input(path, format!("glTF: buffer {}: {message}", buffer.index()));
@@ -186,7 +186,9 @@ fn read_buffers(
                 // Without a base nothing but data is read.
                 gltf::buffer::Data::from_source(buffer.source(), None).map_err(|e| wrong(e.to_string()))?.0
             }
-            gltf::buffer::Source::Uri(uri) => access.read(&folder.resolve_uri(uri)?, "glTF buffer", u64::MAX)?.keep(),
+            gltf::buffer::Source::Uri(uri) => {
+                access.read_bytes(&folder.resolve_uri(uri)?, "glTF buffer", u64::MAX)?.keep()
+            }
         };
         if data.len() < buffer.length() {
             return Err(wrong(format!("{} bytes are stated, {} are there", buffer.length(), data.len())));
@@ -209,7 +211,7 @@ fn append_primitive(
         return Ok(());
     }
     let corners = primitive.indices().or_else(|| primitive.get(&gltf::Semantic::Positions)).map_or(0, |a| a.count());
-    let _indices = access.hold(path, "glTF indices", 4 * corners as u64)?;
+    let _indices = access.reserve(path, "glTF indices", 4 * corners as u64)?;
     let reader = primitive.reader(|buffer| buffers.get(buffer.index()).map(Vec::as_slice));
     let Some(positions) = reader.read_positions() else {
         return Err(Error::input(path, format!("{what}: no positions (or compressed ones, which are not read)")));

@@ -21,7 +21,7 @@ pub const EXTENSIONS: [&str; 4] = ["ply", "obj", "glb", "gltf"];
 /// The mesh stays charged to the account of `access`. Errors name the file and the element that is wrong.
 pub fn read(path: impl AsRef<Path>, access: &FileAccess) -> Result<Mesh> {
     let path = path.as_ref();
-    let bytes = access.read(path, "mesh file", u64::MAX)?;
+    let bytes = access.read_bytes(path, "mesh file", u64::MAX)?;
     parse(path, &bytes, access)
 }
 

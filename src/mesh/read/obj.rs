@@ -3,7 +3,7 @@
 use super::charge;
 use crate::error::{Error, Result};
 use crate::input::FileAccess;
-use crate::limits::Held;
+use crate::limits::Reservation;
 use crate::mesh::Mesh;
 use std::io::{BufRead, Cursor};
 use std::path::Path;
@@ -35,7 +35,7 @@ impl BufRead for CountLines<'_> {
 
 /// What the parser makes of the text, charged for as long as it holds it, and the triangles that come of it: lists that may have grown to twice their need, and tables that
 /// find the vertices of each object again.
-fn hold_parsed<'a>(path: &Path, bytes: &[u8], access: &'a FileAccess) -> Result<(Held<'a>, u64)> {
+fn hold_parsed<'a>(path: &Path, bytes: &[u8], access: &'a FileAccess) -> Result<(Reservation<'a>, u64)> {
     let (mut asked, mut triangles) = (0, 0);
     for line in bytes.split(|&b| b == b'\n') {
         let line = line.trim_ascii_start();
@@ -51,7 +51,7 @@ fn hold_parsed<'a>(path: &Path, bytes: &[u8], access: &'a FileAccess) -> Result<
             _ => 0,
         };
     }
-    Ok((access.hold(path, "OBJ file", asked)?, triangles))
+    Ok((access.reserve(path, "OBJ file", asked)?, triangles))
 }
 
 pub(super) fn read(path: &Path, bytes: &[u8], access: &FileAccess) -> Result<Mesh> {
@@ -86,7 +86,7 @@ pub(super) fn read(path: &Path, bytes: &[u8], access: &FileAccess) -> Result<Mes
 /// formats and for files without them.
 pub fn texture_coordinates(path: impl AsRef<Path>, access: &FileAccess) -> Result<Vec<[[f32; 2]; 3]>> {
     let path = path.as_ref();
-    let bytes = access.read(path, "mesh file", u64::MAX)?;
+    let bytes = access.read_bytes(path, "mesh file", u64::MAX)?;
     let _parsed = hold_parsed(path, &bytes, access)?;
     let options =
         tobj::LoadOptions { triangulate: true, ignore_points: true, ignore_lines: true, ..Default::default() };

@@ -2,7 +2,7 @@
 
 use super::charge;
 use crate::error::{Error, Result};
-use crate::input::{FileAccess, plain};
+use crate::input::{FileAccess, escaped};
 use crate::mesh::Mesh;
 use ply_rs_bw::parser::{Parser, Reader};
 use ply_rs_bw::ply::{ElementDef, Encoding, Property, PropertyAccess, PropertyAccessResult, PropertyType, ScalarType};
@@ -85,19 +85,19 @@ pub(super) fn read(path: &Path, bytes: &[u8], access: &FileAccess) -> Result<Mes
         return Err(Error::input(path, format!("PLY header: no end_header within {} bytes", start.len())));
     };
     // A line of the header may become some hundred bytes of names and lists.
-    let _header = access.hold(path, "PLY header", 64 * header_bytes as u64)?;
+    let _header = access.reserve(path, "PLY header", 64 * header_bytes as u64)?;
     let mut reader = Reader::new(Cursor::new(bytes));
     let header = Parser::<PlyOther>::new().read_header(&mut reader).map_err(|e| in_element("PLY header", e))?;
     let mut mesh = Mesh::default();
     for (name, element) in &header.elements {
-        let what = format!("PLY element '{}' of {}", plain(name), element.count);
+        let what = format!("PLY element '{}' of {}", escaped(name), element.count);
         let left = (bytes.len() as u64).saturating_sub(reader.get_ref().position());
         check_count(element, header.encoding, left).map_err(|e| Error::input(path, format!("{what}: {e}")))?;
         let count = element.count as u64;
         match name.as_str() {
             "vertex" => {
                 charge(path, access, &mesh, count, 0)?;
-                let _parsed = access.hold(path, "PLY vertices", count * VERTEX_BYTES)?;
+                let _parsed = access.reserve(path, "PLY vertices", count * VERTEX_BYTES)?;
                 let vertices = Parser::<PlyVertex>::new().read_payload_for_element(&mut reader, element, &header);
                 let vertices = vertices.map_err(|e| in_element(&what, e))?;
                 mesh.positions = vertices.iter().map(|v| v.0.map(|c| c as f32)).collect();
@@ -105,7 +105,7 @@ pub(super) fn read(path: &Path, bytes: &[u8], access: &FileAccess) -> Result<Mes
             "face" => {
                 // Each takes four bytes, in a list that has grown to twice its need.
                 let corners = left / corner_bytes(element, header.encoding);
-                let _parsed = access.hold(path, "PLY faces", count * FACE_BYTES + 8 * corners)?;
+                let _parsed = access.reserve(path, "PLY faces", count * FACE_BYTES + 8 * corners)?;
                 let faces = Parser::<PlyFace>::new().read_payload_for_element(&mut reader, element, &header);
                 let faces = faces.map_err(|e| in_element(&what, e))?;
                 append_faces(path, &faces, &mut mesh, access)?;

@@ -5,10 +5,10 @@
 //! angle, is averaged and fitted. Then the colours are fitted again, given the palette, and all once more.
 
 use super::{PaletteEntry, around, shape};
-use crate::brdf::Sample;
-use crate::brdf::dsbrdf::{self, FitOptions, LobeCount};
-use crate::reflectance::Lobe;
-use crate::reflectance::torrance_sparrow::Sighting;
+use crate::brdf::BrdfSample;
+use crate::brdf::dsbrdf::{self, DsbrdfFitOptions, LobeCount};
+use crate::reflectance::TorranceSparrowLobe;
+use crate::reflectance::torrance_sparrow::SpecularSighting;
 use crate::reflectance::torrance_sparrow::{level_of_sigma, sigma_of_level};
 use std::f64::consts::FRAC_PI_2;
 
@@ -23,12 +23,12 @@ const SLICES: usize = 6;
 /// Bins of the stretched half angle, growing with its square, in which a class's sightings are averaged.
 const BINS: usize = 60;
 /// Sightings with the light lower than this (cosine) say little.
-const LEAST_COS_LIGHT: f32 = 0.1;
+const MIN_COS_LIGHT: f32 = 0.1;
 /// Largest specular colour, as of Torrance and Sparrow's lobe.
-const MOST_COLOUR: f64 = 20.0;
+const MAX_COLOUR: f64 = 20.0;
 
 /// Fits a palette to the blocks that have a lobe, and changes their colours to suit it. Empty where there are none.
-pub fn fit(lobes: &mut [Option<Lobe>], sightings: &[Vec<Sighting>]) -> Vec<PaletteEntry> {
+pub fn fit(lobes: &mut [Option<TorranceSparrowLobe>], sightings: &[Vec<SpecularSighting>]) -> Vec<PaletteEntry> {
     let levels = classes(lobes);
     let mut palette = Vec::new();
     for _ in 0..ROUNDS {
@@ -46,7 +46,7 @@ pub fn fit(lobes: &mut [Option<Lobe>], sightings: &[Vec<Sighting>]) -> Vec<Palet
 }
 
 /// Levels at equal parts of the blocks' brightness, in order of width.
-fn classes(lobes: &[Option<Lobe>]) -> Vec<u8> {
+fn classes(lobes: &[Option<TorranceSparrowLobe>]) -> Vec<u8> {
     let mut widths: Vec<(f64, f64)> = (lobes.iter().flatten())
         .map(|lobe| (level_of_sigma(lobe.sigma), lobe.specular.iter().map(|&k| k as f64).sum()))
         .collect();
@@ -67,25 +67,29 @@ fn classes(lobes: &[Option<Lobe>]) -> Vec<u8> {
     levels
 }
 
-fn usable(sighting: &Sighting) -> bool {
+fn usable(sighting: &SpecularSighting) -> bool {
     let g = &sighting.geometry;
-    g.cos_light > LEAST_COS_LIGHT && g.cos_view > 0.0 && sighting.radiance.iter().all(|x| x.is_finite())
+    g.cos_light > MIN_COS_LIGHT && g.cos_view > 0.0 && sighting.radiance.iter().all(|x| x.is_finite())
 }
 
 /// Sums over a bin: half angle, difference angle, weight; for each colour radiance times what it is a multiple of, and its square.
 #[derive(Clone, Copy, Default)]
-struct Bin {
+struct SliceBin {
     angles: [f64; 3],
     product: [f64; 3],
     square: [f64; 3],
 }
 
 /// Lobes for each class, by its sightings.
-fn entries(levels: &[u8], lobes: &[Option<Lobe>], sightings: &[Vec<Sighting>]) -> Vec<PaletteEntry> {
+fn entries(
+    levels: &[u8],
+    lobes: &[Option<TorranceSparrowLobe>],
+    sightings: &[Vec<SpecularSighting>],
+) -> Vec<PaletteEntry> {
     // Only the levels of these matter: which class a width lies in.
-    let Ok(flat) = dsbrdf::fit(&[sample(0.1, 0.1, [1.0; 3])], &options()) else { return Vec::new() };
+    let Ok(flat) = dsbrdf::fit_dsbrdf(&[sample(0.1, 0.1, [1.0; 3])], &options()) else { return Vec::new() };
     let keys: Vec<PaletteEntry> = levels.iter().map(|&level| PaletteEntry { level, lobes: flat.clone() }).collect();
-    let mut bins = vec![vec![Bin::default(); BINS * SLICES]; keys.len()];
+    let mut bins = vec![vec![SliceBin::default(); BINS * SLICES]; keys.len()];
     for (lobe, seen) in lobes.iter().zip(sightings) {
         let Some(lobe) = lobe else { continue };
         let (near, part) = around(&keys, lobe.sigma);
@@ -108,30 +112,30 @@ fn entries(levels: &[u8], lobes: &[Option<Lobe>], sightings: &[Vec<Sighting>]) -
             }
         }
     }
-    let entry = |(&level, bins): (&u8, &Vec<Bin>)| {
-        let measured = |bin: &Bin| {
+    let entry = |(&level, bins): (&u8, &Vec<SliceBin>)| {
+        let measured = |bin: &SliceBin| {
             let [theta_h, theta_d, weight] = bin.angles;
             let known = weight > 0.3 && bin.square.iter().all(|&s| s > 1e-20);
             let value = [0, 1, 2].map(|c| (bin.product[c] / bin.square[c]).clamp(0.0, 1e4));
             known.then(|| sample(theta_h / weight, theta_d / weight, value))
         };
-        let samples: Vec<Sample> = bins.iter().filter_map(measured).collect();
-        let lobes = dsbrdf::fit(&samples, &options()).ok()?;
+        let samples: Vec<BrdfSample> = bins.iter().filter_map(measured).collect();
+        let lobes = dsbrdf::fit_dsbrdf(&samples, &options()).ok()?;
         Some(PaletteEntry { level, lobes })
     };
     levels.iter().zip(&bins).filter_map(entry).collect()
 }
 
-fn options() -> FitOptions {
-    FitOptions { slices: SLICES, lobes: LobeCount::Given(3), least_theta_h_deg: 0.0, ..FitOptions::default() }
+fn options() -> DsbrdfFitOptions {
+    DsbrdfFitOptions { slices: SLICES, lobes: LobeCount::Given(3), min_theta_h_deg: 0.0, ..DsbrdfFitOptions::default() }
 }
 
-fn sample(theta_h: f64, theta_d: f64, value: [f64; 3]) -> Sample {
-    Sample { theta_h, theta_d, cos_incoming: 1.0, cos_outgoing: 1.0, value }
+fn sample(theta_h: f64, theta_d: f64, value: [f64; 3]) -> BrdfSample {
+    BrdfSample { theta_h, theta_d, cos_incoming: 1.0, cos_outgoing: 1.0, value }
 }
 
 /// The colour that explains a block's sightings best, its width as it is.
-fn recolour(palette: &[PaletteEntry], lobe: &mut Lobe, sightings: &[Sighting]) {
+fn recolour(palette: &[PaletteEntry], lobe: &mut TorranceSparrowLobe, sightings: &[SpecularSighting]) {
     let (mut product, mut square) = ([0.0f64; 3], [0.0f64; 3]);
     for s in sightings.iter().filter(|s| usable(s)) {
         let shape = shape(palette, lobe.sigma, s.geometry.alpha as f64, s.geometry.difference as f64);
@@ -144,7 +148,7 @@ fn recolour(palette: &[PaletteEntry], lobe: &mut Lobe, sightings: &[Sighting]) {
     }
     for c in 0..3 {
         if square[c] > 1e-20 {
-            lobe.specular[c] = (product[c] / square[c]).clamp(0.0, MOST_COLOUR) as f32;
+            lobe.specular[c] = (product[c] / square[c]).clamp(0.0, MAX_COLOUR) as f32;
         }
     }
 }

@@ -16,16 +16,16 @@ pub(crate) use tables::PaletteTables;
 pub(super) use fit::fit;
 
 use super::torrance_sparrow::{level_of_sigma, sigma_of_level};
-use super::{Geometry, Lobe};
-use crate::brdf::dsbrdf::LobeMaterial;
+use super::{ReflectionGeometry, TorranceSparrowLobe};
+use crate::brdf::dsbrdf::DsbrdfMaterial;
 use crate::error::{Error, Result};
 use crate::limits::Budget;
 use std::f64::consts::FRAC_PI_2;
 
 /// Most entries of a palette. Part of the format.
-pub const ENTRIES: usize = 8;
+pub const MAX_ENTRIES: usize = 8;
 /// Values from here on count as 0. Part of the format.
-const MOST: f64 = 1e6;
+const VALUE_LIMIT: f64 = 1e6;
 /// Memory that decoding takes for an entry: three curves for each of 90 slices, 5 lobes and 3 colours.
 const ENTRY_MEMORY: u64 = 100_000;
 
@@ -35,12 +35,12 @@ pub struct PaletteEntry {
     /// Level of `sigma`, `0..=SIGMA_LEVELS`.
     pub level: u8,
     /// The lobes, per unit of specular colour.
-    pub lobes: LobeMaterial,
+    pub lobes: DsbrdfMaterial,
 }
 
 /// Specular radiance, `K_s E cos(theta_i) f`; zero where the light or the camera is behind the surface. `palette` is not empty, its
 /// levels rise.
-pub fn evaluate(palette: &[PaletteEntry], lobe: &Lobe, geometry: &Geometry) -> [f32; 3] {
+pub fn evaluate(palette: &[PaletteEntry], lobe: &TorranceSparrowLobe, geometry: &ReflectionGeometry) -> [f32; 3] {
     if geometry.cos_light <= 0.0 || geometry.cos_view <= 0.0 || lobe.sigma <= 0.0 {
         return [0.0; 3];
     }
@@ -68,7 +68,7 @@ fn around(palette: &[PaletteEntry], sigma: f32) -> ([Option<usize>; 2], f64) {
 /// `f` per unit of specular colour, at the angle `alpha` between normal and half vector and the difference angle, radians: both entries
 /// around the `sigma`, each stretched to it. 0 without entries, and where lobes give a million or more.
 pub fn shape(palette: &[PaletteEntry], sigma: f32, alpha: f64, difference: f64) -> [f64; 3] {
-    mix(palette, sigma, alpha, |entry, theta_h| palette[entry].lobes.at(theta_h, difference))
+    mix(palette, sigma, alpha, |entry, theta_h| palette[entry].lobes.value_at(theta_h, difference))
 }
 
 /// [`shape`] of entries whose values at a half angle are given.
@@ -82,13 +82,13 @@ fn mix(palette: &[PaletteEntry], sigma: f32, alpha: f64, value: impl Fn(usize, f
         (0..3).for_each(|c| sum[c] += weight * value[c]);
     }
     // Lobes of a file may be higher than numbers go.
-    sum.map(|f| if f < MOST { f } else { 0.0 })
+    sum.map(|f| if f < VALUE_LIMIT { f } else { 0.0 })
 }
 
 /// The palette as bytes: how many entries, then of each its level, its length and its lobes.
 #[cfg(feature = "encode")]
-pub(super) fn write(palette: &[PaletteEntry], bytes: &mut Vec<u8>) -> Result<()> {
-    let count = u8::try_from(palette.len()).ok().filter(|&count| (1..=ENTRIES as u8).contains(&count));
+pub(super) fn write_palette(palette: &[PaletteEntry], bytes: &mut Vec<u8>) -> Result<()> {
+    let count = u8::try_from(palette.len()).ok().filter(|&count| (1..=MAX_ENTRIES as u8).contains(&count));
     bytes.push(count.ok_or_else(|| Error::parameter("a palette has 1 to 8 entries"))?);
     for entry in palette {
         let coded = entry.lobes.encode();
@@ -100,8 +100,13 @@ pub(super) fn write(palette: &[PaletteEntry], bytes: &mut Vec<u8>) -> Result<()>
     Ok(())
 }
 
-/// Reads what [`write`] wrote, from `at` of the section on, and says where it ends.
-pub(super) fn read(bytes: &[u8], at: usize, section: &str, budget: &Budget) -> Result<(Vec<PaletteEntry>, usize)> {
+/// Reads what [`write_palette`] wrote, from `at` of the section on, and says where it ends.
+pub(super) fn read_palette(
+    bytes: &[u8],
+    at: usize,
+    section: &str,
+    budget: &Budget,
+) -> Result<(Vec<PaletteEntry>, usize)> {
     let mut place = at;
     let mut take = |count: usize| {
         let taken = place.checked_add(count).and_then(|end| bytes.get(place..end));
@@ -111,8 +116,8 @@ pub(super) fn read(bytes: &[u8], at: usize, section: &str, budget: &Budget) -> R
         Ok::<&[u8], Error>(taken)
     };
     let count = take(1)?.first().copied().unwrap_or(0) as usize;
-    if !(1..=ENTRIES).contains(&count) {
-        return Err(Error::format(section, at, format!("a palette of {count} entries; 1 to {ENTRIES} expected")));
+    if !(1..=MAX_ENTRIES).contains(&count) {
+        return Err(Error::format(section, at, format!("a palette of {count} entries; 1 to {MAX_ENTRIES} expected")));
     }
     let mut palette: Vec<PaletteEntry> = Vec::with_capacity(count);
     for _ in 0..count {
@@ -121,7 +126,7 @@ pub(super) fn read(bytes: &[u8], at: usize, section: &str, budget: &Budget) -> R
             return Err(Error::format(section, at, "the levels of a palette must rise"));
         }
         budget.charge("palette of lobes", ENTRY_MEMORY)?;
-        let lobes = LobeMaterial::decode(take(u16::from_le_bytes([low, high]) as usize)?, section)?;
+        let lobes = DsbrdfMaterial::decode(take(u16::from_le_bytes([low, high]) as usize)?, section)?;
         palette.push(PaletteEntry { level, lobes });
     }
     Ok((palette, place))

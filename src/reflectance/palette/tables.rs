@@ -1,6 +1,6 @@
 //! Palettes as tables, for light from all around, which asks for a function's value millions of times.
 
-use super::{MOST, PaletteEntry, mix};
+use super::{PaletteEntry, VALUE_LIMIT, mix};
 use std::f64::consts::FRAC_PI_2;
 
 /// Places over the half angle, growing with its square.
@@ -22,8 +22,8 @@ impl PaletteTables {
         let rows = crate::parallel::map(palette.len() * DIFFERENCE, |row| {
             let entry = &palette[row / DIFFERENCE].lobes;
             let difference = part(row % DIFFERENCE, DIFFERENCE) * FRAC_PI_2;
-            let value = |half: usize| entry.at(part(half, HALF).powi(2) * FRAC_PI_2, difference);
-            (0..HALF).map(|half| value(half).map(|f| f.min(MOST) as f32)).collect::<Vec<_>>()
+            let value = |half: usize| entry.value_at(part(half, HALF).powi(2) * FRAC_PI_2, difference);
+            (0..HALF).map(|half| value(half).map(|f| f.min(VALUE_LIMIT) as f32)).collect::<Vec<_>>()
         });
         PaletteTables { palette: palette.to_vec(), values: rows.into_iter().flatten().collect() }
     }

@@ -3,15 +3,15 @@ use crate::Limits;
 use crate::mesh::Mesh;
 use crate::reflectance::codec::{MapSteps, decode, encode};
 use crate::reflectance::maps::ReflectanceMaps;
-use crate::reflectance::torrance_sparrow::{self, Sighting};
+use crate::reflectance::torrance_sparrow::{self, SpecularSighting};
 use crate::surface::charts::{Chart, Charts};
 
 /// Sightings of a highlight with a core and a wide foot, which no Gaussian has.
-fn sightings(sigma: f32, colour: [f32; 3], block: usize) -> Vec<Sighting> {
+fn sightings(sigma: f32, colour: [f32; 3], block: usize) -> Vec<SpecularSighting> {
     (0..40)
         .map(|n| {
             let part = |step: f32| ((n + 17 * block) as f32 * step).fract();
-            let geometry = Geometry {
+            let geometry = ReflectionGeometry {
                 irradiance: [2.0, 3.0, 2.5],
                 cos_light: 0.5 + 0.4 * part(0.57),
                 cos_view: 0.5 + 0.4 * part(0.31),
@@ -21,20 +21,20 @@ fn sightings(sigma: f32, colour: [f32; 3], block: usize) -> Vec<Sighting> {
             let shape = (-(geometry.alpha / sigma)).exp() + 0.05 * (-geometry.alpha).exp();
             let fresnel = 1.0 + 2.0 * geometry.difference;
             let radiance = |c: usize| colour[c] * geometry.irradiance[c] * geometry.cos_light * shape * fresnel;
-            Sighting { radiance: std::array::from_fn(radiance), geometry }
+            SpecularSighting { radiance: std::array::from_fn(radiance), geometry }
         })
         .collect()
 }
 
 fn fitted() -> (Vec<PaletteEntry>, f64, f64) {
-    let blocks: Vec<Vec<Sighting>> =
+    let blocks: Vec<Vec<SpecularSighting>> =
         (0..60).map(|k| sightings(0.06 * (1 + k % 5) as f32, [0.1 + 0.01 * k as f32, 0.2, 0.3], k as usize)).collect();
-    let gaussian: Vec<Option<Lobe>> = blocks.iter().map(|seen| torrance_sparrow::fit(seen)).collect();
+    let gaussian: Vec<Option<TorranceSparrowLobe>> = blocks.iter().map(|seen| torrance_sparrow::fit(seen)).collect();
     let mut lobes = gaussian.clone();
     let palette = fit(&mut lobes, &blocks);
-    let error = |model: &dyn Fn(usize, &Geometry) -> [f32; 3]| {
-        let of = |(k, seen): (usize, &Vec<Sighting>)| -> f64 {
-            let square = |s: &Sighting| {
+    let error = |model: &dyn Fn(usize, &ReflectionGeometry) -> [f32; 3]| {
+        let of = |(k, seen): (usize, &Vec<SpecularSighting>)| -> f64 {
+            let square = |s: &SpecularSighting| {
                 let found = model(k, &s.geometry);
                 (0..3).map(|c| (found[c] - s.radiance[c]).powi(2) as f64).sum::<f64>()
             };
@@ -60,28 +60,29 @@ fn palettes_come_back_and_damage_is_found() {
     let (palette, ..) = fitted();
     let budget = || Budget::new(Limits { memory_bytes: 1 << 20, ..Limits::default() });
     let mut bytes = vec![7, 7];
-    write(&palette, &mut bytes).unwrap();
-    assert!(read(&bytes, 2, "RFLC", &budget()).unwrap() == (palette.clone(), bytes.len()));
+    write_palette(&palette, &mut bytes).unwrap();
+    assert!(read_palette(&bytes, 2, "RFLC", &budget()).unwrap() == (palette.clone(), bytes.len()));
     for cut in 2..bytes.len() {
-        assert!(read(&bytes[..cut], 2, "RFLC", &budget()).is_err(), "cut at {cut}");
+        assert!(read_palette(&bytes[..cut], 2, "RFLC", &budget()).is_err(), "cut at {cut}");
     }
     let changed = |at: usize, value: u8| {
         let mut bytes = bytes.clone();
         bytes[at] = value;
-        read(&bytes, 2, "RFLC", &budget())
+        read_palette(&bytes, 2, "RFLC", &budget())
     };
     assert!(changed(2, 0).is_err() && changed(2, 9).is_err());
-    assert!(read(&bytes, bytes.len() + 9, "RFLC", &budget()).is_err());
+    assert!(read_palette(&bytes, bytes.len() + 9, "RFLC", &budget()).is_err());
     let small = Budget::new(Limits { memory_bytes: 150_000, ..Limits::default() });
-    assert!(matches!(read(&bytes, 2, "RFLC", &small), Err(Error::Limits { .. })));
+    assert!(matches!(read_palette(&bytes, 2, "RFLC", &small), Err(Error::Limits { .. })));
     let twice = [palette[0].clone(), palette[0].clone()];
     let mut equal = Vec::new();
-    write(&twice, &mut equal).unwrap();
-    assert!(read(&equal, 0, "RFLC", &budget()).unwrap_err().to_string().contains("rise"));
-    assert!(write(&[], &mut equal).is_err());
+    write_palette(&twice, &mut equal).unwrap();
+    assert!(read_palette(&equal, 0, "RFLC", &budget()).unwrap_err().to_string().contains("rise"));
+    assert!(write_palette(&[], &mut equal).is_err());
     // Whatever decodes is finite.
-    let geometry = Geometry { irradiance: [1.0; 3], cos_light: 0.5, cos_view: 0.5, alpha: 0.1, difference: 0.4 };
-    let lobe = Lobe { specular: [0.5; 3], sigma: 0.1 };
+    let geometry =
+        ReflectionGeometry { irradiance: [1.0; 3], cos_light: 0.5, cos_view: 0.5, alpha: 0.1, difference: 0.4 };
+    let lobe = TorranceSparrowLobe { specular: [0.5; 3], sigma: 0.1 };
     for at in 3..bytes.len() {
         if let Ok((palette, _)) = changed(at, bytes[at] ^ (1 << (at % 8))) {
             let value = evaluate(&palette, &lobe, &geometry);
@@ -93,21 +94,28 @@ fn palettes_come_back_and_damage_is_found() {
 #[test]
 fn gaussians_stand_for_lobes_that_are_nearly_gaussian() {
     // What Torrance and Sparrow's lobe shows, fitted as a palette and made Gaussian again.
-    let truth = |k: usize| Lobe { specular: [0.3, 0.2, 0.1], sigma: 0.08 * (1 + k % 3) as f32 };
-    let blocks: Vec<Vec<Sighting>> = (0..60)
+    let truth = |k: usize| TorranceSparrowLobe { specular: [0.3, 0.2, 0.1], sigma: 0.08 * (1 + k % 3) as f32 };
+    let blocks: Vec<Vec<SpecularSighting>> = (0..60)
         .map(|k| {
             let seen = sightings(0.1, [0.0; 3], k).into_iter();
             // Light and view lie as far from the normal as from the half vector, nearly.
-            let geometry = |g: Geometry| Geometry { cos_light: g.difference.cos(), cos_view: g.difference.cos(), ..g };
+            let geometry = |g: ReflectionGeometry| ReflectionGeometry {
+                cos_light: g.difference.cos(),
+                cos_view: g.difference.cos(),
+                ..g
+            };
             seen.map(|s| geometry(s.geometry))
-                .map(|geometry| Sighting { radiance: torrance_sparrow::evaluate(&truth(k), &geometry), geometry })
+                .map(|geometry| SpecularSighting {
+                    radiance: torrance_sparrow::evaluate(&truth(k), &geometry),
+                    geometry,
+                })
                 .collect()
         })
         .collect();
-    let mut lobes: Vec<Option<Lobe>> = blocks.iter().map(|seen| torrance_sparrow::fit(seen)).collect();
+    let mut lobes: Vec<Option<TorranceSparrowLobe>> = blocks.iter().map(|seen| torrance_sparrow::fit(seen)).collect();
     let palette = fit(&mut lobes, &blocks);
     assert!(!palette.is_empty());
-    let lobes: Vec<Lobe> = lobes.into_iter().flatten().collect();
+    let lobes: Vec<TorranceSparrowLobe> = lobes.into_iter().flatten().collect();
     let grid = |data: Vec<[f32; 3]>| crate::image::Grid { width: data.len(), height: 1, data };
     let maps = ReflectanceMaps {
         relightable: true,
@@ -167,7 +175,8 @@ fn sections_with_a_palette_come_back_and_hostile_ones_are_refused() {
     let decoded = read(&bytes).unwrap();
     assert!(decoded == expected && decoded.palette == maps.palette);
     // The same light as from the maps that were coded, within their steps.
-    let geometry = Geometry { irradiance: [1.0; 3], cos_light: 0.8, cos_view: 0.7, alpha: 0.05, difference: 0.4 };
+    let geometry =
+        ReflectionGeometry { irradiance: [1.0; 3], cos_light: 0.8, cos_view: 0.7, alpha: 0.05, difference: 0.4 };
     for at in [[10.0, 10.0], [8.5, 11.0], [30.0, 9.0]] {
         let light =
             |maps| crate::reflectance::maps::evaluate(maps, crate::views::Component::Specular, at, Some(&geometry));

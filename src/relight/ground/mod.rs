@@ -2,9 +2,9 @@
 
 mod seen;
 
-use super::environment_light::{BLURRED_SIDE, Surround};
+use super::environment_light::{BLURRED_SIDE, PreparedEnvironment};
 use super::octahedral_map::texel_direction;
-use super::scene::Relit;
+use super::scene::EnvironmentRender;
 use super::shadow::ShadowMap;
 use crate::error::{Error, Result};
 use crate::image::{Grid, RgbImage};
@@ -12,7 +12,7 @@ use crate::mesh::Mesh;
 use crate::surface::occluders::Occluders;
 use crate::views::Camera;
 use glam::{Vec2, Vec3, Vec3A};
-use seen::{SeenShadow, VISIBLE, View, between, grid_place};
+use seen::{PlaneProjection, ProjectedShadow, VISIBLE, between, grid_place};
 
 pub(crate) use seen::RUN;
 
@@ -44,11 +44,16 @@ impl Ground {
 }
 
 /// For each pixel that sees the ground the light on it with the object over the light without, red, green, blue (17); 1 elsewhere.
-pub fn ground_shadow(mesh: &Mesh, surround: &Surround, ground: &Ground, camera: &Camera) -> Result<RgbImage> {
+pub fn ground_shadow(
+    mesh: &Mesh,
+    surround: &PreparedEnvironment,
+    ground: &Ground,
+    camera: &Camera,
+) -> Result<RgbImage> {
     let mut shadow = GroundShadow::new(mesh, ground)?;
     shadow.light(surround);
     let (width, height) = (camera.width as usize, camera.height as usize);
-    let view = View::new(camera, shadow.origin, &shadow.axes);
+    let view = PlaneProjection::new(camera, shadow.origin, &shadow.axes);
     let data = crate::parallel::map(width * height, |k| {
         let place = view.place([(k % width) as f32 + 0.5, (k / width) as f32 + 0.5]);
         place.map_or([1.0; 3], |at| shadow.ratio(at).to_array())
@@ -118,7 +123,7 @@ impl<'a> GroundShadow<'a> {
                 // Rays that pass by the sphere around the object are free.
                 let along = d.dot(to_middle);
                 let near = distance < radius || (along > 0.0 && distance * distance - along * along < radius * radius);
-                near && !occluders.free(point.to_array(), d.to_array())
+                near && !occluders.is_free(point.to_array(), d.to_array())
             });
             blocked.map(|(entry, _)| entry as u16).collect()
         });
@@ -142,16 +147,16 @@ impl<'a> GroundShadow<'a> {
     }
 
     /// Takes a light, in the object's axes as the mesh.
-    pub fn light(&mut self, surround: &Surround) {
-        self.take(surround, &surround.cells(DIRECTIONS));
+    pub fn light(&mut self, surround: &PreparedEnvironment) {
+        self.take(surround, &surround.cell_flux(DIRECTIONS));
     }
 
     /// As [`Self::light`], blurred by some degrees, in a fraction of the time.
-    pub fn light_blurred(&mut self, surround: &Surround) {
-        self.take(surround, surround.blurred_cells());
+    pub fn light_blurred(&mut self, surround: &PreparedEnvironment) {
+        self.take(surround, surround.blurred_cell_flux());
     }
 
-    fn take(&mut self, surround: &Surround, cells: &[Vec3]) {
+    fn take(&mut self, surround: &PreparedEnvironment, cells: &[Vec3]) {
         let up = self.axes[0];
         let lit: Vec<Vec3> = self.above.iter().map(|&(k, cosine)| cells[k as usize] * cosine).collect();
         let whole: Vec3 = lit.iter().sum();
@@ -167,7 +172,7 @@ impl<'a> GroundShadow<'a> {
                 let direction = Vec3::from_array(light.direction);
                 let position = (self.middle + 40.0 * self.radius * direction).as_dvec3().to_array();
                 let irradiance = Vec3::from_array(light.irradiance) * direction.dot(up);
-                (irradiance, Surround::disc(light), ShadowMap::distant(self.mesh, position))
+                (irradiance, PreparedEnvironment::disc_radius(light), ShadowMap::for_distant_light(self.mesh, position))
             })
             .collect();
         let all = whole + maps.iter().map(|(light, ..)| *light).sum::<Vec3>();
@@ -175,7 +180,7 @@ impl<'a> GroundShadow<'a> {
         (self.texture, self.dark) = (Grid::default(), [Vec2::ZERO; 2]);
     }
 
-    /// Keeps the ratios of the light on a grid of the plane, which [`Self::seen_by`] reads: sums over distant lights are slow.
+    /// Keeps the ratios of the light on a grid of the plane, which [`Self::project`] reads: sums over distant lights are slow.
     pub fn keep(&mut self) {
         let side = if self.light.maps.is_empty() { POINTS } else { KEPT_POINTS };
         let place = |k: usize| {
@@ -202,9 +207,9 @@ impl<'a> GroundShadow<'a> {
     }
 
     /// The kept ratios as a camera sees them.
-    pub fn seen_by(&self, camera: &Camera) -> SeenShadow<'_> {
-        SeenShadow {
-            view: View::new(camera, self.origin, &self.axes),
+    pub fn project(&self, camera: &Camera) -> ProjectedShadow<'_> {
+        ProjectedShadow {
+            view: PlaneProjection::new(camera, self.origin, &self.axes),
             texture: &self.texture,
             reach: self.reach,
             dark: self.dark,
@@ -225,7 +230,7 @@ impl<'a> GroundShadow<'a> {
         }
         for (part, disc, map) in maps {
             if let Some(map) = map {
-                light -= *part * (1.0 - map.soft_reach(point.as_dvec3().to_array(), self.ground.up, *disc) as f32);
+                light -= *part * (1.0 - map.soft_visibility(point.as_dvec3().to_array(), self.ground.up, *disc) as f32);
             }
         }
         (light.max(Vec3::ZERO) / all.max(Vec3::splat(1e-20))).min(Vec3::ONE)
@@ -233,7 +238,7 @@ impl<'a> GroundShadow<'a> {
 }
 
 /// The object over a photograph, its shadow on the ground (16). All linear and of one size.
-pub fn composite(photograph: &RgbImage, object: &Relit, shadow: &RgbImage) -> Result<RgbImage> {
+pub fn composite(photograph: &RgbImage, object: &EnvironmentRender, shadow: &RgbImage) -> Result<RgbImage> {
     let size = (photograph.width, photograph.height);
     if size != (object.image.width, object.image.height) || size != (shadow.width, shadow.height) {
         return Err(Error::parameter("photograph, object and shadow differ in size"));
@@ -251,17 +256,17 @@ fn single(v: [f64; 3]) -> Vec3 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{SurroundOptions, look_at};
+    use super::super::{PreparedEnvironmentOptions, look_at};
     use super::*;
-    use crate::lighting::Environment;
+    use crate::lighting::EnvironmentMap;
 
     #[test]
     fn a_plate_darkens_the_ground_below_it_as_quadrature_says() {
         // A square of side 2 at height 1 under an even sky.
         let positions = [[-1.0, 1.0, -1.0], [1.0, 1.0, -1.0], [1.0, 1.0, 1.0], [-1.0, 1.0, 1.0]];
         let mesh = Mesh { positions: positions.to_vec(), triangles: vec![[0, 2, 1], [0, 3, 2]] };
-        let environment = Environment::from_fn(128, |_| [1.0, 2.0, 0.5]);
-        let surround = Surround::new(&environment, &SurroundOptions::default());
+        let environment = EnvironmentMap::from_fn(128, |_| [1.0, 2.0, 0.5]);
+        let surround = PreparedEnvironment::new(&environment, &PreparedEnvironmentOptions::default());
         let ground = Ground { point: [0.0; 3], up: [0.0, 1.0, 0.0] };
         // From below the plate's edge, so that the ground under it is seen.
         let camera = look_at([0.0, 0.9, 6.0], [0.0, 0.0, 0.0], [0.0, 1.0, 0.0], 100.0, 64, 64);
@@ -270,24 +275,25 @@ mod tests {
         let corner = 2.0 / std::f64::consts::TAU * (1.0 / 2f64.sqrt()) * (1.0 / 2f64.sqrt()).atan();
         let free = 1.0 - 4.0 * corner;
         let (at, _) = camera.project([0.0; 3]).unwrap();
-        let found = shadow.at(at[0] as usize, at[1] as usize);
+        let found = shadow.value_at(at[0] as usize, at[1] as usize);
         assert!((found[0] as f64 - free).abs() < 0.04 && (found[0] - found[1]).abs() < 1e-3, "{found:?} {free}");
-        assert_eq!(*shadow.at(32, 2), [1.0; 3], "above the horizon");
+        assert_eq!(*shadow.value_at(32, 2), [1.0; 3], "above the horizon");
     }
 
     #[test]
     fn kept_ratios_are_those_of_each_pixel() {
         let mesh = crate::surface::atlas::tests::bumpy_sphere(16);
         let sun = |d: [f64; 3]| d[0] * 0.48 + d[1] * 0.6 + d[2] * 0.64 > 0.999;
-        let environment = Environment::from_fn(256, |d| if sun(d) { [800.0, 700.0, 500.0] } else { [0.3, 0.4, 0.6] });
-        let surround = Surround::new(&environment, &SurroundOptions::default());
+        let environment =
+            EnvironmentMap::from_fn(256, |d| if sun(d) { [800.0, 700.0, 500.0] } else { [0.3, 0.4, 0.6] });
+        let surround = PreparedEnvironment::new(&environment, &PreparedEnvironmentOptions::default());
         let ground = Ground::below(&mesh, [0.0, 1.0, 0.0]);
         let camera = look_at([2.0, 3.0, 5.0], [0.0, -0.5, 0.0], [0.0, 1.0, 0.0], 200.0, 160, 120);
         let exact = ground_shadow(&mesh, &surround, &ground, &camera).unwrap();
         let mut shadow = GroundShadow::new(&mesh, &ground).unwrap();
         shadow.light(&surround);
         shadow.keep();
-        let seen = shadow.seen_by(&camera);
+        let seen = shadow.project(&camera);
         let kept = (0..160 * 120 / RUN).flat_map(|run| {
             let pixels: [usize; RUN] = std::array::from_fn(|k| run * RUN + k);
             let places = [pixels.map(|k| (k % 160) as f32 + 0.5), pixels.map(|k| (k / 160) as f32 + 0.5)];

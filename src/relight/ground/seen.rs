@@ -4,18 +4,18 @@ use crate::image::Grid;
 use crate::views::Camera;
 use glam::{DVec3, Vec2, Vec3, Vec3A};
 
-/// Pixels that [`SeenShadow::ratios`] takes at a time.
+/// Pixels that [`ProjectedShadow::ratios`] takes at a time.
 pub(crate) const RUN: usize = 64;
 /// Ratios above this change no pixel of 8 bits.
 pub(super) const VISIBLE: f32 = 0.997;
 
 /// Where the rays of a picture's pixels meet the plane.
-pub(super) struct View {
+pub(super) struct PlaneProjection {
     /// Of the plane's normal and its other axes: what a ray has along it, for column, row and 1, and what the camera's centre has.
     axes: [(Vec3, f32); 3],
 }
 
-impl View {
+impl PlaneProjection {
     /// Of a plane through `origin` with a normal and two more axes.
     pub(super) fn new(camera: &Camera, origin: Vec3, axes: &[Vec3; 3]) -> Self {
         let centre = Vec3::from_array(camera.centre().map(|x| x as f32)) - origin;
@@ -26,7 +26,7 @@ impl View {
             let along = [right - first, below - first, first].map(|d| d.dot(axis.as_dvec3()));
             (DVec3::from_array(along).as_vec3(), centre.dot(axis))
         });
-        View { axes }
+        PlaneProjection { axes }
     }
 
     /// The place on the plane that a place of the picture, in pixels, shows.
@@ -46,14 +46,14 @@ impl View {
 }
 
 /// A kept shadow in a camera's picture.
-pub struct SeenShadow<'a> {
-    pub(super) view: View,
+pub struct ProjectedShadow<'a> {
+    pub(super) view: PlaneProjection,
     pub(super) texture: &'a Grid<Vec3A>,
     pub(super) reach: f32,
     pub(super) dark: [Vec2; 2],
 }
 
-impl SeenShadow<'_> {
+impl ProjectedShadow<'_> {
     /// The ratios at places of the picture, x and y in pixels, 1 where nothing is darkened; `None` where that is so everywhere.
     pub(crate) fn ratios(&self, [x, y]: &[[f32; RUN]; 2]) -> Option<[Vec3A; RUN]> {
         let [low, high] = self.dark;

@@ -6,7 +6,7 @@
 
 use super::{Camera, Component, PointLight, View};
 use crate::container::Tag;
-use crate::entropy::{BitCoder, BitModel, Number, RangeDecoder, code_end, code_raw};
+use crate::entropy::{BitCoder, BitModel, NumberModel, RangeDecoder, code_end, code_raw};
 use crate::limits::{Budget, check};
 use crate::{Error, Result};
 
@@ -18,12 +18,12 @@ pub use write::encode;
 /// First byte of the section. Part of the format.
 const VERSION: u8 = 0;
 /// Longest name in bytes. Part of the format.
-const LONGEST_NAME: usize = 1024;
+const MAX_NAME_BYTES: usize = 1024;
 /// Exponents of the lattices: a step is `2^-exponent`. Part of the format.
 const ROTATION_EXPONENTS: std::ops::RangeInclusive<i32> = 8..=29;
 const LENGTH_EXPONENTS: std::ops::RangeInclusive<i32> = -30..=60;
 /// Largest lattice coordinate. Part of the format.
-const LARGEST: i64 = 1 << 30;
+const MAX_COORDINATE: i64 = 1 << 30;
 
 /// What the section holds.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -38,7 +38,7 @@ pub struct ViewsSection {
 
 /// What stands before the views.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Header {
+struct ViewHeader {
     rotation_exponent: i32,
     length_exponent: i32,
     /// Whether lights are on the lattice of the camera's axes or of the world's.
@@ -49,37 +49,37 @@ struct Header {
 
 /// Rotation as a unit quaternion `w, x, y, z`, translation on the lattice.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Pose {
+struct LatticePose {
     rotation: [f64; 4],
     translation: [i64; 3],
 }
 
-const REST: Pose = Pose { rotation: [1.0, 0.0, 0.0, 0.0], translation: [0; 3] };
+const IDENTITY_POSE: LatticePose = LatticePose { rotation: [1.0, 0.0, 0.0, 0.0], translation: [0; 3] };
 
 /// One coded number of each kind, and where the views are told by their difference to earlier ones, what was before.
 #[derive(Debug, Clone, Default)]
-struct Models {
-    small: Number,
+struct ViewSectionModels {
+    small: NumberModel,
     successor: [BitModel; 2],
-    lengths: [Number; 3],
+    lengths: [NumberModel; 3],
     letters: Vec<BitModel>,
     new_camera: BitModel,
-    camera_index: Number,
-    sizes: [Number; 2],
+    camera_index: NumberModel,
+    sizes: [NumberModel; 2],
     square: BitModel,
     same_pose: [BitModel; 2],
     extrapolated: [BitModel; 2],
-    rotation: [Number; 4],
-    translation: [Number; 3],
+    rotation: [NumberModel; 4],
+    translation: [NumberModel; 3],
     lit: BitModel,
-    light: [Number; 3],
+    light: [NumberModel; 3],
     new_intensity: BitModel,
-    intensity_index: Number,
+    intensity_index: NumberModel,
 }
 
-impl Models {
+impl ViewSectionModels {
     fn new() -> Self {
-        Models { letters: vec![BitModel::default(); 256], ..Models::default() }
+        ViewSectionModels { letters: vec![BitModel::default(); 256], ..ViewSectionModels::default() }
     }
     fn letter<C: BitCoder>(&mut self, coder: &mut C, value: u8) -> u8 {
         let mut node = 1usize;
@@ -95,7 +95,7 @@ fn code_float<C: BitCoder>(coder: &mut C, value: f64) -> f64 {
 }
 
 /// `2^-exponent`, exactly.
-fn step(exponent: i32) -> f64 {
+fn lattice_step(exponent: i32) -> f64 {
     f64::from_bits(((1023 - exponent as i64) as u64) << 52)
 }
 
@@ -139,14 +139,14 @@ fn extrapolated_translation(last: [i64; 3], before: [i64; 3]) -> [i64; 3] {
 
 /// The rotation `difference` (lattice units, 1 taken off the first) away from the predicted one.
 fn rotation_from(predicted: [f64; 4], difference: [i64; 4], exponent: i32) -> Option<[f64; 4]> {
-    let unit = step(exponent);
+    let unit = lattice_step(exponent);
     let one = 1i64 << exponent;
     let small = [difference[0] + one, difference[1], difference[2], difference[3]].map(|part| part as f64 * unit);
     normalised(multiply(predicted, normalised(small)?))
 }
 
-fn camera_from(intrinsics: &Camera, pose: &Pose, header: &Header) -> Camera {
-    let unit = step(header.length_exponent);
+fn camera_from(intrinsics: &Camera, pose: &LatticePose, header: &ViewHeader) -> Camera {
+    let unit = lattice_step(header.length_exponent);
     Camera {
         rotation: matrix(pose.rotation),
         translation: pose.translation.map(|part| part as f64 * unit),
@@ -154,8 +154,8 @@ fn camera_from(intrinsics: &Camera, pose: &Pose, header: &Header) -> Camera {
     }
 }
 
-fn light_from(lattice: [i64; 3], camera: &Camera, header: &Header) -> [f64; 3] {
-    let unit = step(header.length_exponent);
+fn light_from(lattice: [i64; 3], camera: &Camera, header: &ViewHeader) -> [f64; 3] {
+    let unit = lattice_step(header.length_exponent);
     let place = lattice.map(|part| part as f64 * unit);
     if !header.lights_follow_camera {
         return place;
@@ -194,7 +194,7 @@ pub fn decode(bytes: &[u8], budget: &Budget) -> Result<ViewsSection> {
     if version != VERSION {
         return Err(Error::Unsupported(format!("section VIEW of version {version}, this build reads {VERSION}")));
     }
-    let mut reader = Reader { coder: RangeDecoder::new(stream), models: Models::new(), budget };
+    let mut reader = ViewReader { coder: RangeDecoder::new(stream), models: ViewSectionModels::new(), budget };
     let section = reader.section()?;
     if !code_end(&mut reader.coder) || !reader.coder.ends_as_written(0) {
         return Err(wrong("bytes do not end with the last view"));
@@ -206,13 +206,13 @@ fn wrong(message: &str) -> Error {
     Error::format(Tag::VIEWS, 1u8, message)
 }
 
-struct Reader<'a> {
+struct ViewReader<'a> {
     coder: RangeDecoder<'a>,
-    models: Models,
+    models: ViewSectionModels,
     budget: &'a Budget,
 }
 
-impl Reader<'_> {
+impl ViewReader<'_> {
     fn section(&mut self) -> Result<ViewsSection> {
         let white = [0; 3].map(|_| code_float(&mut self.coder, 0.0));
         if !white.iter().all(|w| w.is_finite() && *w > 0.0) {
@@ -231,13 +231,13 @@ impl Reader<'_> {
             components.push(component);
         }
         let count = self.models.small.code(&mut self.coder, 0);
-        check("views", count as u64, self.budget.limits().frames as u64)?;
+        check("views", count as u64, self.budget.limits().views as u64)?;
         let header = self.header()?;
         self.budget.charge_items("views", count as u64, size_of::<View>() + 2 * size_of::<Camera>())?;
 
         let mut views: Vec<View> = Vec::new();
         let mut cameras: Vec<Camera> = Vec::new();
-        let mut poses: [Option<Pose>; 2] = [None; 2];
+        let mut poses: [Option<LatticePose>; 2] = [None; 2];
         let mut lights: Vec<[i64; 3]> = Vec::new();
         let mut intensities: Vec<[f64; 3]> = Vec::new();
         let (mut was_successor, mut was_same) = (false, false);
@@ -257,7 +257,7 @@ impl Reader<'_> {
         Ok(ViewsSection { white, components, views })
     }
 
-    fn header(&mut self) -> Result<Header> {
+    fn header(&mut self) -> Result<ViewHeader> {
         let rotation_exponent = self.models.small.code_signed(&mut self.coder, 0);
         let length_exponent = self.models.small.code_signed(&mut self.coder, 0);
         if !ROTATION_EXPONENTS.contains(&rotation_exponent) || !LENGTH_EXPONENTS.contains(&length_exponent) {
@@ -265,7 +265,7 @@ impl Reader<'_> {
         }
         let lights_follow_camera = self.small(1, "frame of the lights")? == 1;
         let light_lag = self.small(255, "lag of the lights")? as usize + 1;
-        Ok(Header { rotation_exponent, length_exponent, lights_follow_camera, light_lag })
+        Ok(ViewHeader { rotation_exponent, length_exponent, lights_follow_camera, light_lag })
     }
 
     fn small(&mut self, largest: u32, what: &str) -> Result<u32> {
@@ -273,7 +273,7 @@ impl Reader<'_> {
         if value > largest { Err(wrong(&format!("{what}: {value}, at most {largest}"))) } else { Ok(value) }
     }
 
-    fn lattice<const N: usize>(&mut self, kind: impl Fn(&mut Models) -> &mut [Number; N]) -> [i64; N] {
+    fn lattice<const N: usize>(&mut self, kind: impl Fn(&mut ViewSectionModels) -> &mut [NumberModel; N]) -> [i64; N] {
         let mut values = [0; N];
         for (value, number) in values.iter_mut().zip(kind(&mut self.models)) {
             *value = number.code_signed(&mut self.coder, 0) as i64;
@@ -288,7 +288,7 @@ impl Reader<'_> {
             return found.copied().ok_or_else(|| wrong("intrinsics that did not come before"));
         }
         let [width, height] = [0, 1].map(|k| self.models.sizes[k].code(&mut self.coder, 0));
-        let side = self.budget.limits().picture_side as u64;
+        let side = self.budget.limits().image_side as u64;
         check("width of a picture", width as u64, side)?;
         check("height of a picture", height as u64, side)?;
         let square = self.models.square.code(&mut self.coder, false);
@@ -304,7 +304,12 @@ impl Reader<'_> {
         Ok(camera)
     }
 
-    fn pose(&mut self, poses: &mut [Option<Pose>; 2], was_same: &mut bool, header: &Header) -> Result<Pose> {
+    fn pose(
+        &mut self,
+        poses: &mut [Option<LatticePose>; 2],
+        was_same: &mut bool,
+        header: &ViewHeader,
+    ) -> Result<LatticePose> {
         let [last, before] = *poses;
         if let Some(last) = last {
             *was_same = self.models.same_pose[*was_same as usize].code(&mut self.coder, false);
@@ -312,7 +317,7 @@ impl Reader<'_> {
                 return Ok(last);
             }
         }
-        let mut predicted = last.unwrap_or(REST);
+        let mut predicted = last.unwrap_or(IDENTITY_POSE);
         if let (Some(last), Some(before)) = (last, before) {
             if self.models.extrapolated[0].code(&mut self.coder, false) {
                 predicted.rotation = extrapolated_rotation(last.rotation, before.rotation);
@@ -324,7 +329,7 @@ impl Reader<'_> {
         let turn = self.lattice(|models| &mut models.rotation);
         let shift = self.lattice(|models| &mut models.translation);
         let rotation = rotation_from(predicted.rotation, turn, header.rotation_exponent);
-        let pose = Pose {
+        let pose = LatticePose {
             rotation: rotation.ok_or_else(|| wrong("rotation of length 0"))?,
             translation: lattice_sum(predicted.translation, shift)?,
         };
@@ -337,7 +342,7 @@ impl Reader<'_> {
         camera: &Camera,
         lights: &mut Vec<[i64; 3]>,
         intensities: &mut Vec<[f64; 3]>,
-        header: &Header,
+        header: &ViewHeader,
     ) -> Result<PointLight> {
         let predicted = predicted_light(lights, header.light_lag);
         let shift = self.lattice(|models| &mut models.light);
@@ -364,10 +369,19 @@ fn predicted_light(lights: &[[i64; 3]], lag: usize) -> [i64; 3] {
 
 fn lattice_sum(a: [i64; 3], b: [i64; 3]) -> Result<[i64; 3]> {
     let sum: [i64; 3] = std::array::from_fn(|k| a[k] + b[k]);
-    if sum.iter().all(|part| part.abs() <= LARGEST) { Ok(sum) } else { Err(wrong("lattice coordinate beyond 2^30")) }
+    if sum.iter().all(|part| part.abs() <= MAX_COORDINATE) {
+        Ok(sum)
+    } else {
+        Err(wrong("lattice coordinate beyond 2^30"))
+    }
 }
 
-fn name(coder: &mut RangeDecoder, models: &mut Models, last: &[u8], was_successor: &mut bool) -> Result<String> {
+fn name(
+    coder: &mut RangeDecoder,
+    models: &mut ViewSectionModels,
+    last: &[u8],
+    was_successor: &mut bool,
+) -> Result<String> {
     let mut name = None;
     if let Some(next) = successor(last) {
         *was_successor = models.successor[*was_successor as usize].code(coder, false);
@@ -380,7 +394,7 @@ fn name(coder: &mut RangeDecoder, models: &mut Models, last: &[u8], was_successo
             let (Some(head), Some(tail)) = (last.get(..prefix), last.len().checked_sub(suffix)) else {
                 return Err(wrong("name shares more letters with the last one than that has"));
             };
-            if tail < prefix || middle > LONGEST_NAME {
+            if tail < prefix || middle > MAX_NAME_BYTES {
                 return Err(wrong("name shares letters twice or is too long"));
             }
             let mut name = head.to_vec();
@@ -389,7 +403,7 @@ fn name(coder: &mut RangeDecoder, models: &mut Models, last: &[u8], was_successo
             name
         }
     };
-    if name.len() > LONGEST_NAME {
+    if name.len() > MAX_NAME_BYTES {
         return Err(wrong("name longer than 1024 bytes"));
     }
     String::from_utf8(name).map_err(|_| wrong("name is not UTF-8"))

@@ -3,7 +3,7 @@ use crate::limits::Limits;
 use std::path::PathBuf;
 
 fn budget() -> Budget {
-    Budget::new(Limits { memory_bytes: 1 << 24, frames: 1000, ..Limits::default() })
+    Budget::new(Limits { memory_bytes: 1 << 24, views: 1000, ..Limits::default() })
 }
 
 const SCENE: [[f32; 3]; 4] = [[-0.8, -0.8, -0.8], [0.8, 0.9, 0.7], [0.0, 0.9, -0.9], [0.1, -0.4, 0.3]];
@@ -31,7 +31,7 @@ fn turntable(count: usize) -> ViewsSection {
     ViewsSection { white: [1.1, 1.0, 0.9], components, views: views.collect() }
 }
 
-fn largest_movement(a: &ViewsSection, b: &ViewsSection, scene: &[[f32; 3]]) -> f64 {
+fn max_movement(a: &ViewsSection, b: &ViewsSection, scene: &[[f32; 3]]) -> f64 {
     let pairs = a.views.iter().zip(&b.views).flat_map(|pair| scene.iter().map(move |p| (pair, p.map(|x| x as f64))));
     pairs
         .map(|((a, b), p)| {
@@ -46,7 +46,7 @@ fn turntables_cost_little_and_move_no_pixel() {
     let section = turntable(36);
     let bytes = encode(&section, &SCENE).unwrap();
     let decoded = decode(&bytes, &budget()).unwrap();
-    let moved = largest_movement(&section, &decoded, &SCENE);
+    let moved = max_movement(&section, &decoded, &SCENE);
     assert!(moved < 0.01, "{moved} pixels");
     assert!(bytes.len() < 260, "{} bytes", bytes.len());
     for (a, b) in section.views.iter().zip(&decoded.views) {
@@ -106,7 +106,7 @@ fn golden_bytes_decode_to_the_same_bits() {
         }
     }
     assert_eq!((decoded.views[2].name.as_str(), hasher.finalize()), ("off/002.exr", 3092400343));
-    assert!(largest_movement(&turntable(3), &decoded, &SCENE) < 0.01);
+    assert!(max_movement(&turntable(3), &decoded, &SCENE) < 0.01);
 }
 
 #[test]
@@ -122,11 +122,11 @@ fn hostile_bytes_are_refused() {
     future[0] = 1;
     assert!(matches!(decode(&future, &budget()), Err(Error::Unsupported(_))));
     let many = encode(&turntable(20), &SCENE).unwrap();
-    let few = Budget::new(Limits { frames: 19, ..Limits::default() });
+    let few = Budget::new(Limits { views: 19, ..Limits::default() });
     assert!(matches!(decode(&many, &few), Err(Error::Limits { .. })));
     let small = Budget::new(Limits { memory_bytes: 1000, ..Limits::default() });
     assert!(matches!(decode(&many, &small), Err(Error::Limits { .. })));
-    let narrow = Budget::new(Limits { picture_side: 383, ..Limits::default() });
+    let narrow = Budget::new(Limits { image_side: 383, ..Limits::default() });
     assert!(matches!(decode(&many, &narrow), Err(Error::Limits { .. })));
     let mut state = 1u64;
     for _ in 0..4000 {
@@ -189,7 +189,7 @@ fn real_captures() {
         let section = ViewsSection { white: [1.0; 3], components: vec![Component::Combined], views: views.collect() };
         let bytes = encode(&section, &SCENE).unwrap();
         let decoded = decode(&bytes, &budget()).unwrap();
-        let moved = largest_movement(&section, &decoded, &SCENE);
+        let moved = max_movement(&section, &decoded, &SCENE);
         println!("{capture}: {} views, {} bytes, {moved:.4} pixels", section.views.len(), bytes.len());
         assert!(moved < 0.01 && bytes.len() < bound, "{moved} pixels, {} bytes", bytes.len());
     }

@@ -10,7 +10,7 @@ const LIGHT_TOLERANCE: f64 = 1e-5;
 /// Scene points that are looked at.
 const POINTS: usize = 64;
 /// Lags that are tried.
-const LAGS: usize = 8;
+const MAX_LAG: usize = 8;
 
 /// Writes the section. `scene` holds points of the object (vertices of the mesh): the coarsest lattices are chosen that move none
 /// of their projections by more than 0.01 pixel.
@@ -25,8 +25,8 @@ pub fn encode(section: &ViewsSection, scene: &[[f32; 3]]) -> Result<Vec<u8>> {
     let length_exponent = length_exponent(section, &points)?;
     let mut best: Option<Vec<u8>> = None;
     for lights_follow_camera in [true, false] {
-        for light_lag in 1..=LAGS {
-            let header = Header { rotation_exponent, length_exponent, lights_follow_camera, light_lag };
+        for light_lag in 1..=MAX_LAG {
+            let header = ViewHeader { rotation_exponent, length_exponent, lights_follow_camera, light_lag };
             let bytes = write(section, &quaternions, &header)?;
             if best.as_ref().is_none_or(|best| bytes.len() < best.len()) {
                 best = Some(bytes);
@@ -56,8 +56,8 @@ fn check_input(section: &ViewsSection) -> Result<()> {
         if !positive || !finite || camera.width == 0 || camera.height == 0 {
             return fail(format!("{name}: camera without pixels, or focal lengths not above 0, or not finite"));
         }
-        if name.len() > LONGEST_NAME {
-            return fail(format!("name of a view longer than {LONGEST_NAME} bytes"));
+        if name.len() > MAX_NAME_BYTES {
+            return fail(format!("name of a view longer than {MAX_NAME_BYTES} bytes"));
         }
         let light_is_finite = |light: &PointLight| {
             light.intensity.iter().all(|x| (*x as f32).is_finite()) && light.position.iter().all(|x| x.is_finite())
@@ -88,7 +88,7 @@ fn quaternion(view: &View) -> Result<[f64; 4]> {
         2 => [yw, xy, squares[2], yz],
         _ => [zw, xz, yz, squares[3]],
     };
-    let q = normalised(row).unwrap_or(REST.rotation);
+    let q = normalised(row).unwrap_or(IDENTITY_POSE.rotation);
     let close = matrix(q).iter().flatten().zip(r.iter().flatten()).all(|(a, b)| (a - b).abs() < 1e-4);
     if close { Ok(q) } else { Err(Error::Parameter(format!("{}: rotation is not a rotation matrix", view.name))) }
 }
@@ -111,7 +111,7 @@ fn rotations_hold(section: &ViewsSection, quaternions: &[[f64; 4]], points: &[[f
     }
     section.views.iter().zip(quaternions).all(|(view, &q)| {
         // Against a prediction by nothing and by something odd: rounding depends on it.
-        [REST.rotation, [0.5, 0.5, -0.5, 0.5]].into_iter().all(|predicted| {
+        [IDENTITY_POSE.rotation, [0.5, 0.5, -0.5, 0.5]].into_iter().all(|predicted| {
             let turn = difference(predicted, q, exponent);
             rotation_from(predicted, turn, exponent).is_some_and(|rotation| {
                 let camera = Camera { rotation: matrix(rotation), ..view.camera };
@@ -132,12 +132,12 @@ fn length_exponent(section: &ViewsSection, points: &[[f64; 3]]) -> Result<i32> {
     });
     let longest = lengths.fold(0.0, f64::max);
     // Differences must stay within 2^30 as well.
-    let fits = |exponent: i32| longest / step(exponent) < (LARGEST / 4) as f64;
+    let fits = |exponent: i32| longest / lattice_step(exponent) < (MAX_COORDINATE / 4) as f64;
     let holds = |exponent: i32| {
         if points.is_empty() {
-            return longest / step(exponent) >= (1 << 24) as f64 || longest == 0.0;
+            return longest / lattice_step(exponent) >= (1 << 24) as f64 || longest == 0.0;
         }
-        let unit = step(exponent);
+        let unit = lattice_step(exponent);
         section.views.iter().all(|view| {
             // The worst rounding, not the one that happens.
             let corners = (0..8).all(|corner: i32| {
@@ -166,7 +166,7 @@ fn difference(predicted: [f64; 4], rotation: [f64; 4], exponent: i32) -> [i64; 4
     if turn[0] < 0.0 {
         turn = turn.map(|part| -part);
     }
-    let mut lattice = turn.map(|part| (part / step(exponent)).round() as i64);
+    let mut lattice = turn.map(|part| (part / lattice_step(exponent)).round() as i64);
     lattice[0] -= 1 << exponent;
     lattice
 }
@@ -179,9 +179,9 @@ fn minus(a: [i64; 3], b: [i64; 3]) -> [i64; 3] {
     std::array::from_fn(|k| a[k] - b[k])
 }
 
-fn write(section: &ViewsSection, quaternions: &[[f64; 4]], header: &Header) -> Result<Vec<u8>> {
+fn write(section: &ViewsSection, quaternions: &[[f64; 4]], header: &ViewHeader) -> Result<Vec<u8>> {
     let mut coder = RangeEncoder::new();
-    let mut models = Models::new();
+    let mut models = ViewSectionModels::new();
     let coder = &mut coder;
     for white in section.white {
         code_float(coder, white);
@@ -204,7 +204,7 @@ fn write(section: &ViewsSection, quaternions: &[[f64; 4]], header: &Header) -> R
 
     let mut last_name: &[u8] = b"";
     let mut cameras: Vec<Camera> = Vec::new();
-    let mut poses: [Option<Pose>; 2] = [None; 2];
+    let mut poses: [Option<LatticePose>; 2] = [None; 2];
     let mut lights: Vec<[i64; 3]> = Vec::new();
     let mut intensities: Vec<[f64; 3]> = Vec::new();
     let (mut was_successor, mut was_same) = (false, false);
@@ -218,7 +218,7 @@ fn write(section: &ViewsSection, quaternions: &[[f64; 4]], header: &Header) -> R
         if let Some(light) = view.light {
             // On the decoded camera's axes, so that its rounding does not add up.
             let place = if header.lights_follow_camera { camera.to_camera(light.position) } else { light.position };
-            let lattice = place.map(|part| (part / step(header.length_exponent)).round() as i64);
+            let lattice = place.map(|part| (part / lattice_step(header.length_exponent)).round() as i64);
             let shift = minus(lattice, predicted_light(&lights, header.light_lag));
             for (number, part) in models.light.iter_mut().zip(shift) {
                 number.code_signed(coder, part as i32);
@@ -243,7 +243,13 @@ fn write(section: &ViewsSection, quaternions: &[[f64; 4]], header: &Header) -> R
     Ok(bytes)
 }
 
-fn write_name(coder: &mut RangeEncoder, models: &mut Models, last: &[u8], name: &[u8], was_successor: &mut bool) {
+fn write_name(
+    coder: &mut RangeEncoder,
+    models: &mut ViewSectionModels,
+    last: &[u8],
+    name: &[u8],
+    was_successor: &mut bool,
+) {
     if let Some(next) = successor(last) {
         *was_successor = models.successor[*was_successor as usize].code(coder, next == name);
         if *was_successor {
@@ -262,7 +268,12 @@ fn write_name(coder: &mut RangeEncoder, models: &mut Models, last: &[u8], name: 
     }
 }
 
-fn write_intrinsics(coder: &mut RangeEncoder, models: &mut Models, known: &mut Vec<Camera>, camera: &Camera) -> Camera {
+fn write_intrinsics(
+    coder: &mut RangeEncoder,
+    models: &mut ViewSectionModels,
+    known: &mut Vec<Camera>,
+    camera: &Camera,
+) -> Camera {
     let narrow = |values: [f64; 2]| values.map(|x| x as f32 as f64);
     let (focal, principal) = (narrow(camera.focal), narrow(camera.principal));
     let camera = Camera { width: camera.width, height: camera.height, focal, principal, ..Camera::default() };
@@ -289,14 +300,14 @@ fn write_intrinsics(coder: &mut RangeEncoder, models: &mut Models, known: &mut V
 
 fn write_pose(
     coder: &mut RangeEncoder,
-    models: &mut Models,
-    poses: &mut [Option<Pose>; 2],
+    models: &mut ViewSectionModels,
+    poses: &mut [Option<LatticePose>; 2],
     was_same: &mut bool,
     (view, rotation): (&View, [f64; 4]),
-    header: &Header,
-) -> Result<Pose> {
+    header: &ViewHeader,
+) -> Result<LatticePose> {
     let [last, before] = *poses;
-    let wanted = view.camera.translation.map(|part| (part / step(header.length_exponent)).round() as i64);
+    let wanted = view.camera.translation.map(|part| (part / lattice_step(header.length_exponent)).round() as i64);
     let exponent = header.rotation_exponent;
     if let Some(last) = last {
         let near = difference(last.rotation, rotation, exponent) == [0; 4];
@@ -305,7 +316,7 @@ fn write_pose(
             return Ok(last);
         }
     }
-    let mut predicted = last.unwrap_or(REST);
+    let mut predicted = last.unwrap_or(IDENTITY_POSE);
     if let (Some(last), Some(before)) = (last, before) {
         let further = extrapolated_rotation(last.rotation, before.rotation);
         let better =
@@ -328,7 +339,7 @@ fn write_pose(
     }
     let rotation = rotation_from(predicted.rotation, turn, exponent);
     let rotation = rotation.ok_or_else(|| Error::parameter(format!("{}: rotation can't be coded", view.name)))?;
-    let pose = Pose { rotation, translation: wanted };
+    let pose = LatticePose { rotation, translation: wanted };
     *poses = [Some(pose), last];
     Ok(pose)
 }

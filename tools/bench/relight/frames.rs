@@ -16,18 +16,19 @@ use std::collections::HashMap;
 use std::f64::consts::FRAC_PI_2;
 use std::path::Path;
 use std::time::Instant;
-use tsuya::lighting::follow::Follower;
-use tsuya::lighting::{Environment, Light, fit, levels, read};
+use tsuya::lighting::follow::LightFollower;
+use tsuya::lighting::{EnvironmentLobes, EnvironmentMap, fit, levels, read};
 use tsuya::mesh::Mesh;
 use tsuya::relight::job::JobMaterial;
 use tsuya::relight::{
-    EnvironmentOptions, Evaluator, Motion, Object, Occlusion, Scene, Surround, SurroundOptions, Uniform, look_at,
+    EnvironmentOptions, EnvironmentScene, Evaluator, Occlusion, PreparedEnvironment, PreparedEnvironmentOptions,
+    RealtimeRenderer, RenderObject, UniformMaterial, look_at,
 };
 use tsuya::sphere::octahedral;
 use tsuya::views::Camera;
 use tsuya::visibility::Visibility;
 use tsuya::visibility::bake::{BakeOptions, bake};
-use tsuya::visibility::rays::{Grid, Scratch, Surroundings};
+use tsuya::visibility::rays::{DirectionGrid, MeshRays, RayScratch};
 
 type Outcome = Result<(), Box<dyn std::error::Error>>;
 
@@ -63,15 +64,15 @@ fn main() -> Outcome {
     Ok(())
 }
 
-fn placing(mesh: &Mesh, name: &str, environment: &Environment) -> Outcome {
+fn placing(mesh: &Mesh, name: &str, environment: &EnvironmentMap) -> Outcome {
     use tsuya::ar::placement::Placement;
-    use tsuya::ar::{Light, Options, Plate, Shot, Subject, run};
+    use tsuya::ar::{ArFrame, ArObject, ArOptions, LightSource, Plate, run};
     use tsuya::capture::{Lens, calibration::Calibration};
     use tsuya::marker::Rig;
     const FRAMES: usize = 60;
     const PLANE: [usize; 2] = [640, 480];
     let baked = bake(mesh, &BakeOptions::default())?;
-    let occlusion = Occlusion::of(&baked.visibility);
+    let occlusion = Occlusion::from_visibility(&baked.visibility);
     let camera = markers::camera(PLANE[0] as u32, PLANE[1] as u32, 600.0);
     let calibration = Calibration { camera, lens: Lens::Pinhole };
     let scale = 0.2 / (2.0 * mesh.bounding_sphere().1);
@@ -93,18 +94,18 @@ fn placing(mesh: &Mesh, name: &str, environment: &Environment) -> Outcome {
         ("glossy", r#"{"model": "cook-torrance", "diffuse": 0.1, "roughness": 0.12, "reflectance": 0.7}"#),
     ];
     // As many columns as `tsuya ar` gives sequences, turned before the clock runs.
-    let moving: Vec<Environment> =
+    let moving: Vec<EnvironmentMap> =
         (1..=FRAMES).map(|k| environment.resized(256, 128).rotated_y(3.0 * k as f64)).collect();
     for (material, text) in materials {
         for (moves, samples) in [(false, 1), (false, 2), (true, 1), (true, 2)] {
-            let look = Uniform::new(serde_json::from_str::<JobMaterial>(text)?.uniform()?, 7);
-            let subject = Subject { mesh, occlusion: &occlusion, look: &look, placement, detail: None };
-            let options = Options { samples, ..Options::default() };
+            let look = UniformMaterial::new(serde_json::from_str::<JobMaterial>(text)?.uniform()?, 7);
+            let subject = ArObject { mesh, occlusion: &occlusion, look: &look, placement, detail: None };
+            let options = ArOptions { samples, ..ArOptions::default() };
             let mut turned = moving.iter();
             let mut turn = || Ok(turned.next().cloned());
-            let light = if moves { Light::Moving(&mut turn) } else { Light::Still(environment) };
+            let light = if moves { LightSource::PerFrame(&mut turn) } else { LightSource::Fixed(environment) };
             let mut waiting = shots.iter();
-            let mut next = || Ok(waiting.next().map(|plate| Shot { plate: plate.clone(), nearer: None }));
+            let mut next = || Ok(waiting.next().map(|plate| ArFrame { plate: plate.clone(), nearer: None }));
             let mut sums = [0.0; 5];
             let mut count = 0;
             // The first frames fill the caches.
@@ -127,8 +128,10 @@ fn placing(mesh: &Mesh, name: &str, environment: &Environment) -> Outcome {
     Ok(())
 }
 
-fn environment(data: &Path, name: &str) -> Result<Environment, Box<dyn std::error::Error>> {
-    Ok(read::read(&[data.join("envmaps").join(name)], &read::ReadOptions::default())?.0.resized(512, 256))
+fn environment(data: &Path, name: &str) -> Result<EnvironmentMap, Box<dyn std::error::Error>> {
+    Ok(read::read_environment(&[data.join("envmaps").join(name)], &read::EnvironmentReadOptions::default())?
+        .0
+        .resized(512, 256))
 }
 
 fn baking(bunny: &Mesh) -> Outcome {
@@ -175,16 +178,16 @@ fn between(mesh: &Mesh, visibility: &Visibility) -> (f64, f64) {
         cut.triangles[k] = [a, b, middle];
         cut.triangles.extend([[b, c, middle], [c, a, middle]]);
     }
-    let (surroundings, grid, size) = (Surroundings::new(mesh, &cut, None), Grid::new(90), 90);
+    let (surroundings, grid, size) = (MeshRays::new(mesh, &cut, None), DirectionGrid::new(90), 90);
     let (angles, directions) = (octahedral::solid_angles(size), octahedral::directions(size));
-    let (mut scratch, mut weights) = (Scratch::default(), vec![0.0; visibility.terms()]);
+    let (mut scratch, mut weights) = (RayScratch::default(), vec![0.0; visibility.terms()]);
     let (mut squares, mut wrong, mut all) = (0.0, 0.0, 0.0);
     for (number, &k) in chosen.iter().enumerate() {
         surroundings.signed_distances(mesh.positions.len() + number, &grid, &mut scratch);
-        let (places, shares) = visibility.places().around(k, mesh.triangles[k], [1.0 / 3.0; 3]);
+        let (places, shares) = visibility.places().interpolation(k, mesh.triangles[k], [1.0 / 3.0; 3]);
         visibility.interpolate(places, shares, &mut weights);
         for ((&direction, &exact), &angle) in directions.iter().zip(&scratch.distances).zip(&angles) {
-            let found = visibility.evaluate_weights(&weights, direction);
+            let found = visibility.signed_distance_of_weights(&weights, direction);
             squares += angle * (found - (exact as f64).clamp(-FRAC_PI_2, FRAC_PI_2)).powi(2);
             wrong += if (found > 0.0) == (exact > 0.0) { 0.0 } else { angle };
             all += angle;
@@ -193,27 +196,27 @@ fn between(mesh: &Mesh, visibility: &Visibility) -> (f64, f64) {
     ((squares / all).sqrt(), wrong / all)
 }
 
-fn light(name: &str, environment: &Environment) {
+fn light(name: &str, environment: &EnvironmentMap) {
     const LOBES: usize = 10;
     const FRAMES: usize = 20;
     let clock = Instant::now();
-    let diffuse = fit::fit(environment, &fit::FitOptions::default(), None);
+    let diffuse = fit::fit(environment, &fit::LobeFitOptions::default(), None);
     let first = clock.elapsed().as_secs_f64();
     let clock = Instant::now();
-    let sharp = levels::levels(environment, 512);
+    let sharp = levels::prefiltered_maps(environment, 512);
     println!("{name}: lobes in {first:.3} s, levels in {:.3} s", clock.elapsed().as_secs_f64());
     let percents = |errors: &[f64]| errors.iter().map(|e| format!("{:.1}", 100.0 * e)).collect::<Vec<_>>().join(" ");
-    let errors = |environment: &Environment, light: &Light| {
-        let levels = levels::relative_errors(environment, &light.levels, 200);
+    let errors = |environment: &EnvironmentMap, light: &EnvironmentLobes| {
+        let levels = levels::relative_errors(environment, &light.prefiltered, 200);
         format!(
             "irradiance {:.2} %, levels {} %",
             100.0 * fit::relative_error(environment, &light.diffuse),
             percents(&levels)
         )
     };
-    println!("  error: {}", errors(environment, &Light { diffuse, levels: sharp }));
-    let mut follower = Follower::new(LOBES);
-    let turned: Vec<Environment> = (0..FRAMES).map(|k| environment.rotated_y(3.0 * k as f64)).collect();
+    println!("  error: {}", errors(environment, &EnvironmentLobes { diffuse, prefiltered: sharp }));
+    let mut follower = LightFollower::new(LOBES);
+    let turned: Vec<EnvironmentMap> = (0..FRAMES).map(|k| environment.rotated_y(3.0 * k as f64)).collect();
     follower.update(&turned[0]);
     let clock = Instant::now();
     for environment in &turned[1..] {
@@ -224,17 +227,17 @@ fn light(name: &str, environment: &Environment) {
     println!("  error of the last: {}", errors(&turned[FRAMES - 1], follower.light()));
 }
 
-fn frames(mesh: &Mesh, name: &str, environment: &Environment) -> Outcome {
+fn frames(mesh: &Mesh, name: &str, environment: &EnvironmentMap) -> Outcome {
     const FRAMES: usize = 60;
     let baked = bake(mesh, &BakeOptions::default())?;
-    let occlusion = Occlusion::of(&baked.visibility);
-    let object = Object::new(mesh, Some(&occlusion))?;
-    let surround = Surround::new(environment, &SurroundOptions::default());
-    let light = Light {
-        diffuse: fit::fit(environment, &fit::FitOptions::default(), None),
-        levels: levels::levels(environment, 256),
+    let occlusion = Occlusion::from_visibility(&baked.visibility);
+    let object = RenderObject::new(mesh, Some(&occlusion))?;
+    let surround = PreparedEnvironment::new(environment, &PreparedEnvironmentOptions::default());
+    let light = EnvironmentLobes {
+        diffuse: fit::fit(environment, &fit::LobeFitOptions::default(), None),
+        prefiltered: levels::prefiltered_maps(environment, 256),
     };
-    println!("{name}, {} vertices, {} distant lights", mesh.positions.len(), surround.lights().len());
+    println!("{name}, {} vertices, {} distant lights", mesh.positions.len(), surround.distant_lights().len());
     println!(
         "| material | evaluator | taps | frames a second | pixels of the object | of stills |\n|---|---|---|---|---|---|"
     );
@@ -247,25 +250,27 @@ fn frames(mesh: &Mesh, name: &str, environment: &Environment) -> Outcome {
     for (material, text) in materials {
         let material_of =
             || serde_json::from_str::<JobMaterial>(text).map_err(Box::from).and_then(|m| Ok(m.uniform()?));
-        for (evaluator, taps) in [(Evaluator::Published, 7), (Evaluator::Better, 7), (Evaluator::Better, 24)] {
+        for (evaluator, taps) in
+            [(Evaluator::SphericalGaussian, 7), (Evaluator::Filtered, 7), (Evaluator::Filtered, 24)]
+        {
             let named: Result<_, Box<dyn std::error::Error>> = material_of();
-            let look = Uniform::new(named?, taps);
+            let look = UniformMaterial::new(named?, taps);
             let scene_of = |taps: usize, samples: u32| {
                 let options = EnvironmentOptions { evaluator, taps, samples, ..EnvironmentOptions::default() };
-                Scene::new(&object, &surround, Some(&light), options)
+                EnvironmentScene::new(&object, &surround, Some(&light), options)
             };
             let scene = scene_of(taps, 1)?;
-            let mut motion = Motion::new(&scene);
-            motion.draw(&camera(mesh, 0), &look)?;
+            let mut motion = RealtimeRenderer::new(&scene);
+            motion.render(&camera(mesh, 0), &look)?;
             let (clock, mut pixels) = (Instant::now(), 0);
             for k in 0..FRAMES {
-                let covered = &motion.draw(&camera(mesh, k), &look)?.coverage.data;
+                let covered = &motion.render(&camera(mesh, k), &look)?.coverage.data;
                 pixels += covered.iter().filter(|&&covered| covered > 0.0).count();
             }
             let seconds = clock.elapsed().as_secs_f64() / FRAMES as f64;
             let named: Result<_, Box<dyn std::error::Error>> = material_of();
-            let still = scene_of(24, 1)?.render(&camera(mesh, 7), &Uniform::new(named?, 24))?.image;
-            let moving = motion.draw(&camera(mesh, 7), &look)?;
+            let still = scene_of(24, 1)?.render(&camera(mesh, 7), &UniformMaterial::new(named?, 24))?.image;
+            let moving = motion.render(&camera(mesh, 7), &look)?;
             let (mut squares, mut count) = (0.0, 0);
             for (k, _) in moving.coverage.data.iter().enumerate().filter(|&(_, &covered)| covered > 0.0) {
                 for c in 0..3 {

@@ -85,7 +85,7 @@ pub fn checksums(asset: &Asset) -> String {
                 v.doubles(lobe.axis.into_iter().chain([lobe.sharpness]).chain(lobe.amplitude));
             }
         });
-        for (index, level) in light.levels.iter().enumerate() {
+        for (index, level) in light.prefiltered.iter().enumerate() {
             part(&mut lines, &format!("light level {index}"), |v| v.singles(level.cells().iter().flatten().copied()));
         }
     }

@@ -1,6 +1,6 @@
 //! Where frames come from and where they go.
 
-use super::video::{self, Frames, Writer};
+use super::video::{self, VideoReader, VideoWriter};
 use crate::{output, pictures};
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
@@ -12,7 +12,7 @@ const PICTURES: [&str; 7] = ["png", "jpg", "jpeg", "tif", "tiff", "exr", "hdr"];
 /// Frames of a camera: one photograph, a folder of them, or a video.
 pub enum Source {
     Pictures { paths: Vec<PathBuf>, next: usize },
-    Video { path: PathBuf, frames: Box<Frames> },
+    Video { path: PathBuf, frames: Box<VideoReader> },
 }
 
 impl Source {
@@ -22,7 +22,7 @@ impl Source {
             return Ok(Source::Pictures { paths: in_folder(path)?, next: 0 });
         }
         if video::is_video(path) {
-            return Ok(Source::Video { path: path.to_owned(), frames: Box::new(Frames::open(ffmpeg, path)?) });
+            return Ok(Source::Video { path: path.to_owned(), frames: Box::new(VideoReader::open(ffmpeg, path)?) });
         }
         Ok(Source::Pictures { paths: vec![path.to_owned()], next: 0 })
     }
@@ -132,16 +132,16 @@ fn natural(name: &str) -> Vec<(String, u64)> {
 pub enum Sink {
     Picture { path: PathBuf, bytes: Option<Vec<u8>>, force: bool },
     Folder { folder: Box<output::Folder>, names: HashSet<String> },
-    Video(Making),
+    Video(PendingVideo),
 }
 
 /// A video, begun with its first frame, whose size it has.
-pub struct Making {
+pub struct PendingVideo {
     ffmpeg: PathBuf,
     path: PathBuf,
     rate: [u32; 2],
     force: bool,
-    writer: Option<Box<Writer>>,
+    writer: Option<Box<VideoWriter>>,
 }
 
 impl Sink {
@@ -160,7 +160,7 @@ impl Sink {
         if video::is_video(path) {
             let rate = rate.or(source.rate()).unwrap_or([30, 1]);
             let (ffmpeg, path) = (ffmpeg.to_owned(), path.to_owned());
-            return Ok(Sink::Video(Making { ffmpeg, path, rate, force, writer: None }));
+            return Ok(Sink::Video(PendingVideo { ffmpeg, path, rate, force, writer: None }));
         }
         let is_picture = PICTURES.iter().any(|extension| crate::source::has_extension(path, extension));
         if is_picture && !source.is_single() {
@@ -182,9 +182,9 @@ impl Sink {
         match self {
             Sink::Picture { path, bytes, .. } => {
                 *bytes = Some(if crate::source::has_extension(path, "exr") {
-                    pictures::exr(&plate.to_linear(), false).map_err(ours)?
+                    pictures::exr(&plate.to_linear(), false).map_err(into_library_error)?
                 } else {
-                    pictures::png(&plate.to_picture()).map_err(ours)?
+                    pictures::png(&plate.to_display()).map_err(into_library_error)?
                 });
                 Ok(())
             }
@@ -194,11 +194,13 @@ impl Sink {
                 while !names.insert(name.to_lowercase()) {
                     name = format!("{frame:06}-{name}");
                 }
-                folder.write(&name, &pictures::png(&plate.to_picture()).map_err(ours)?).map_err(ours)
+                folder
+                    .write(&name, &pictures::png(&plate.to_display()).map_err(into_library_error)?)
+                    .map_err(into_library_error)
             }
-            Sink::Video(Making { ffmpeg, path, rate, force, writer }) => {
+            Sink::Video(PendingVideo { ffmpeg, path, rate, force, writer }) => {
                 if writer.is_none() {
-                    *writer = Some(Box::new(Writer::create(ffmpeg, path, plate.size(), *rate, *force)?));
+                    *writer = Some(Box::new(VideoWriter::create(ffmpeg, path, plate.size(), *rate, *force)?));
                 }
                 writer.as_mut().map_or(Ok(()), |writer| writer.put(plate))
             }
@@ -208,16 +210,16 @@ impl Sink {
     pub fn finish(self) -> Result<()> {
         match self {
             Sink::Picture { path, bytes, force } => {
-                output::write(&path, &bytes.unwrap_or_default(), force).map_err(ours)
+                output::write(&path, &bytes.unwrap_or_default(), force).map_err(into_library_error)
             }
-            Sink::Folder { folder, .. } => folder.commit().map_err(ours),
-            Sink::Video(Making { writer, .. }) => writer.map_or(Ok(()), |writer| writer.finish()),
+            Sink::Folder { folder, .. } => folder.commit().map_err(into_library_error),
+            Sink::Video(PendingVideo { writer, .. }) => writer.map_or(Ok(()), |writer| writer.finish()),
         }
     }
 }
 
 /// The library's error in one of the program's.
-pub fn ours(error: anyhow::Error) -> Error {
+pub fn into_library_error(error: anyhow::Error) -> Error {
     match error.downcast::<Error>() {
         Ok(error) => error,
         Err(other) => Error::parameter(format!("{other:#}")),

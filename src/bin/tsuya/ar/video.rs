@@ -1,6 +1,6 @@
 //! Videos through an installed ffmpeg: raw frames from its standard output, and into its standard input.
 
-use super::frames::ours;
+use super::frames::into_library_error;
 use crate::output::Files;
 use std::io::{Error as IoError, ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};
@@ -9,7 +9,7 @@ use tsuya::ar::Plate;
 use tsuya::{Error, Result};
 
 /// Pixels of a frame at most.
-const MOST_PIXELS: usize = 1 << 27;
+const MAX_PIXELS: usize = 1 << 27;
 
 const EXTENSIONS: [&str; 9] = ["mp4", "mkv", "mov", "webm", "avi", "m4v", "y4m", "mpg", "ogv"];
 
@@ -31,7 +31,7 @@ fn not_started(ffmpeg: &Path, error: IoError) -> Error {
 }
 
 /// What a process said last.
-fn last_words(child: &mut Child) -> String {
+fn last_error_line(child: &mut Child) -> String {
     let mut said = Vec::new();
     if let Some(stderr) = child.stderr.take() {
         let _ = stderr.take(1 << 16).read_to_end(&mut said);
@@ -46,7 +46,7 @@ fn path_argument(path: &Path) -> PathBuf {
 }
 
 /// A video's frames.
-pub struct Frames {
+pub struct VideoReader {
     path: PathBuf,
     child: Child,
     out: ChildStdout,
@@ -58,15 +58,15 @@ pub struct Frames {
     number: usize,
 }
 
-impl Frames {
+impl VideoReader {
     pub fn open(ffmpeg: &Path, path: &Path) -> Result<Self> {
         std::fs::metadata(path).map_err(|e| Error::io(path, e))?;
-        let ([width, height], rate) = look(ffmpeg, path)?;
+        let ([width, height], rate) = probe(ffmpeg, path)?;
         let (mut child, out) = start(ffmpeg, path, &["-f", "rawvideo", "-pix_fmt", "rgb24"])?;
         // Its complaints are read at the end; a pipe that fills up would stop it.
         drop(child.stderr.take());
         let bytes = vec![0; 3 * width * height];
-        Ok(Frames { path: path.to_owned(), child, out, width, height, rate, bytes, number: 0 })
+        Ok(VideoReader { path: path.to_owned(), child, out, width, height, rate, bytes, number: 0 })
     }
 
     pub fn next(&mut self) -> Result<Option<Plate>> {
@@ -81,7 +81,7 @@ impl Frames {
         }
         if filled == self.bytes.len() {
             self.number += 1;
-            return Plate::of_bytes(self.width, self.height, &self.bytes).map(Some);
+            return Plate::from_bytes(self.width, self.height, &self.bytes).map(Some);
         }
         let ended = self.child.wait().map_err(|e| Error::io(&self.path, e))?;
         if filled > 0 || !ended.success() || self.number == 0 {
@@ -94,7 +94,7 @@ impl Frames {
     }
 }
 
-impl Drop for Frames {
+impl Drop for VideoReader {
     fn drop(&mut self) {
         // Whether it has ended already does not matter.
         let _ = self.child.kill();
@@ -114,7 +114,7 @@ fn start(ffmpeg: &Path, path: &Path, format: &[&str]) -> Result<(Child, ChildStd
 }
 
 /// Size and rate, from the header of the first frame as YUV4MPEG2.
-fn look(ffmpeg: &Path, path: &Path) -> Result<([usize; 2], [u32; 2])> {
+fn probe(ffmpeg: &Path, path: &Path) -> Result<([usize; 2], [u32; 2])> {
     let format = ["-frames:v", "1", "-f", "yuv4mpegpipe", "-pix_fmt", "yuv420p", "-strict", "-1"];
     let (mut child, out) = start(ffmpeg, path, &format)?;
     let mut header = Vec::new();
@@ -125,7 +125,7 @@ fn look(ffmpeg: &Path, path: &Path) -> Result<([usize; 2], [u32; 2])> {
     }
     // The rest of the frame is of no interest.
     drop(out);
-    let said = last_words(&mut child);
+    let said = last_error_line(&mut child);
     let _ = child.kill();
     let _ = child.wait();
     let header = String::from_utf8_lossy(&header).into_owned();
@@ -136,7 +136,7 @@ fn look(ffmpeg: &Path, path: &Path) -> Result<([usize; 2], [u32; 2])> {
     let field = |letter: char| header.split(' ').skip(1).find_map(|part| part.strip_prefix(letter));
     let side = |letter| field(letter).and_then(|text| text.parse::<usize>().ok()).filter(|&n| n > 0);
     let (Some(width), Some(height)) = (side('W'), side('H')) else { return Err(unreadable()) };
-    if width.saturating_mul(height) > MOST_PIXELS {
+    if width.saturating_mul(height) > MAX_PIXELS {
         return Err(Error::input(path, format!("{width} x {height} pixels are too many")));
     }
     let rate =
@@ -145,7 +145,7 @@ fn look(ffmpeg: &Path, path: &Path) -> Result<([usize; 2], [u32; 2])> {
 }
 
 /// A video in the making, beside its place until it is whole.
-pub struct Writer {
+pub struct VideoWriter {
     target: PathBuf,
     ffmpeg: PathBuf,
     files: Files,
@@ -153,7 +153,7 @@ pub struct Writer {
     input: Option<ChildStdin>,
 }
 
-impl Writer {
+impl VideoWriter {
     pub fn create(
         ffmpeg: &Path,
         target: &Path,
@@ -162,7 +162,7 @@ impl Writer {
         force: bool,
     ) -> Result<Self> {
         let mut files = Files::new(force);
-        let file = files.reserve(target).map_err(ours)?;
+        let file = files.reserve(target).map_err(into_library_error)?;
         let mut command = Command::new(ffmpeg);
         command.args(["-v", "error", "-y", "-f", "rawvideo", "-pix_fmt", "rgb24", "-s"]);
         command.arg(format!("{width}x{height}")).args(["-r", &format!("{}/{}", rate[0], rate[1]), "-i", "-"]);
@@ -172,11 +172,11 @@ impl Writer {
         command.arg(path_argument(&file)).stdin(Stdio::piped()).stdout(Stdio::null()).stderr(Stdio::piped());
         let mut child = command.spawn().map_err(|e| not_started(ffmpeg, e))?;
         let input = child.stdin.take();
-        Ok(Writer { target: target.to_owned(), ffmpeg: ffmpeg.to_owned(), files, child, input })
+        Ok(VideoWriter { target: target.to_owned(), ffmpeg: ffmpeg.to_owned(), files, child, input })
     }
 
     pub fn put(&mut self, plate: &Plate) -> Result<()> {
-        let bytes: Vec<u8> = plate.to_picture().data.concat();
+        let bytes: Vec<u8> = plate.to_display().data.concat();
         let written = match &mut self.input {
             Some(input) => input.write_all(&bytes),
             None => Err(IoError::from(ErrorKind::BrokenPipe)),
@@ -186,19 +186,19 @@ impl Writer {
 
     fn refused(&mut self) -> Error {
         drop(self.input.take());
-        let said = last_words(&mut self.child);
+        let said = last_error_line(&mut self.child);
         Error::io(&self.target, IoError::other(format!("{} can't write this video: {said}", self.ffmpeg.display())))
     }
 
     /// Waits for the last frame and puts the file into its place.
     pub fn finish(mut self) -> Result<()> {
         drop(self.input.take());
-        let said = last_words(&mut self.child);
+        let said = last_error_line(&mut self.child);
         let ended = self.child.wait().map_err(|e| Error::io(&self.target, e))?;
         if !ended.success() {
             let message = format!("{} can't write this video: {said}", self.ffmpeg.display());
             return Err(Error::io(&self.target, IoError::other(message)));
         }
-        self.files.commit().map_err(ours)
+        self.files.commit().map_err(into_library_error)
     }
 }

@@ -33,13 +33,13 @@ impl Eval {
         let mut text = String::new();
         for (incoming, outgoing) in directions {
             let [r, g, b] = if self.smooth {
-                material.smooth().evaluate(incoming, outgoing)
+                material.interpolated().evaluate(incoming, outgoing)
             } else {
                 material.evaluate(incoming, outgoing)
             };
             let _ = writeln!(text, "{r},{g},{b}");
         }
-        output::say(&text)
+        output::print(&text)
     }
 }
 
@@ -51,14 +51,14 @@ fn read_directions(path: &Path) -> Result<Vec<([f64; 3], [f64; 3])>> {
     let text = std::str::from_utf8(&bytes).map_err(|e| Error::input(path, format!("not UTF-8 text: {e}")))?;
     // A row has twelve bytes at least, a pair of directions 48, in a list that has grown.
     source::access().charge(path, "file of directions", 9 * bytes.len() as u64)?;
-    Ok(tsuya::brdf::directions::parse(text, path)?)
+    Ok(tsuya::brdf::directions::parse_directions(text, path)?)
 }
 
 /// An environment map out of a picture, or the standard one.
-pub fn environment(path: Option<&Path>) -> TsuyaResult<tsuya::brdf::preview::Environment> {
-    use tsuya::brdf::preview::{Environment, studio};
+pub fn environment(path: Option<&Path>) -> TsuyaResult<tsuya::brdf::preview::PreviewEnvironment> {
+    use tsuya::brdf::preview::{PreviewEnvironment, studio_environment};
     Ok(match path {
-        Some(path) => Environment::new(&tsuya::capture::read_radiance(path, &source::access())?),
-        None => Environment::new(&studio()),
+        Some(path) => PreviewEnvironment::new(&tsuya::capture::read_radiance(path, &source::access())?),
+        None => PreviewEnvironment::new(&studio_environment()),
     })
 }

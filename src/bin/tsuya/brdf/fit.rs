@@ -13,11 +13,11 @@ use std::time::Instant;
 use tsuya::Error;
 use tsuya::brdf::dsbrdf::LobeCount;
 use tsuya::brdf::errors::ErrorReport;
-use tsuya::brdf::forms::{self, AnyForm, FitSettings, Fitted};
+use tsuya::brdf::forms::{self, BrdfForm, FitSettings, FittedBrdf};
 use tsuya::brdf::materials::NamedMaterial;
 use tsuya::brdf::merl::MerlTable;
-use tsuya::brdf::models::{Form, Objective};
-use tsuya::brdf::plan::Plan as SamplingPlan;
+use tsuya::brdf::models::{ClassicalForm, FitObjective};
+use tsuya::brdf::plan::MeasurementPlan as SamplingPlan;
 use tsuya::brdf::preview::SpherePsnr;
 use tsuya::brdf::preview::SphereScenes;
 use tsuya::container::metadata::Metadata;
@@ -62,7 +62,7 @@ pub struct Forms {
     /// tuned (the least error for its bytes), published (lobes of the half angle), lambert, blinn-phong, cook-torrance-beckmann,
     /// cook-torrance-ggx, ward, ashikhmin-shirley, lafortune [default: tuned, or cook-torrance-ggx for a .json].
     #[arg(long, value_name = "FORM", value_parser = form)]
-    form: Option<AnyForm>,
+    form: Option<BrdfForm>,
     /// Form tuned: bytes of a coded material at most.
     #[arg(long, value_name = "N", default_value_t = 256, value_parser = clap::value_parser!(u16).range(32..=4096))]
     max_bytes: u16,
@@ -93,19 +93,19 @@ enum Goal {
     Both,
 }
 
-fn form(name: &str) -> std::result::Result<AnyForm, String> {
-    let known = || AnyForm::all().into_iter().map(AnyForm::name).collect::<Vec<_>>().join(", ");
-    AnyForm::of_name(name).ok_or_else(|| format!("no such form; there are {}", known()))
+fn form(name: &str) -> std::result::Result<BrdfForm, String> {
+    let known = || BrdfForm::all().into_iter().map(BrdfForm::name).collect::<Vec<_>>().join(", ");
+    BrdfForm::from_name(name).ok_or_else(|| format!("no such form; there are {}", known()))
 }
 
 impl Forms {
     /// The form that was asked for, or that goes with the output; an error where the output can't hold it.
-    pub fn of(&self, output: Option<&Path>) -> tsuya::Result<AnyForm> {
+    pub fn of(&self, output: Option<&Path>) -> tsuya::Result<BrdfForm> {
         let kind = output.filter(|path| !output::is_stream(path)).map(Kind::of).transpose()?;
-        let classical = |form| matches!(form, AnyForm::Classical(_));
+        let classical = |form| matches!(form, BrdfForm::Classical(_));
         match (self.form, kind) {
-            (None, Some(Kind::Models)) => Ok(AnyForm::Classical(Form::CookTorranceGgx)),
-            (None, Some(Kind::Tsuya) | None) => Ok(AnyForm::Tuned),
+            (None, Some(Kind::Models)) => Ok(BrdfForm::Classical(ClassicalForm::CookTorranceGgx)),
+            (None, Some(Kind::Tsuya) | None) => Ok(BrdfForm::Compact),
             (Some(form), Some(Kind::Models)) if classical(form) => Ok(form),
             (Some(form), Some(Kind::Tsuya)) if !classical(form) => Ok(form),
             (Some(form), None) => Ok(form),
@@ -123,18 +123,18 @@ impl Forms {
 
     pub fn settings(&self) -> FitSettings {
         let mut settings = FitSettings::default();
-        settings.tuned.bytes = self.max_bytes.into();
-        settings.published.slices = self.slices.into();
-        settings.published.lobes = match self.lobes {
+        settings.compact.bytes = self.max_bytes.into();
+        settings.dsbrdf.slices = self.slices.into();
+        settings.dsbrdf.lobes = match self.lobes {
             0 => LobeCount::ByError,
             count => LobeCount::Given(count.into()),
         };
-        settings.published.amplitudes = self.amplitudes;
-        settings.published.least_theta_h_deg = self.least_theta_h;
+        settings.dsbrdf.amplitudes = self.amplitudes;
+        settings.dsbrdf.min_theta_h_deg = self.least_theta_h;
         settings.objective = match self.objective {
-            Goal::Log => Objective::Logarithm,
-            Goal::Picture => Objective::Picture,
-            Goal::Both => Objective::Both,
+            Goal::Log => FitObjective::Logarithm,
+            Goal::Picture => FitObjective::Picture,
+            Goal::Both => FitObjective::Both,
         };
         settings
     }
@@ -143,7 +143,7 @@ impl Forms {
 /// A fitted material and its figures.
 struct Row {
     name: String,
-    fitted: Fitted,
+    fitted: FittedBrdf,
     bytes: usize,
     seconds: f64,
     report: ErrorReport,
@@ -169,7 +169,7 @@ impl Fit {
                 let row = self.fit(named.name, &table, form, plan.as_ref(), &scenes)?;
                 if self.contact_sheet.is_some() {
                     let sweep = self.sweep.map(usize::from);
-                    tiles.push(sheet::tile(&row.name, &scenes, &table.smooth(), &row.fitted, sweep));
+                    tiles.push(sheet::tile(&row.name, &scenes, &table.interpolated(), &row.fitted, sweep));
                 }
                 all.push(row);
             }
@@ -189,11 +189,11 @@ impl Fit {
         written.commit()?;
         if !self.json {
             let quiet = self.output.as_deref().is_some_and(output::is_stream);
-            return if quiet { Ok(()) } else { output::say(&text) };
+            return if quiet { Ok(()) } else { output::print(&text) };
         }
         match <[Value; 1]>::try_from(figures) {
-            Ok([one]) => output::say_json(&one),
-            Err(several) => output::say_json(&json!({"materials": several})),
+            Ok([one]) => output::print_json(&one),
+            Err(several) => output::print_json(&json!({"materials": several})),
         }
     }
 
@@ -201,7 +201,7 @@ impl Fit {
         &self,
         name: String,
         table: &MerlTable,
-        form: AnyForm,
+        form: BrdfForm,
         plan: Option<&SamplingPlan>,
         scenes: &SphereScenes,
     ) -> Result<Row> {
@@ -209,15 +209,15 @@ impl Fit {
         let settings = self.forms.settings();
         let fitted = match plan {
             Some(plan) => forms::fit_planned(table, plan, form, &settings)?,
-            None => forms::fit(table, form, &settings)?,
+            None => forms::fit_table(table, form, &settings)?,
         };
         let seconds = begun.elapsed().as_secs_f64();
-        let report = ErrorReport::of(table, &fitted, scenes);
+        let report = ErrorReport::compare(table, &fitted, scenes);
         Ok(Row { name, bytes: fitted.bytes(), fitted, seconds, report })
     }
 }
 
-fn figures(row: &Row, form: AnyForm) -> Value {
+fn figures(row: &Row, form: BrdfForm) -> Value {
     let report = &row.report;
     json!({
         "name": row.name,
@@ -233,7 +233,7 @@ fn figures(row: &Row, form: AnyForm) -> Value {
     })
 }
 
-fn table(all: &[Row], form: AnyForm) -> String {
+fn table(all: &[Row], form: BrdfForm) -> String {
     let names: Vec<String> = all.iter().map(|row| output::line(&row.name)).collect();
     let width = names.iter().map(|name| name.chars().count()).max().unwrap_or(0).max(18);
     let mut text = String::new();
@@ -277,12 +277,12 @@ fn table(all: &[Row], form: AnyForm) -> String {
 }
 
 /// The bytes of a file of fitted materials: `.tsuya`, or `.json` of classical models (standard output takes what there is).
-pub fn write_fitted(path: &Path, all: Vec<(String, Fitted)>) -> Result<Vec<u8>> {
+pub fn write_fitted(path: &Path, all: Vec<(String, FittedBrdf)>) -> Result<Vec<u8>> {
     let (mut coded, mut models) = (Vec::new(), Vec::new());
     for (name, fitted) in all {
         match fitted {
-            Fitted::Coded(material) => coded.push(NamedMaterial { name, material }),
-            Fitted::Classical(model) => models.push(ModelEntry { name, model }),
+            FittedBrdf::Coded(material) => coded.push(NamedMaterial { name, material }),
+            FittedBrdf::Classical(model) => models.push(ModelEntry { name, model }),
         }
     }
     if !coded.is_empty() && !models.is_empty() || !coded.is_empty() && source::has_extension(path, "json") {

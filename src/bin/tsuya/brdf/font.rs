@@ -1,6 +1,6 @@
 //! Letters of 3 x 5 pixels for the names on contact sheets.
 
-use tsuya::metrics::Picture;
+use tsuya::metrics::DisplayImage;
 
 /// Each letter five rows of three pixels, an octal digit a row.
 const LETTERS: [(char, u16); 39] = [
@@ -49,7 +49,7 @@ const SCALE: usize = 2;
 pub const LINE: usize = 7 * SCALE;
 
 /// Writes a line with its upper left corner at a place; what lies outside the picture is left out.
-pub fn write(picture: &mut Picture, left: usize, top: usize, text: &str) {
+pub fn write(picture: &mut DisplayImage, left: usize, top: usize, text: &str) {
     for (index, letter) in text.chars().enumerate() {
         let letter = letter.to_ascii_lowercase();
         let Some((_, rows)) = LETTERS.iter().find(|(known, _)| *known == letter) else { continue };
@@ -58,7 +58,7 @@ pub fn write(picture: &mut Picture, left: usize, top: usize, text: &str) {
             let (column, row) = (left + index * 4 * SCALE + x, top + SCALE + y);
             let set = rows >> (3 * (4 - y / SCALE) + 2 - x / SCALE) & 1 == 1;
             if set && column < picture.width && row < picture.height {
-                *picture.at_mut(column, row) = [220; 3];
+                *picture.value_at_mut(column, row) = [220; 3];
             }
         }
     }

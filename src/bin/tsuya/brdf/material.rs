@@ -5,18 +5,18 @@ use anyhow::Result;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use tsuya::brdf::Brdf;
-use tsuya::brdf::forms::Fitted;
+use tsuya::brdf::forms::FittedBrdf;
 use tsuya::brdf::merl::MerlTable;
 use tsuya::brdf::models::ClassicalModel;
 use tsuya::brdf::rgl::RglMaterial;
-use tsuya::decoder::Selection;
+use tsuya::decoder::ViewSelection;
 use tsuya::{Error, Result as TsuyaResult};
 
 /// A material as a file has it.
 pub enum Material {
     Merl(MerlTable),
     Rgl(Box<RglMaterial>),
-    Fitted(Fitted),
+    Fitted(FittedBrdf),
 }
 
 /// A material with its name.
@@ -43,21 +43,21 @@ pub struct ModelEntry {
 
 pub const MODEL_FORMAT: &str = "tsuya-brdf-models-1";
 /// A model has some 300 bytes.
-const MOST_MODEL_BYTES: u64 = 16 << 20;
+const MAX_MODEL_BYTES: u64 = 16 << 20;
 
 impl Material {
     /// The material as a table: itself, or sampled at every cell.
     pub fn into_table(self) -> MerlTable {
         match self {
             Material::Merl(table) => table,
-            Material::Rgl(material) => MerlTable::of(&material.reciprocal()),
-            other => MerlTable::of(&other),
+            Material::Rgl(material) => MerlTable::tabulate(&material.reciprocal()),
+            other => MerlTable::tabulate(&other),
         }
     }
 
     /// The material between its samples, where it has samples.
-    pub fn smooth(&self) -> Smooth<'_> {
-        Smooth(self)
+    pub fn interpolated(&self) -> InterpolatedMaterial<'_> {
+        InterpolatedMaterial(self)
     }
 }
 
@@ -71,13 +71,13 @@ impl Brdf for Material {
     }
 }
 
-/// See [`Material::smooth`].
-pub struct Smooth<'a>(&'a Material);
+/// See [`Material::interpolated`].
+pub struct InterpolatedMaterial<'a>(&'a Material);
 
-impl Brdf for Smooth<'_> {
+impl Brdf for InterpolatedMaterial<'_> {
     fn evaluate(&self, incoming: [f64; 3], outgoing: [f64; 3]) -> [f64; 3] {
         match self.0 {
-            Material::Merl(table) => table.smooth().evaluate(incoming, outgoing),
+            Material::Merl(table) => table.interpolated().evaluate(incoming, outgoing),
             other => other.evaluate(incoming, outgoing),
         }
     }
@@ -141,16 +141,16 @@ pub fn read_one(path: &Path, wanted: Option<&str>) -> Result<Named> {
 }
 
 fn read_tsuya(path: &Path) -> Result<Vec<Named>> {
-    let (asset, _) = source::decode(path, Selection::None)?;
+    let (asset, _) = source::decode(path, ViewSelection::None)?;
     if asset.materials.is_empty() {
         return Err(Error::input(path, "the file has no material (section mATl)").into());
     }
     let named = asset.materials.into_iter();
-    Ok(named.map(|m| Named { name: m.name, material: Material::Fitted(Fitted::Coded(m.material)) }).collect())
+    Ok(named.map(|m| Named { name: m.name, material: Material::Fitted(FittedBrdf::Coded(m.material)) }).collect())
 }
 
 fn read_models(path: &Path) -> Result<Vec<Named>> {
-    let bytes = source::read_at_most(path, "file of models", MOST_MODEL_BYTES)?;
+    let bytes = source::read_at_most(path, "file of models", MAX_MODEL_BYTES)?;
     let wrong = |what: String| Error::input(path, format!("not a file of fitted models: {what}"));
     let file: ModelFile = serde_json::from_slice(&bytes).map_err(|e| wrong(e.to_string()))?;
     if file.format != MODEL_FORMAT {
@@ -159,7 +159,7 @@ fn read_models(path: &Path) -> Result<Vec<Named>> {
     let mut found = Vec::new();
     for entry in file.materials {
         entry.model.check().map_err(|e| wrong(format!("material {}: {e}", entry.name)))?;
-        found.push(Named { name: entry.name, material: Material::Fitted(Fitted::Classical(entry.model)) });
+        found.push(Named { name: entry.name, material: Material::Fitted(FittedBrdf::Classical(entry.model)) });
     }
     Ok(found)
 }

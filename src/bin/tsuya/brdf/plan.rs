@@ -59,7 +59,7 @@ impl Plan {
             return Err(Error::parameter("figures and the plan can't both go to standard output").into());
         }
         let busy = progress::busy("planning");
-        let mut population = Population::new().with_least_theta_h_deg(self.least_theta_h.into());
+        let mut population = Population::new().with_min_theta_h_deg(self.least_theta_h.into());
         for path in inputs {
             if !matches!(Kind::of(&path)?, Kind::Merl | Kind::Rgl) {
                 let message = "a population is of measured materials, .binary or .bsdf";
@@ -77,9 +77,9 @@ impl Plan {
             }
         }
         let method = match self.method {
-            Method::Published => plan::Method::Published,
-            Method::Uniform => plan::Method::Uniform,
-            Method::Optimal => plan::Method::Optimal,
+            Method::Published => plan::PlanMethod::Published,
+            Method::Uniform => plan::PlanMethod::Uniform,
+            Method::Optimal => plan::PlanMethod::Optimal,
         };
         let plan = population.plan(self.samples, method)?;
         drop(busy);
@@ -90,7 +90,7 @@ impl Plan {
             let angles: Vec<_> = (plan.angles.iter())
                 .map(|a| json!({"theta_h_deg": a.theta_h_deg, "theta_d_deg": a.theta_d_deg, "phi_d_deg": a.phi_d_deg}))
                 .collect();
-            return output::say_json(&json!({
+            return output::print_json(&json!({
                 "method": plan.method,
                 "materials": plan.materials,
                 "samples": plan.angles.len(),
@@ -107,12 +107,12 @@ impl Plan {
         }
         text += &format!("{} samples, from {} materials: ", plan.angles.len(), plan.materials);
         text += &format!("expected log RMSE {:.4}\n", plan.expected_log_rmse);
-        output::say(&text)
+        output::print(&text)
     }
 }
 
 /// Reads a plan.
-pub fn read(path: &Path) -> Result<plan::Plan> {
+pub fn read(path: &Path) -> Result<plan::MeasurementPlan> {
     let text = source::read_at_most(path, "sampling plan", MAX_PLAN_BYTES)?;
-    Ok(plan::Plan::from_json(&text).map_err(|e| Error::input(path, e.to_string()))?)
+    Ok(plan::MeasurementPlan::from_json(&text).map_err(|e| Error::input(path, e.to_string()))?)
 }

@@ -21,8 +21,8 @@ pub struct Render {
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
     /// What lights the sphere.
-    #[arg(long, value_enum, default_value_t = Scene::Environment)]
-    scene: Scene,
+    #[arg(long, value_enum, default_value_t = SphereLighting::Environment)]
+    scene: SphereLighting,
     /// A lat-long picture as the environment [default: one of the program's own].
     #[arg(long, value_name = "FILE")]
     environment: Option<PathBuf>,
@@ -47,7 +47,7 @@ pub struct Render {
 }
 
 #[derive(Clone, Copy, PartialEq, ValueEnum)]
-enum Scene {
+enum SphereLighting {
     /// A point light.
     Point,
     /// An environment.
@@ -67,17 +67,20 @@ impl Render {
         let lights: Vec<[f64; 3]> = match (self.sweep, self.scene, self.light) {
             (Some(steps), ..) => sweep_lights(steps.into()),
             (None, _, Some(light)) => vec![light],
-            (None, Scene::Point, None) => vec![POINT_LIGHT],
-            (None, Scene::Environment, None) => vec![],
+            (None, SphereLighting::Point, None) => vec![POINT_LIGHT],
+            (None, SphereLighting::Environment, None) => vec![],
         };
         let side = usize::from(self.size);
         let images = if lights.is_empty() {
             let scenes = SphereScenes::new(side, &environment(self.environment.as_deref())?);
-            vec![scenes.environment(&material.smooth())]
+            vec![scenes.render_environment(&material.interpolated())]
         } else {
-            lights.iter().map(|&light| SphereScenes::points(side).point(&material.smooth(), light)).collect()
+            lights
+                .iter()
+                .map(|&light| SphereScenes::point_lights(side).render_point_light(&material.interpolated(), light))
+                .collect()
         };
-        let mask = SphereScenes::points(side).mask().clone();
+        let mask = SphereScenes::point_lights(side).mask().clone();
         let measured = images.iter().map(|image| exposure(image, &mask)).fold(0.0, f64::max);
         let white = self.white.unwrap_or(measured);
         let bytes = if extension == "exr" {

@@ -5,7 +5,7 @@ use crate::pictures::beside;
 use tsuya::brdf::Brdf;
 use tsuya::brdf::preview::{SpherePair, SphereScenes, exposure};
 use tsuya::image::{Grid, RgbImage};
-use tsuya::metrics::{Picture, difference, to_display};
+use tsuya::metrics::{DisplayImage, difference, to_display};
 
 /// How much differences are amplified: `128 + 5 * 127 * (s - s')` of the square roots of radiance over white.
 const AMPLIFICATION: f64 = 5.0;
@@ -30,7 +30,7 @@ pub fn tile(
     measured: &impl Brdf,
     fitted: &impl Brdf,
     sweep: Option<usize>,
-) -> Picture {
+) -> DisplayImage {
     let shown = match sweep {
         None => {
             let point = three(scenes, &scenes.point_pair(measured, fitted));
@@ -41,10 +41,10 @@ pub fn tile(
             let lights = sweep_lights(steps);
             let rows =
                 |material: &dyn Fn([f64; 3]) -> RgbImage| lights.iter().map(|&l| material(l)).collect::<Vec<_>>();
-            let first = rows(&|light| scenes.point(measured, light));
-            let second = rows(&|light| scenes.point(fitted, light));
+            let first = rows(&|light| scenes.render_point_light(measured, light));
+            let second = rows(&|light| scenes.render_point_light(fitted, light));
             let white = first.iter().map(|image| exposure(image, scenes.mask())).fold(0.0, f64::max);
-            let columns: Vec<Picture> = (first.into_iter().zip(second))
+            let columns: Vec<DisplayImage> = (first.into_iter().zip(second))
                 .map(|(measured, fitted)| below(&three(scenes, &SpherePair { measured, fitted, white })))
                 .collect();
             beside(&columns)
@@ -56,7 +56,7 @@ pub fn tile(
     picture
 }
 
-fn three(scenes: &SphereScenes, pair: &SpherePair) -> Vec<Picture> {
+fn three(scenes: &SphereScenes, pair: &SpherePair) -> Vec<DisplayImage> {
     let white = [pair.white; 3];
     let mut gap = difference(&pair.measured, &pair.fitted, scenes.mask(), white, AMPLIFICATION);
     let outside = gap.data.iter_mut().zip(&scenes.mask().data).filter(|(_, inside)| !**inside);
@@ -65,13 +65,13 @@ fn three(scenes: &SphereScenes, pair: &SpherePair) -> Vec<Picture> {
 }
 
 /// Tiles in columns, filled downwards.
-pub fn arrange(tiles: &[Picture], columns: usize) -> Picture {
+pub fn arrange(tiles: &[DisplayImage], columns: usize) -> DisplayImage {
     let rows = tiles.len().div_ceil(columns.max(1)).max(1);
-    let stacks: Vec<Picture> = tiles.chunks(rows).map(below).collect();
+    let stacks: Vec<DisplayImage> = tiles.chunks(rows).map(below).collect();
     beside(&stacks)
 }
 
-fn below(pictures: &[Picture]) -> Picture {
+fn below(pictures: &[DisplayImage]) -> DisplayImage {
     let width = pictures.iter().map(|p| p.width).max().unwrap_or(0);
     let height = pictures.iter().map(|p| p.height + GAP).sum::<usize>().saturating_sub(GAP);
     let mut joined = Grid::filled(width, height, BACKGROUND);

@@ -148,7 +148,7 @@ impl CaptureFolder {
 /// An entry of a palette as a material, called by the width that it stands for.
 fn palette_material(entry: &PaletteEntry) -> NamedMaterial {
     let name = format!("sigma {:.4}", sigma_of_level(entry.level.into()));
-    NamedMaterial { name, material: FittedMaterial::Lobes(entry.lobes.clone()) }
+    NamedMaterial { name, material: FittedMaterial::Dsbrdf(entry.lobes.clone()) }
 }
 
 /// Camera to world with OpenGL's axes (x right, y up, z backward).

@@ -2,7 +2,7 @@
 
 use super::place::{folder_of, is_same_file, keep_permissions, rename_file, resolved, sync_folder};
 use super::staging::{Staging, making, taking_places};
-use super::{complain, exists, is_stream};
+use super::{eprint_line, exists, is_stream};
 use anyhow::Result;
 use std::fs::{File, OpenOptions};
 use std::io::{Error as IoError, IsTerminal, Write};
@@ -89,7 +89,7 @@ impl Files {
             if let Ok(old) = std::fs::metadata(target)
                 && let Some(message) = keep_permissions(new, &old)
             {
-                complain(&format!("warning: {}: {message}", shown.display()));
+                eprint_line(&format!("warning: {}: {message}", shown.display()));
             }
         }
         let _guard = taking_places();

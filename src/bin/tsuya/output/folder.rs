@@ -7,7 +7,7 @@
 
 use super::place::{exchange, folder_of, is_other_file_system, is_same_file, keep_permissions, resolved, sync_folder};
 use super::staging::{Staging, is_staging, making, taking_places};
-use super::{complain, files::is_input};
+use super::{eprint_line, files::is_input};
 use anyhow::Result;
 use std::collections::BTreeSet;
 use std::fs::{File, Metadata};
@@ -95,7 +95,7 @@ impl Folder {
         if let Some(message) =
             old.symlink_metadata().ok().filter(Metadata::is_file).and_then(|m| keep_permissions(&new, &m))
         {
-            complain(&format!("warning: {}: {message}", shown.display()));
+            eprint_line(&format!("warning: {}: {message}", shown.display()));
         }
         self.written.lock().unwrap_or_else(PoisonError::into_inner).insert(PathBuf::from(name));
         Ok(())
@@ -128,7 +128,7 @@ impl Folder {
             Err(Refusal::Error(error)) => return Err(error.into()),
         }
         if let Some(message) = self.target.metadata().ok().and_then(|metadata| keep_permissions(&new, &metadata)) {
-            complain(&format!("warning: {}: {message}", self.shown.display()));
+            eprint_line(&format!("warning: {}: {message}", self.shown.display()));
         }
         match self.take_place(&new) {
             Ok(old) => {

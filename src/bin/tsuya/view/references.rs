@@ -7,7 +7,7 @@ use crate::source::{self, limits};
 use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
-use tsuya::gltf::{self, Document, EXTENSION};
+use tsuya::gltf::{self, EXTENSION, GltfDocument};
 use tsuya::input::{Folder, quoted};
 use tsuya::{Budget, Error};
 
@@ -55,7 +55,7 @@ impl References {
     pub fn of(path: &Path, folder: &Folder) -> Self {
         let mut references = References::default();
         let budget = Budget::new(limits());
-        let document = source::read(path).ok().and_then(|bytes| Document::parse(path, &bytes, &budget).ok());
+        let document = source::read(path).ok().and_then(|bytes| GltfDocument::parse(path, &bytes, &budget).ok());
         let Some(document) = document else { return references };
         let mut seen = BTreeSet::new();
         let uris: Vec<(&str, usize)> = (0..KINDS.len())
@@ -98,7 +98,7 @@ impl References {
 }
 
 /// Objects of a document that may have a `uri`.
-fn objects<'a>(document: &'a Document, list: &str) -> &'a [Value] {
+fn objects<'a>(document: &'a GltfDocument, list: &str) -> &'a [Value] {
     if list != "appearances" {
         return document.list(list);
     }
@@ -175,7 +175,7 @@ mod tests {
         let document = json!({"asset": {"version": "2.0"}, "buffers": list(buffers), "images": list(images)});
         let path = root.join("object.gltf");
         std::fs::write(&path, document.to_string()).unwrap();
-        let references = References::of(&path, &Folder::of(&path, allow_outside));
+        let references = References::of(&path, &Folder::containing(&path, allow_outside));
         let refused: Vec<String> = references.left_out.refused.iter().map(|error| error.to_string()).collect();
         (references.files.into_keys().collect(), references.levels_up, refused.join("\n"))
     }

@@ -79,7 +79,7 @@ impl Site {
         }
         input::open(file)?;
         let mut files = page(assets)?;
-        let folder = Folder::of(file, allow_outside);
+        let folder = Folder::containing(file, allow_outside);
         let references =
             if has_extension(file, "tsuya") { References::default() } else { References::of(file, &folder) };
         for (place, path) in &references.files {

@@ -3,15 +3,15 @@
 mod moments;
 mod quantise;
 
-use super::{Header, TunedMaterial, codec, degrees, floor_size};
-use crate::brdf::Sample;
+use super::{CompactHeader, CompactMaterial, codec, degrees, floor_size};
+use crate::brdf::BrdfSample;
 use crate::error::{Error, Result};
-use moments::{Moments, Weighted};
-use quantise::Normal;
+use moments::{Moments, WeightedSample};
+use quantise::NormalEquations;
 
 /// Whether the order of both directions counts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Direction {
+pub enum FitDirections {
     /// Exchanging the directions changes nothing; what the samples say against it is averaged. A MERL table keeps one value of both
     /// orders.
     #[default]
@@ -22,30 +22,30 @@ pub enum Direction {
 
 /// How to fit.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct FitOptions {
+pub struct CompactFitOptions {
     /// Most bytes of the coded material, at least 32.
     pub bytes: usize,
     /// Whether the order of both directions counts.
-    pub direction: Direction,
+    pub direction: FitDirections,
     /// Weight of errors as a rendered sphere shows them, against those of `ln(1 + f cos)` over the samples.
     pub picture_weight: f64,
 }
 
-impl Default for FitOptions {
+impl Default for CompactFitOptions {
     fn default() -> Self {
-        FitOptions { bytes: 256, direction: Direction::default(), picture_weight: 3.0 }
+        CompactFitOptions { bytes: 256, direction: FitDirections::default(), picture_weight: 3.0 }
     }
 }
 
 /// Fits a material to samples (in any order; fastest where equal `theta_h`, then equal `theta_d`, follow each other).
 /// # Errors
 /// [`Error::Parameter`] without usable samples, or where the limit of bytes is too small.
-pub fn fit(samples: &[Sample], options: &FitOptions) -> Result<TunedMaterial> {
-    let reciprocal = options.direction == Direction::Reciprocal;
-    let usable = |s: &&Sample| {
+pub fn fit_compact(samples: &[BrdfSample], options: &CompactFitOptions) -> Result<CompactMaterial> {
+    let reciprocal = options.direction == FitDirections::Reciprocal;
+    let usable = |s: &&BrdfSample| {
         s.value.iter().all(|v| v.is_finite() && *v >= 0.0) && s.cos_incoming > 0.0 && s.cos_outgoing > 0.0
     };
-    let samples: Vec<Sample> = samples.iter().filter(usable).copied().collect();
+    let samples: Vec<BrdfSample> = samples.iter().filter(usable).copied().collect();
     if samples.is_empty() {
         return Err(Error::parameter("no sample to fit: all are negative, not finite or below the horizon"));
     }
@@ -57,11 +57,11 @@ pub fn fit(samples: &[Sample], options: &FitOptions) -> Result<TunedMaterial> {
     for (sample, weight) in samples.iter().zip(weights) {
         let logarithm = sample.value.map(|f| (f + floor_size(floor)).ln());
         highest = logarithm.into_iter().fold(highest, f64::max);
-        moments.add(&Weighted { sample, weight, logarithm });
+        moments.add(&WeightedSample { sample, weight, logarithm });
     }
     let ceiling = ((highest + 8.0) * 4.0).ceil().clamp(0.0, 127.0) as u8;
     let (matrix, sides) = moments.finish(degrees(reciprocal));
-    let normal = Normal::new(matrix, sides, degrees(reciprocal));
+    let normal = NormalEquations::new(matrix, sides, degrees(reciprocal));
     // The finest step that fits.
     let (mut low, mut high) = (0u8, 63u8);
     let mut best = None;
@@ -70,7 +70,7 @@ pub fn fit(samples: &[Sample], options: &FitOptions) -> Result<TunedMaterial> {
         let channels = [0, 1, 2].map(|c| normal.quantise(c, step));
         let gains = [0, 1, 2].map(|c: usize| channels[c].1);
         let coefficients = channels.map(|(whole, _)| whole);
-        let material = TunedMaterial::new(Header { reciprocal, step, floor, ceiling, gains }, coefficients);
+        let material = CompactMaterial::new(CompactHeader { reciprocal, step, floor, ceiling, gains }, coefficients);
         if material.encode().len() <= options.bytes {
             best = Some(material);
             if step == 0 {
@@ -85,13 +85,13 @@ pub fn fit(samples: &[Sample], options: &FitOptions) -> Result<TunedMaterial> {
 }
 
 /// Coefficients of red, green and blue of `ln(f + floor)` by plain least squares, not quantised, for a reciprocal material.
-pub(in crate::brdf) fn coefficients(samples: &[Sample], floor: f64) -> [Vec<f64>; 3] {
+pub(in crate::brdf) fn coefficients(samples: &[BrdfSample], floor: f64) -> [Vec<f64>; 3] {
     let mut moments = Moments::new(true);
     for sample in samples {
-        moments.add(&Weighted { sample, weight: 1.0, logarithm: sample.value.map(|f| (f + floor).ln()) });
+        moments.add(&WeightedSample { sample, weight: 1.0, logarithm: sample.value.map(|f| (f + floor).ln()) });
     }
     let (matrix, sides) = moments.finish(degrees(true));
-    let normal = Normal::new(matrix, sides, degrees(true));
+    let normal = NormalEquations::new(matrix, sides, degrees(true));
     let [mean, red_blue, green] = [0, 1, 2].map(|c| normal.solution(c));
     let combine = |signs: [f64; 2]| {
         (0..mean.len()).map(|n| mean[n] + signs[0] * red_blue[n] + signs[1] * green[n]).collect::<Vec<f64>>()
@@ -100,12 +100,12 @@ pub(in crate::brdf) fn coefficients(samples: &[Sample], floor: f64) -> [Vec<f64>
 }
 
 /// How often a rendered sphere's pixels show a sample's angles.
-fn density(sample: &Sample) -> f64 {
+fn density(sample: &BrdfSample) -> f64 {
     (2.0 * sample.theta_d).sin() * sample.theta_h.sin() * sample.theta_h.sqrt() * sample.cos_outgoing
 }
 
 /// What a picture shows as white: the 95th percentile of `f cos_i` over a sphere, about.
-fn white(samples: &[Sample]) -> f64 {
+fn white(samples: &[BrdfSample]) -> f64 {
     let mut shown: Vec<(f64, f64)> = (samples.iter().filter(|s| s.theta_d < 1.0))
         .map(|s| (s.value.into_iter().fold(0.0, f64::max) * s.cos_incoming, density(s)))
         .collect();
@@ -120,7 +120,7 @@ fn white(samples: &[Sample]) -> f64 {
 
 /// What squared errors of the logarithm count: those of `ln(1 + f cos_i)`, and those of a sphere's display values, by how often its
 /// pixels show such angles. Mean about `1 + picture_weight`.
-fn weights(samples: &[Sample], picture_weight: f64, white: f64, floor: f64) -> Vec<f64> {
+fn weights(samples: &[BrdfSample], picture_weight: f64, white: f64, floor: f64) -> Vec<f64> {
     let each: Vec<[f64; 2]> = samples
         .iter()
         .map(|s| {

@@ -3,19 +3,19 @@
 //! `T_a T_a' = (T_(a+a') + T_|a-a'|) / 2`, so that all entries follow from the weighted sums of `T_a T_b T_c` up to twice the degree, and
 //! samples of one `theta_h`, one `theta_d` share the work.
 
-use crate::brdf::Sample;
-use crate::brdf::compact::{DEGREES, Degrees, chebyshev, coordinates};
+use crate::brdf::BrdfSample;
+use crate::brdf::compact::{COMPACT_DEGREES, TermDegrees, chebyshev, coordinates};
 
-const X: usize = DEGREES[0];
-const Y: usize = DEGREES[1];
-const S: usize = DEGREES[2];
+const X: usize = COMPACT_DEGREES[0];
+const Y: usize = COMPACT_DEGREES[1];
+const S: usize = COMPACT_DEGREES[2];
 const X2: usize = 2 * X - 1;
 const Y2: usize = 2 * Y - 1;
 const S2: usize = 2 * S - 1;
 
 /// A sample with what it counts.
-pub(super) struct Weighted<'a> {
-    pub sample: &'a Sample,
+pub(super) struct WeightedSample<'a> {
+    pub sample: &'a BrdfSample,
     pub weight: f64,
     pub logarithm: [f64; 3],
 }
@@ -48,7 +48,7 @@ impl Moments {
         }
     }
 
-    pub(super) fn add(&mut self, of: &Weighted) {
+    pub(super) fn add(&mut self, of: &WeightedSample) {
         let sample = of.sample;
         let [x, y, s] = coordinates(sample.theta_h, sample.theta_d, sample.cos_incoming, sample.cos_outgoing);
         if [x, y] != self.at {
@@ -110,12 +110,12 @@ impl Moments {
     }
 
     /// The matrix (rows of `degrees`) and the right sides of red, green, blue, divided by the number of samples.
-    pub(super) fn finish(mut self, degrees: &[Degrees]) -> (Vec<Vec<f64>>, [Vec<f64>; 3]) {
+    pub(super) fn finish(mut self, degrees: &[TermDegrees]) -> (Vec<Vec<f64>>, [Vec<f64>; 3]) {
         self.close_y();
         self.close_x();
         let scale = 1.0 / self.total.max(1.0);
-        let third = |d: &Degrees| if self.reciprocal { d[2] / 2 } else { d[2] };
-        let entry = |p: &Degrees, q: &Degrees| {
+        let third = |d: &TermDegrees| if self.reciprocal { d[2] / 2 } else { d[2] };
+        let entry = |p: &TermDegrees, q: &TermDegrees| {
             let (p2, q2) = (third(p), third(q));
             let mut sum = 0.0;
             for a in [p[0] + q[0], p[0].abs_diff(q[0])] {

@@ -1,7 +1,7 @@
 //! Integers for the coefficients: least squared error plus what their bits are worth.
 
-use super::codec::{LARGEST, cost, level};
-use crate::brdf::compact::{CHANNEL_STEPS, Degrees, step_size};
+use super::codec::{MAX_MAGNITUDE, cost, level};
+use crate::brdf::compact::{CHANNEL_STEPS, TermDegrees, step_size};
 
 /// Squared steps that a bit is worth.
 const BIT_WORTH: f64 = 0.1;
@@ -13,8 +13,8 @@ const RIDGE: f64 = 1e-5;
 const ROUNDS: usize = 8;
 
 /// Normal equations of the three coded channels.
-pub(super) struct Normal<'a> {
-    degrees: &'a [Degrees],
+pub(super) struct NormalEquations<'a> {
+    degrees: &'a [TermDegrees],
     matrix: Vec<Vec<f64>>,
     /// Coefficients by their relative degree: low ones are chosen last and take up what the high ones miss.
     order: Vec<usize>,
@@ -26,12 +26,12 @@ pub(super) struct Normal<'a> {
     solved: [Vec<f64>; 3],
 }
 
-impl<'a> Normal<'a> {
+impl<'a> NormalEquations<'a> {
     /// From the matrix and the right sides of red, green, blue.
-    pub(super) fn new(mut matrix: Vec<Vec<f64>>, sides: [Vec<f64>; 3], degrees: &'a [Degrees]) -> Self {
+    pub(super) fn new(mut matrix: Vec<Vec<f64>>, sides: [Vec<f64>; 3], degrees: &'a [TermDegrees]) -> Self {
         let count = degrees.len();
         (0..count).for_each(|n| matrix[n][n] += RIDGE);
-        let [a, b, m] = crate::brdf::compact::DEGREES;
+        let [a, b, m] = crate::brdf::compact::COMPACT_DEGREES;
         let mut order: Vec<usize> = (0..count).collect();
         order.sort_by_key(|&n| degrees[n][0] * b * m + degrees[n][1] * a * m + degrees[n][2] * a * b);
         let triangle = cholesky(&matrix, &order);
@@ -51,7 +51,7 @@ impl<'a> Normal<'a> {
             }
             z
         });
-        Normal { degrees, matrix, order, triangle, sides, solved }
+        NormalEquations { degrees, matrix, order, triangle, sides, solved }
     }
 
     /// Coefficients of a channel, not quantised.
@@ -101,7 +101,7 @@ impl<'a> Normal<'a> {
             let n = self.order[i];
             let above: f64 = (i + 1..count).map(|j| row[j] * chosen[j]).sum();
             target[i] = (target[i] - above) / row[i];
-            chosen[i] = choose(target[i], row[i] * row[i], levels[n], bit_worth, &[]);
+            chosen[i] = cheapest_integer(target[i], row[i] * row[i], levels[n], bit_worth, &[]);
             whole[n] = chosen[i] as i32;
         }
         whole
@@ -121,8 +121,13 @@ impl<'a> Normal<'a> {
             for n in 0..count {
                 let now = whole[n] as f64;
                 let curvature = self.matrix[n][n];
-                let best =
-                    choose(now + slope[n] / curvature, curvature, levels[n], BIT_WORTH, &[now, now - 1.0, now + 1.0]);
+                let best = cheapest_integer(
+                    now + slope[n] / curvature,
+                    curvature,
+                    levels[n],
+                    BIT_WORTH,
+                    &[now, now - 1.0, now + 1.0],
+                );
                 if best != now {
                     (0..count).for_each(|k| slope[k] -= self.matrix[n][k] * (best - now));
                     whole[n] = best as i32;
@@ -138,11 +143,11 @@ impl<'a> Normal<'a> {
 }
 
 /// The cheapest integer near a target, or 0, or one of the others.
-fn choose(target: f64, curvature: f64, level: i32, bit_worth: f64, others: &[f64]) -> f64 {
+fn cheapest_integer(target: f64, curvature: f64, level: i32, bit_worth: f64, others: &[f64]) -> f64 {
     let below = target.floor();
     let mut best = (f64::INFINITY, 0.0);
     for candidate in [below, below + 1.0, 0.0].into_iter().chain(others.iter().copied()) {
-        let candidate = candidate.clamp(-(LARGEST as f64), LARGEST as f64);
+        let candidate = candidate.clamp(-(MAX_MAGNITUDE as f64), MAX_MAGNITUDE as f64);
         let apart = candidate - target;
         let price = curvature * apart * apart + bit_worth * cost(level, candidate.abs() as u32);
         if price < best.0 {

@@ -3,26 +3,26 @@
 
 use std::time::Instant;
 use tsuya::Limits;
-use tsuya::container::Arrival;
-use tsuya::decoder::arriving::{ArrivingFile, PictureFacts, ViewProgress};
+use tsuya::container::Poll;
+use tsuya::decoder::arriving::{IncrementalDecoder, PhotographCoding, ViewStatus};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let path = std::env::args().nth(1).ok_or("usage: native FILE")?;
     let bytes = std::fs::read(path)?;
     let mut best: Vec<f64> = Vec::new();
     for _ in 0..3 {
-        let mut file = ArrivingFile::new(Some(bytes.len() as u64), true, Limits::default());
+        let mut file = IncrementalDecoder::new(Some(bytes.len() as u64), true, Limits::default());
         file.give(0, &bytes)?;
-        let Arrival::Here(opened) = file.open()? else { return Err("the file is cut".into()) };
+        let Poll::Ready(opened) = file.open()? else { return Err("the file is cut".into()) };
         file.mesh()?;
         let order: Vec<usize> = match &opened.pictures {
-            PictureFacts::Tuned { header, .. } => header.steps.iter().map(|coded| coded.step.view).collect(),
+            PhotographCoding::Tuned { header, .. } => header.steps.iter().map(|coded| coded.step.view).collect(),
             _ => (0..opened.capture.views.len()).collect(),
         };
         best.resize(order.len(), f64::INFINITY);
         for (view, best) in order.into_iter().zip(&mut best) {
             let began = Instant::now();
-            while let Arrival::Here(ViewProgress::Again) = file.view(view)? {}
+            while let Poll::Ready(ViewStatus::Again) = file.view(view)? {}
             *best = best.min(began.elapsed().as_secs_f64() * 1e3);
         }
     }

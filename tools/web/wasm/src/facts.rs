@@ -1,27 +1,27 @@
 //! What a file says of itself, as JSON.
 
 use serde_json::{Value, json};
-use tsuya::asset::metres;
+use tsuya::asset::metres_per_unit;
 use tsuya::container::{Section, VERSION};
-use tsuya::decoder::arriving::{Opened, PictureFacts};
+use tsuya::decoder::arriving::{FileHeader, PhotographCoding};
 use tsuya::views::upright;
 
 /// Facts, views and coding order.
-pub fn opened(opened: &Opened) -> Value {
-    let Opened { metadata, capture, pictures } = opened;
-    let profile = match pictures {
-        PictureFacts::None => None,
-        PictureFacts::Tuned { .. } => Some("tuned"),
-        PictureFacts::Paper => Some("paper"),
+pub fn opened(opened: &FileHeader) -> Value {
+    let FileHeader { metadata, capture, photographs } = opened;
+    let profile = match photographs {
+        PhotographCoding::None => None,
+        PhotographCoding::Predictive { .. } => Some("tuned"),
+        PhotographCoding::WaveletTexture => Some("paper"),
     };
-    let order: Vec<Value> = match pictures {
-        PictureFacts::Tuned { header, streams } => {
-            let steps = header.steps.iter().map(|coded| {
+    let order: Vec<Value> = match photographs {
+        PhotographCoding::Predictive { header, streams } => {
+            let steps = header.entries.iter().map(|coded| {
                 let bytes: u64 = coded.lengths.iter().map(|&length| length as u64).sum();
-                let mut needs: Vec<usize> = coded.step.needs().collect();
+                let mut needs: Vec<usize> = coded.entry.dependencies().collect();
                 needs.sort_unstable();
                 needs.dedup();
-                json!({"view": coded.step.view, "needs": needs, "offset": streams + coded.offset, "bytes": bytes})
+                json!({"view": coded.entry.view, "needs": needs, "offset": streams + coded.offset, "bytes": bytes})
             });
             steps.collect()
         }
@@ -42,7 +42,7 @@ pub fn opened(opened: &Opened) -> Value {
             "components": capture.components,
             "white": capture.white,
             "upright": upright(&capture.views),
-            "metres": metres(&metadata.0),
+            "metres_per_unit": metres_per_unit(&metadata.0),
         },
         "views": views,
         "order": order,

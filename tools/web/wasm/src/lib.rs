@@ -11,13 +11,13 @@ use operations::Status;
 use output::Output;
 use std::cell::RefCell;
 use tsuya::Limits;
-use tsuya::decoder::arriving::ArrivingFile;
+use tsuya::decoder::arriving::IncrementalDecoder;
 
 #[derive(Default)]
 struct State {
     input: Vec<u8>,
     outputs: Vec<Output>,
-    file: Option<ArrivingFile>,
+    file: Option<IncrementalDecoder>,
 }
 
 thread_local! {
@@ -55,7 +55,7 @@ pub extern "C" fn tsuya_open(length: f64, is_seekable: u32, memory_mib: u32) {
     }));
     let length = (length >= 0.0).then_some(length as u64);
     let limits = Limits { memory_bytes: (memory_mib as u64) << 20, ..Limits::default() };
-    let file = ArrivingFile::new(length, is_seekable != 0, limits);
+    let file = IncrementalDecoder::new(length, is_seekable != 0, limits);
     with_state(|state| state.file = Some(file), ());
 }
 
@@ -65,8 +65,8 @@ pub extern "C" fn tsuya_give(offset: f64) -> u32 {
     with_state(
         |state| {
             let input = std::mem::take(&mut state.input);
-            let given = state.file.as_mut().map(|file| file.give(offset as u64, &input));
-            let (status, outputs) = operations::answer(given, |()| (Status::Here, Vec::new()));
+            let given = state.file.as_mut().map(|file| file.feed(offset as u64, &input));
+            let (status, outputs) = operations::answer(given, |()| (Status::Ready, Vec::new()));
             state.outputs = outputs;
             status as u32
         },
@@ -80,7 +80,7 @@ pub extern "C" fn tsuya_end(length: f64) {
     with_state(
         |state| {
             if let Some(file) = &mut state.file {
-                file.end(length as u64);
+                file.set_length(length as u64);
             }
         },
         (),
@@ -94,7 +94,7 @@ pub extern "C" fn tsuya_run(operation: u32, argument: u32, flags: u32) -> u32 {
         |state| {
             // What was handed out before is freed first.
             state.outputs = Vec::new();
-            let result = state.file.as_mut().map(|file| operations::run(file, operation, argument, flags));
+            let result = state.file.as_mut().map(|file| operations::run_operation(file, operation, argument, flags));
             let (status, outputs) = operations::answer(result, |answer| answer);
             state.outputs = outputs;
             status as u32

@@ -4,8 +4,8 @@ use crate::facts;
 use crate::output::{Output, to_halves};
 use serde_json::{Value, json};
 use tsuya::brdf::{Brdf, HalfDifference};
-use tsuya::container::Arrival;
-use tsuya::decoder::arriving::{ArrivingFile, ViewPicture, ViewProgress};
+use tsuya::container::Poll;
+use tsuya::decoder::arriving::{IncrementalDecoder, ViewPhotograph, ViewStatus};
 use tsuya::image::Grid;
 use tsuya::reflectance::palette::without_palette;
 use tsuya::surface::atlas::{fill_unused, rasterise_atlas};
@@ -17,13 +17,13 @@ use tsuya::{Error, Result};
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub enum Status {
     /// The outputs hold what was asked for.
-    Here = 0,
+    Ready = 0,
     /// The first output lists ranges that must arrive first.
-    Missing = 1,
+    NeedRanges = 1,
     /// The first output says what is wrong.
     Error = 2,
     /// A part is done; call again.
-    Again = 3,
+    InProgress = 3,
 }
 
 pub type Answer = (Status, Vec<Output>);
@@ -32,7 +32,7 @@ pub type Answer = (Status, Vec<Output>);
 const MATERIAL: [usize; 3] = [90, 30, 36];
 
 /// Runs an operation by its number.
-pub fn run(file: &mut ArrivingFile, operation: u32, argument: u32, flags: u32) -> Result<Answer> {
+pub fn run_operation(file: &mut IncrementalDecoder, operation: u32, argument: u32, flags: u32) -> Result<Answer> {
     match operation {
         0 => Ok(found(file.open()?, |opened| {
             let mut description = facts::opened(&opened);
@@ -63,7 +63,7 @@ pub fn run(file: &mut ArrivingFile, operation: u32, argument: u32, flags: u32) -
                     numbers.map(|x| x as f32).collect::<Vec<f32>>()
                 };
                 let mut outputs = vec![Output::Floats(light.diffuse.iter().flat_map(lobe).collect())];
-                let levels = light.levels.iter().map(|level| {
+                let levels = light.prefiltered.iter().map(|level| {
                     outputs.push(Output::Colours(level.cells().to_vec()));
                     json!({"sharpness": level.sharpness(), "size": level.size()})
                 });
@@ -85,11 +85,11 @@ pub fn run(file: &mut ArrivingFile, operation: u32, argument: u32, flags: u32) -
         })),
         6 => view(file, argument as usize, flags),
         7 => Ok(found(file.verify()?, |()| (Value::Null, Vec::new()))),
-        8 => Ok(match file.missing_for(argument as usize)? {
-            ranges if ranges.is_empty() => (Status::Here, vec![Output::Text("null".into())]),
-            ranges => missing(ranges),
+        8 => Ok(match file.ranges_for(argument as usize)? {
+            ranges if ranges.is_empty() => (Status::Ready, vec![Output::Text("null".into())]),
+            ranges => need_ranges(ranges),
         }),
-        9 => Ok((Status::Here, vec![Output::Text(facts::sections(file.sections()).to_string())])),
+        9 => Ok((Status::Ready, vec![Output::Text(facts::sections(file.sections()).to_string())])),
         other => Err(Error::parameter(format!("operation {other} does not exist"))),
     }
 }
@@ -117,18 +117,18 @@ pub fn answer<T>(result: Option<Result<T>>, right: impl FnOnce(T) -> Answer) -> 
     (Status::Error, vec![Output::Text(text.to_string())])
 }
 
-fn missing(ranges: Vec<std::ops::Range<u64>>) -> Answer {
+fn need_ranges(ranges: Vec<std::ops::Range<u64>>) -> Answer {
     let ranges: Vec<[u64; 2]> = ranges.into_iter().map(|range| [range.start, range.end]).collect();
-    (Status::Missing, vec![Output::Text(json!(ranges).to_string())])
+    (Status::NeedRanges, vec![Output::Text(json!(ranges).to_string())])
 }
 
-fn found<T>(arrival: Arrival<T>, describe: impl FnOnce(T) -> (Value, Vec<Output>)) -> Answer {
+fn found<T>(arrival: Poll<T>, describe: impl FnOnce(T) -> (Value, Vec<Output>)) -> Answer {
     match arrival {
-        Arrival::Missing(ranges) => missing(ranges),
-        Arrival::Here(value) => {
+        Poll::NeedRanges(ranges) => need_ranges(ranges),
+        Poll::Ready(value) => {
             let (description, arrays) = describe(value);
             let text = Output::Text(description.to_string());
-            (Status::Here, std::iter::once(text).chain(arrays).collect())
+            (Status::Ready, std::iter::once(text).chain(arrays).collect())
         }
     }
 }
@@ -139,16 +139,16 @@ fn merge(into: &mut Value, more: Value) {
     }
 }
 
-fn mesh(file: &mut ArrivingFile) -> Result<Answer> {
+fn mesh(file: &mut IncrementalDecoder) -> Result<Answer> {
     let mesh = match file.mesh()? {
-        Arrival::Here(Some(mesh)) => mesh,
-        Arrival::Here(None) => return Ok((Status::Here, vec![Output::Text("null".into())])),
-        Arrival::Missing(ranges) => return Ok(missing(ranges)),
+        Poll::Ready(Some(mesh)) => mesh,
+        Poll::Ready(None) => return Ok((Status::Ready, vec![Output::Text("null".into())])),
+        Poll::NeedRanges(ranges) => return Ok(need_ranges(ranges)),
     };
     Ok(found(file.charts()?, |charts| {
         let vertices = match charts {
-            Some(charts) if charts.width > 0 && charts.height > 0 => split::split(&mesh, &charts),
-            _ => split::whole(&mesh),
+            Some(charts) if charts.width > 0 && charts.height > 0 => split::render_mesh_with_atlas(&mesh, &charts),
+            _ => split::render_mesh(&mesh),
         };
         let description = json!({
             "sourceVertexCount": mesh.positions.len(),
@@ -167,15 +167,15 @@ fn mesh(file: &mut ArrivingFile) -> Result<Answer> {
     }))
 }
 
-fn reflectance(file: &mut ArrivingFile) -> Result<Answer> {
+fn reflectance(file: &mut IncrementalDecoder) -> Result<Answer> {
     let (mesh, charts) = match (file.mesh()?, file.charts()?) {
-        (Arrival::Missing(ranges), _) | (_, Arrival::Missing(ranges)) => return Ok(missing(ranges)),
-        (Arrival::Here(mesh), Arrival::Here(charts)) => (mesh, charts),
+        (Poll::NeedRanges(ranges), _) | (_, Poll::NeedRanges(ranges)) => return Ok(need_ranges(ranges)),
+        (Poll::Ready(mesh), Poll::Ready(charts)) => (mesh, charts),
     };
     let (maps, mesh, charts) = match (file.reflectance()?, mesh, charts) {
-        (Arrival::Missing(ranges), _, _) => return Ok(missing(ranges)),
-        (Arrival::Here(Some(maps)), Some(mesh), Some(charts)) => (maps, mesh, charts),
-        _ => return Ok((Status::Here, vec![Output::Text("null".into())])),
+        (Poll::NeedRanges(ranges), _, _) => return Ok(need_ranges(ranges)),
+        (Poll::Ready(Some(maps)), Some(mesh), Some(charts)) => (maps, mesh, charts),
+        _ => return Ok((Status::Ready, vec![Output::Text("null".into())])),
     };
     // Shaders know one shape of highlights. Photographs stay as they are: the residual is what this model misses.
     let maps = without_palette(&maps);
@@ -205,14 +205,14 @@ fn reflectance(file: &mut ArrivingFile) -> Result<Answer> {
     let description = json!({
         "width": mask.width, "height": mask.height, "relightable": maps.relightable, "specular": null, "arrays": names,
     });
-    Ok((Status::Here, std::iter::once(Output::Text(description.to_string())).chain(arrays).collect()))
+    Ok((Status::Ready, std::iter::once(Output::Text(description.to_string())).chain(arrays).collect()))
 }
 
 /// Bit 0 of `flags` asks for half floats, bits 1 to 3 for the components.
-fn view(file: &mut ArrivingFile, index: usize, flags: u32) -> Result<Answer> {
+fn view(file: &mut IncrementalDecoder, index: usize, flags: u32) -> Result<Answer> {
     let components = match file.open()? {
-        Arrival::Here(opened) => opened.capture.components.clone(),
-        Arrival::Missing(ranges) => return Ok(missing(ranges)),
+        Poll::Ready(opened) => opened.capture.components.clone(),
+        Poll::NeedRanges(ranges) => return Ok(need_ranges(ranges)),
     };
     let is_wanted = |component: Component| flags >> (1 + component as u32) & 1 != 0;
     let progress = file.view_as(index, |picture| {
@@ -230,18 +230,18 @@ fn view(file: &mut ArrivingFile, index: usize, flags: u32) -> Result<Answer> {
         (json!({"index": index, "width": width, "height": height, "images": {}, "arrays": names}), arrays)
     })?;
     match progress {
-        Arrival::Missing(ranges) => Ok(missing(ranges)),
-        Arrival::Here(ViewProgress::Again) => Ok((Status::Again, Vec::new())),
-        Arrival::Here(ViewProgress::NoPictures) => Err(Error::parameter("the file has no photographs")),
-        Arrival::Here(ViewProgress::Done((description, arrays))) => {
-            Ok((Status::Here, std::iter::once(Output::Text(description.to_string())).chain(arrays).collect()))
+        Poll::NeedRanges(ranges) => Ok(need_ranges(ranges)),
+        Poll::Ready(ViewStatus::InProgress) => Ok((Status::InProgress, Vec::new())),
+        Poll::Ready(ViewStatus::Absent) => Err(Error::parameter("the file has no photographs")),
+        Poll::Ready(ViewStatus::Decoded((description, arrays))) => {
+            Ok((Status::Ready, std::iter::once(Output::Text(description.to_string())).chain(arrays).collect()))
         }
     }
 }
 
 /// A component's colours with the mask as fourth channel.
 fn pixels<T: Copy + Default>(
-    picture: &ViewPicture,
+    picture: &ViewPhotograph,
     component: usize,
     convert: impl Fn(&[[f32; 4]], &mut [[T; 4]]),
 ) -> Vec<[T; 4]> {
