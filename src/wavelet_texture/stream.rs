@@ -1,6 +1,6 @@
 //! Wavelet levels as bits: significance by contexts, signs and magnitudes, through the adaptive binary range coder.
 //!
-//! One function serves both directions. Its order of bits and its contexts are part of the format (`spec/paper.md`).
+//! One function serves both directions. Its order of bits and its contexts are part of the format (`spec/wavelet-texture.md`).
 
 use crate::entropy::{BitCoder, BitModel, NumberModel};
 use crate::quantise::dead_zone::MAX_INDEX;

@@ -1,4 +1,4 @@
-"""Section PAPR, from spec/paper.md."""
+"""Section PAPR, from spec/wavelet-texture.md."""
 
 import heapq
 import math
