@@ -2,7 +2,7 @@
 //!
 //! The way of the data is told by the conductors, [`encoder`] and [`decoder`]; every other module is one stage of it.
 
-#[cfg(feature = "encode")]
+#[cfg(feature = "ar")]
 pub mod ar;
 pub mod asset;
 pub mod brdf;
@@ -21,7 +21,7 @@ pub mod image;
 pub mod input;
 pub mod lighting;
 pub mod limits;
-#[cfg(feature = "encode")]
+#[cfg(feature = "ar")]
 pub mod marker;
 pub mod mesh;
 pub mod metrics;

@@ -12,6 +12,7 @@
 //! - per frame `cross_file_path` (polarised: specular blocked) and `mask_path`.
 
 pub mod align;
+#[cfg(feature = "ar")]
 pub mod calibration;
 mod colmap;
 mod describe;
@@ -29,6 +30,7 @@ pub use crate::image::read::{ColorSpace, read_linear_image, read_radiance};
 pub use describe::describe;
 pub use description::{CaptureDescription, FrameDescription, WhiteReference};
 pub use lens::Lens;
+#[cfg(feature = "ar")]
 pub(crate) use transforms::nearest_rotation;
 
 use crate::error::{Error, Result};

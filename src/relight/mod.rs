@@ -34,7 +34,7 @@ pub use asset_renderer::AssetRenderer;
 pub use cameras::{look_at, orbit};
 pub use detail::add_detail;
 pub use environment_light::{DistantLight, PreparedEnvironment, PreparedEnvironmentOptions};
-#[cfg(feature = "encode")]
+#[cfg(feature = "ar")]
 pub(crate) use ground::RUN;
 #[cfg(feature = "encode")]
 pub use ground::{Ground, GroundShadow, composite, ground_shadow};

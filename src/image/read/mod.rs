@@ -122,6 +122,7 @@ pub fn read_linear_image(path: &Path, access: &FileAccess, color_space: &str) ->
 }
 
 /// Reads a picture of 8 bits a colour as it is, not decoded to radiance. `None` for pictures of other kinds, and for damaged ones.
+#[cfg(feature = "ar")]
 pub(crate) fn read_display_image(path: &Path, access: &FileAccess) -> Result<Option<Grid<[u8; 3]>>> {
     let bytes = access.read_bytes(path, "picture file", u64::MAX)?;
     if openexr::is_exr(&bytes) {

@@ -1,6 +1,7 @@
 //! PNG, JPEG, TIFF and Radiance HDR.
 
 use super::{ImageFault, ImageFile, RawImage, check_size};
+#[cfg(feature = "ar")]
 use crate::image::Grid;
 use crate::limits::Reservation;
 use image::{ColorType, DynamicImage, ImageDecoder, ImageFormat, ImageReader};
@@ -88,6 +89,7 @@ pub(super) fn read_raster<'a>(
 }
 
 /// The picture where it has 8 bits a colour.
+#[cfg(feature = "ar")]
 pub(super) fn read_rgb8(file: &ImageFile) -> Result<Option<Grid<[u8; 3]>>, ImageFault> {
     let (picture, _held) = decode(file, None)?;
     if !matches!(picture.color(), ColorType::L8 | ColorType::La8 | ColorType::Rgb8 | ColorType::Rgba8) {

@@ -1,5 +1,7 @@
 //! The shadow that an object casts on the ground it is put on, and the picture of both (Sonoda 2011, equations 16 and 17).
 
+// Frames of a camera alone read kept shadows.
+#[cfg_attr(not(feature = "ar"), allow(dead_code))]
 mod seen;
 
 use super::environment_light::{BLURRED_SIDE, PreparedEnvironment};
@@ -14,6 +16,7 @@ use crate::views::Camera;
 use glam::{Vec2, Vec3, Vec3A};
 use seen::{PlaneProjection, ProjectedShadow, VISIBLE, between, grid_place};
 
+#[cfg(any(test, feature = "ar"))]
 pub(crate) use seen::RUN;
 
 /// Side of the grid of directions that light is summed over.
