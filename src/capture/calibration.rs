@@ -3,6 +3,7 @@
 //! - OpenCV and ROS: `image_width`, `image_height`, `camera_matrix` (or `K`), `distortion_coefficients` (or `D`) as matrices with `data`, or as
 //!   plain lists; `distortion_model`, if there: `plumb_bob`, `rational_polynomial` (both OpenCV's `k1 k2 p1 p2 k3 k4 k5 k6`), `equidistant`
 //!   or `fisheye`. Pixel centres are at whole numbers there; half a pixel is added to the principal point.
+//!   OpenCV's `fisheye_model`, the names of its version 2 and its JSON are read, too, and `cam0` of Kalibr's camchain.
 //! - JSON: `w`, `h`, `fl_x`, `fl_y`, `cx`, `cy`, `camera_model`, `k1 k2 k3 k4 p1 p2`, pixel centres at .5, as nerfstudio writes them.
 
 use super::Lens;
@@ -58,9 +59,15 @@ impl Calibration {
 pub fn read_calibration(path: impl AsRef<Path>, access: &FileAccess) -> Result<Calibration> {
     let path = path.as_ref();
     let text = access.read_text(path, "camera calibration (OpenCV or ROS YAML, or JSON)", MAX_BYTES)?;
-    let calibration = if text.trim_start().starts_with('{') {
+    if text.trim_start().starts_with('<') {
+        let message = "an XML file (OpenCV's or another program's), which is not read: save the calibration as YAML (OpenCV's FileStorage does \
+                       so under a name that ends in .yml)";
+        return Err(Error::input(path, message));
+    }
+    // OpenCV's JSON has the keys of its YAML, of which JSON is a part.
+    let calibration = if text.trim_start().starts_with('{') && !text.contains("\"camera_matrix\"") {
         let document = JsonDocument::read(path, access)?;
-        let (camera, lens) = read_intrinsics(&document.root(), &document.root())?;
+        let (camera, lens) = read_intrinsics(&document.root(), &document.root(), None)?;
         Calibration { camera, lens }
     } else {
         // OpenCV's first line, "%YAML:1.0", is not YAML.
@@ -132,13 +139,20 @@ fn count_nodes(text: &str) -> std::result::Result<u64, String> {
 fn from_yaml(text: &str) -> std::result::Result<Calibration, String> {
     let documents = YamlLoader::load_from_str(text).map_err(|e| format!("neither JSON nor YAML: {e}"))?;
     let root = documents.first().ok_or("the file is empty")?;
+    if !root["cam0"].is_badvalue() {
+        return from_kalibr(root);
+    }
+    if !root["Camera.fx"].is_badvalue() || !root["Camera1.fx"].is_badvalue() {
+        return Err("settings of ORB-SLAM, which are not read: write image_width, image_height, camera_matrix and distortion_coefficients".into());
+    }
     let find =
         |keys: &[&str]| keys.iter().map(|key| &root[*key]).find(|value| !value.is_badvalue() && !value.is_null());
     let count = |keys: &[&str]| {
         let value = find(keys).and_then(number).filter(|v| v.fract() == 0.0 && (1.0..=65536.0).contains(v));
         value.map(|v| v as u32).ok_or_else(|| format!("key {} is missing or no number of pixels", keys[0]))
     };
-    let (width, height) = (count(&["image_width", "width"])?, count(&["image_height", "height"])?);
+    let (width, height) =
+        (count(&["image_width", "width", "image_Width"])?, count(&["image_height", "height", "image_Height"])?);
     let list = |keys: &[&str]| {
         find(keys).map(|value| numbers(value).ok_or_else(|| format!("{} is no list of numbers", keys[0])))
     };
@@ -153,7 +167,47 @@ fn from_yaml(text: &str) -> std::result::Result<Calibration, String> {
     let names =
         ["distortion_coefficients", "Distortion_Coefficients", "dist_coeffs", "distCoeffs", "dist_coeff", "D", "d"];
     let bending = list(&names).transpose()?.unwrap_or_default();
-    let model = find(&["distortion_model", "camera_model"]).and_then(Yaml::as_str).unwrap_or("plumb_bob");
+    let is_fisheye =
+        find(&["fisheye_model"]).is_some_and(|value| number(value) == Some(1.0) || value.as_bool() == Some(true));
+    let usual = if is_fisheye { "fisheye" } else { "plumb_bob" };
+    let model = find(&["distortion_model", "camera_model"]).and_then(Yaml::as_str).unwrap_or(usual);
+    let camera = Camera { width, height, focal: [fx, fy], principal: [cx + 0.5, cy + 0.5], ..Camera::default() };
+    Ok(Calibration { camera, lens: lens_of(model, &bending)? })
+}
+
+/// The camera `cam0` of Kalibr's camchain.
+fn from_kalibr(root: &Yaml) -> std::result::Result<Calibration, String> {
+    if !root["cam1"].is_badvalue() {
+        return Err(
+            "a camchain of several cameras; leave the one in the file that the photographs are of, as cam0".into()
+        );
+    }
+    let camera = &root["cam0"];
+    let list = |key: &str| numbers(&camera[key]).ok_or_else(|| format!("cam0: {key} is missing or no list of numbers"));
+    let model = camera["camera_model"].as_str().unwrap_or("pinhole");
+    if model != "pinhole" {
+        return Err(format!("cam0: Kalibr's camera model {} is not supported; known: pinhole", escaped(model)));
+    }
+    let ([fx, fy, cx, cy], [width, height]) = (&list("intrinsics")?[..], &list("resolution")?[..]) else {
+        return Err("cam0: intrinsics should be fu, fv, pu, pv, and resolution width, height".into());
+    };
+    let side =
+        |value: f64| if value.fract() == 0.0 && (1.0..=65536.0).contains(&value) { Some(value as u32) } else { None };
+    let (Some(width), Some(height)) = (side(*width), side(*height)) else {
+        return Err("cam0: resolution is no number of pixels".into());
+    };
+    let model = match camera["distortion_model"].as_str() {
+        Some("none") | None => "plumb_bob",
+        Some("equi") => "equidistant",
+        Some(other) => other,
+    };
+    let bending = if camera["distortion_coeffs"].is_badvalue() { Vec::new() } else { list("distortion_coeffs")? };
+    let camera = Camera { width, height, focal: [*fx, *fy], principal: [cx + 0.5, cy + 0.5], ..Camera::default() };
+    Ok(Calibration { camera, lens: lens_of(model, &bending)? })
+}
+
+/// The lens of a distortion model of OpenCV or ROS.
+fn lens_of(model: &str, bending: &[f64]) -> std::result::Result<Lens, String> {
     let at = |k: usize| bending.get(k).copied().unwrap_or(0.0);
     let lens = match model {
         "equidistant" | "fisheye" | "kannala_brandt" if bending.len() <= 4 => {
@@ -186,8 +240,7 @@ fn from_yaml(text: &str) -> std::result::Result<Calibration, String> {
             ));
         }
     };
-    let camera = Camera { width, height, focal: [fx, fy], principal: [cx + 0.5, cy + 0.5], ..Camera::default() };
-    Ok(Calibration { camera, lens: if lens.is_pinhole() { Lens::Pinhole } else { lens } })
+    Ok(if lens.is_pinhole() { Lens::Pinhole } else { lens })
 }
 
 fn number(value: &Yaml) -> Option<f64> {
@@ -236,6 +289,38 @@ mod tests {
         assert_eq!((a.camera.focal, a.camera.principal), ([500.0, 510.0], [320.0, 239.5]));
         let fisheye = ros.replace("plumb_bob", "equidistant").replace(", 0.03]", "]");
         assert_eq!(read_text(&fisheye).unwrap().lens, Lens::Fisheye { coefficients: [0.1, -0.02, 0.001, 0.002] });
+    }
+
+    #[test]
+    fn dialects_say_the_same() {
+        let matrix = "rows: 3\n   cols: 3\n   dt: d\n   data: [ 600., 0., 319.5, 0., 600., 239.5, 0., 0., 1. ]";
+        let bends = "rows: 1\n   cols: 4\n   dt: d\n   data: [ -0.01, 0.02, -0.0003, 0.0001 ]";
+        let old = format!(
+            "%YAML:1.0\nimage_Width: 640\nimage_Height: 480\nCamera_Matrix: !!opencv-matrix\n   {matrix}\n\
+             Distortion_Coefficients: !!opencv-matrix\n   {bends}\n"
+        );
+        let kalibr = "cam0:\n  camera_model: pinhole\n  distortion_coeffs: [-0.01, 0.02, -0.0003, 0.0001]\n  distortion_model: radtan\n  \
+            intrinsics: [600.0, 600.0, 319.5, 239.5]\n  resolution: [640, 480]\n";
+        let json = r#"{"image_width": 640, "image_height": 480,
+            "camera_matrix": {"type_id": "opencv-matrix", "rows": 3, "cols": 3, "dt": "d", "data": [600.0,0.0,319.5,0.0,600.0,239.5,0.0,0.0,1.0]},
+            "distortion_coefficients": {"type_id": "opencv-matrix", "rows": 1, "cols": 4, "dt": "d", "data": [-0.01,0.02,-0.0003,0.0001]}}"#;
+        let [a, b, c] = [&old, kalibr, json].map(|text| read_text(text).unwrap());
+        assert_eq!((a.camera.focal, a.camera.principal), ([600.0; 2], [320.0, 240.0]));
+        let lens =
+            Lens::Radial { numerator: [-0.01, 0.02, 0.0, 0.0], denominator: [0.0; 3], tangential: [-0.0003, 0.0001] };
+        assert_eq!((a.lens, b, c), (lens, a, a));
+        let fisheye = Lens::Fisheye { coefficients: [-0.01, 0.02, -0.0003, 0.0001] };
+        assert_eq!(read_text(&old.replace("Camera_Matrix", "fisheye_model: 1\nCamera_Matrix")).unwrap().lens, fisheye);
+        assert_eq!(read_text(&kalibr.replace("radtan", "equidistant")).unwrap().lens, fisheye);
+        for (text, said) in [
+            ("<?xml version=\"1.0\"?>\n<opencv_storage/>", "an XML file"),
+            ("%YAML:1.0\nCamera.fx: 600.0\n", "ORB-SLAM"),
+            (&kalibr.replace("pinhole", "omni"), "Kalibr's camera model omni"),
+            (&format!("{kalibr}{}", kalibr.replace("cam0", "cam1")), "several cameras"),
+        ] {
+            let error = read_text(text).unwrap_err().to_string();
+            assert!(error.contains(said), "{error}");
+        }
     }
 
     #[test]

@@ -7,6 +7,7 @@ use crate::error::{Error, Result};
 use crate::input::{FileAccess, Folder, escaped, quoted};
 use crate::views::{Camera, View};
 use std::collections::BTreeMap;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 
 /// Name and number of parameters of COLMAP's camera models, by their number in binary files.
@@ -36,6 +37,8 @@ type Cameras = BTreeMap<u32, (Camera, Lens)>;
 
 /// Bytes of a file of a model at most; with its points, a photograph takes some 500 kB.
 const MAX_BYTES: u64 = 64 << 30;
+/// Models of one workspace that are looked at.
+const MAX_NUMBERED: usize = 1000;
 /// Letters of a photograph's name.
 const MAX_NAME: usize = 4096;
 
@@ -97,11 +100,12 @@ fn frame(path: &Path, root: &Folder, cameras: &Cameras, pose: ColmapPose, name: 
         return Err(wrong(format!("the camera has {fault}")));
     }
     let stem = Path::new(&pose.name).with_extension("png");
-    let names = [format!("images/{}", pose.name), pose.name.clone()];
+    let names = [format!("images/{}", pose.name), pose.name.clone()].map(|name| root.portable(&name).into_owned());
     // What exists is found first: only that is judged, and a name that leads out of one folder may lie in the other.
     let found = |names: &[String]| names.iter().find(|name| root.path().join(name).exists()).cloned();
     let photograph = root.resolve(&found(&names).unwrap_or_else(|| names[0].clone()))?;
-    let masks = [format!("masks/{}.png", pose.name), format!("masks/{}", stem.display())];
+    let masks = [format!("masks/{}.png", pose.name), format!("masks/{}", stem.display())]
+        .map(|name| root.portable(&name).into_owned());
     let mask = found(&masks).map(|name| root.resolve(&name)).transpose()?;
     Ok(FrameDescription { photograph, cross: None, mask, lens, view: View { name, camera, light: None } })
 }
@@ -274,10 +278,11 @@ fn read_cameras_txt(path: &Path, access: &FileAccess) -> Result<Cameras> {
 
 fn read_images_txt(path: &Path, access: &FileAccess) -> Result<Vec<ColmapPose>> {
     let text = access.read_text(path, "COLMAP model", MAX_BYTES)?;
-    let mut rows = (1..).zip(text.lines());
     let mut poses = Vec::new();
-    while let Some((line, row)) = rows.next() {
-        if row.trim().is_empty() || row.starts_with('#') {
+    let mut points_due = false;
+    for (line, row) in (1..).zip(text.lines()) {
+        // The line after each image lists its points, or is empty; some programs leave it out.
+        if row.starts_with('#') || std::mem::take(&mut points_due) && is_point_list(row) || row.trim().is_empty() {
             continue;
         }
         let mut words = row.split_whitespace();
@@ -301,10 +306,60 @@ fn read_images_txt(path: &Path, access: &FileAccess) -> Result<Vec<ColmapPose>> 
         let [qw, qx, qy, qz, tx, ty, tz] = numbers;
         poses.push(ColmapPose { name, camera, quaternion: [qw, qx, qy, qz], translation: [tx, ty, tz] });
         check_count(path, "images", poses.len(), access)?;
-        // The line after each image lists its points, or is empty.
-        rows.next();
+        points_due = true;
     }
     Ok(poses)
+}
+
+/// Whether a line of `images.txt` lists points: x, y and number of each. An image has ten words, of which the last is a name.
+fn is_point_list(row: &str) -> bool {
+    let mut words = 0;
+    row.split_whitespace().all(|word| {
+        words += 1;
+        word.parse::<f64>().is_ok()
+    }) && words % 3 == 0
+}
+
+/// Number of images of a model; `None` where the folder holds none that can be read.
+fn image_count(folder: &Path, access: &FileAccess) -> Option<u64> {
+    if let Some((_, images)) = files(folder, "bin") {
+        let mut count = [0; 8];
+        crate::input::open(&images).ok()?.0.read_exact(&mut count).ok()?;
+        return Some(u64::from_le_bytes(count));
+    }
+    let (_, images) = files(folder, "txt")?;
+    read_images_txt(&images, access).ok().map(|poses| poses.len() as u64)
+}
+
+/// The model of a workspace: COLMAP numbers those that it could not join, and the one with the most images is taken, the first of several.
+/// Beside it what should be said of the others. `None` where there is none.
+pub(super) fn find_model(workspace: &Path, access: &FileAccess) -> Option<(PathBuf, Option<String>)> {
+    for parent in [workspace.join("sparse"), workspace.join("colmap/sparse")] {
+        let numbered =
+            (0..MAX_NUMBERED).map(|number| parent.join(number.to_string())).take_while(|folder| folder.is_dir());
+        let models: Vec<(u64, PathBuf)> = numbered
+            .filter(|folder| is_model(folder))
+            .map(|folder| (image_count(&folder, access).unwrap_or(0), folder))
+            .collect();
+        if let Some(most) = models.iter().map(|(count, _)| *count).max() {
+            let (_, chosen) = models.iter().find(|(count, _)| *count == most)?;
+            let others: Vec<String> = (models.iter().filter(|(_, folder)| folder != chosen))
+                .map(|(count, folder)| format!("{} has {count}", folder.display()))
+                .collect();
+            let said = (!others.is_empty()).then(|| {
+                format!(
+                    "{} is read, the model of the most photographs ({most}); {}",
+                    chosen.display(),
+                    others.join(", ")
+                )
+            });
+            return Some((chosen.clone(), said));
+        }
+        if is_model(&parent) {
+            return Some((parent, None));
+        }
+    }
+    is_model(workspace).then(|| (workspace.to_owned(), None))
 }
 
 #[cfg(test)]
@@ -365,6 +420,53 @@ mod tests {
         let expected =
             Lens::Radial { numerator: [0.1, 0.01, 0.0, 0.0], denominator: [0.0; 3], tangential: [0.001, 0.002] };
         assert_eq!((a.lens, b.lens), (Lens::Pinhole, expected));
+    }
+
+    #[test]
+    fn lines_of_points_may_be_missing() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("images.txt");
+        let names = |text: &str| {
+            std::fs::write(&path, text).unwrap();
+            let poses = read_images_txt(&path, &FileAccess::default())?;
+            Ok::<Vec<String>, Error>(poses.into_iter().map(|pose| pose.name).collect())
+        };
+        let image = |name: &str| format!("1 1 0 0 0 1 2 3 4 {name}\n");
+        let [a, b, number] = ["a.png", "b 2.png", "000001"].map(image);
+        for points in ["", "\n", "1.5 2 -1 3 4 7\n", "# a note\n"] {
+            let text = format!("{a}{points}{b}{points}{number}{points}");
+            assert_eq!(names(&text).unwrap(), ["a.png", "b 2.png", "000001"], "{points:?}");
+        }
+        let error = names(&format!("{a}1.5 2 -1 3\n{b}")).unwrap_err().to_string();
+        assert!(error.contains("line 2: IMAGE_ID should be a number, found \"1.5\""), "{error}");
+    }
+
+    #[test]
+    fn the_model_of_most_photographs_is_taken() {
+        let folder = tempfile::tempdir().unwrap();
+        let one = "2 1 0 0 0 1 2 3 4 b.png\n\n";
+        for (model, images) in [("sparse/0", one.to_owned()), ("sparse/1", format!("1 1 0 0 0 1 2 3 4 a.png\n\n{one}"))]
+        {
+            let model = folder.path().join(model);
+            std::fs::create_dir_all(&model).unwrap();
+            std::fs::write(model.join("cameras.txt"), CAMERAS).unwrap();
+            std::fs::write(model.join("images.txt"), images).unwrap();
+        }
+        let access = FileAccess::default();
+        let description = crate::capture::describe(folder.path(), &access).unwrap();
+        assert_eq!((description.frames.len(), description.warnings.len()), (2, 1));
+        assert!(description.warnings[0].contains("sparse/1 is read, the model of the most photographs (2)"));
+        assert_eq!(description.name, folder_name(folder.path()));
+        // nerfstudio's layout: the model below colmap/, photographs beside it.
+        let below = folder.path().join("colmap");
+        std::fs::create_dir(&below).unwrap();
+        std::fs::rename(folder.path().join("sparse"), below.join("sparse")).unwrap();
+        std::fs::create_dir(folder.path().join("images")).unwrap();
+        std::fs::write(folder.path().join("images/a.png"), "a").unwrap();
+        let description = crate::capture::describe(folder.path(), &access).unwrap();
+        assert!(
+            description.frames[0].photograph.ends_with("images/a.png") && description.frames[0].photograph.exists()
+        );
     }
 
     #[test]

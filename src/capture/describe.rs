@@ -20,13 +20,16 @@ pub fn describe(path: impl AsRef<Path>, access: &FileAccess) -> Result<CaptureDe
     } else if path.join("transforms.json").is_file() {
         transforms::describe(&path.join("transforms.json"), access)
     } else {
-        let models = [path.join("sparse/0"), path.join("sparse"), path.join("colmap/sparse/0"), path.to_owned()];
-        match models.iter().find(|folder| colmap::is_model(folder)) {
-            Some(folder) => colmap::describe(folder, access),
-            None => Err(Error::input(
+        match (colmap::find_model(path, access), path.join("transforms_train.json")) {
+            (Some((folder, said)), _) => colmap::describe(&folder, access).map(|mut description| {
+                description.warnings.extend(said);
+                description
+            }),
+            (None, train) if train.is_file() => transforms::describe(&train, access),
+            (None, _) => Err(Error::input(
                 path,
-                "no capture here: neither transforms.json nor a COLMAP model (cameras and images, .bin or .txt, in sparse/0 \
-                 or sparse)",
+                "no capture here: neither transforms.json (or transforms_train.json) nor a COLMAP model (cameras and images, .bin or \
+                 .txt, in sparse/0 or sparse)",
             )),
         }
     }?;

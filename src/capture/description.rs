@@ -68,6 +68,10 @@ impl CaptureDescription {
         };
         let mut found: Vec<PathBuf> = entries.filter_map(|e| Some(e.ok()?.path())).filter(is_mesh).collect();
         found.sort();
+        // A point cloud beside its mesh, as COLMAP's dense workspaces have it.
+        if found.len() > 1 {
+            found.retain(|path| !crate::mesh::read::is_point_cloud(path));
+        }
         match found.as_slice() {
             // It may be a link, too.
             [one] => {
@@ -76,7 +80,7 @@ impl CaptureDescription {
             }
             [] => Err(Error::input(
                 &folder,
-                "the capture names no mesh and there is none beside it; give one with --mesh",
+                "the capture names no mesh and there is none beside it (a point cloud is none); give one with --mesh",
             )),
             [a, b, ..] => Err(Error::input(
                 &folder,
@@ -97,11 +101,16 @@ pub(super) fn capture_folder(description: &Path) -> PathBuf {
     if description.extension().is_some_and(|e| e == "json") {
         return folder;
     }
-    if folder.file_name().is_some_and(|n| n == "0") && parent(&folder).file_name().is_some_and(|n| n == "sparse") {
+    let is_number = |name: &std::ffi::OsStr| name.to_str().is_some_and(|name| name.parse::<u32>().is_ok());
+    if folder.file_name().is_some_and(is_number) && parent(&folder).file_name().is_some_and(|n| n == "sparse") {
         folder = parent(&folder);
     }
     if folder.file_name().is_some_and(|n| n == "sparse") {
         folder = parent(&folder);
+        // nerfstudio keeps COLMAP's work beside the photographs.
+        if folder.file_name().is_some_and(|n| n == "colmap") && !folder.join("images").exists() {
+            folder = parent(&folder);
+        }
     }
     folder
 }

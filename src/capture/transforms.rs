@@ -7,6 +7,7 @@ use super::json::{JsonDocument, JsonNode};
 use super::lens::Lens;
 use super::view_names::view_names;
 use crate::error::Result;
+use crate::image::read::read_size;
 use crate::input::{FileAccess, Folder, escaped, quoted};
 use crate::views::{Camera, PointLight, View};
 use std::collections::BTreeSet;
@@ -22,7 +23,7 @@ pub(super) fn describe(path: &Path, access: &FileAccess) -> Result<CaptureDescri
     let paths: Vec<&str> = list.iter().map(|frame| frame.required("file_path")?.text()).collect::<Result<_>>()?;
     let names = view_names(&folder, &paths);
     for (frame, name) in list.iter().zip(names) {
-        frames.push(read_frame(&root, frame, name, &folder, &mut lights)?);
+        frames.push(read_frame(&root, frame, name, &folder, access, &mut lights)?);
     }
     let file = |node: &JsonNode| folder.resolve(node.text()?);
     let white_reference = root.optional("white_reference", |node| {
@@ -39,7 +40,22 @@ pub(super) fn describe(path: &Path, access: &FileAccess) -> Result<CaptureDescri
         mesh_pose: root.optional("mesh_transform", JsonNode::matrix)?,
         white_reference,
         color_space: root.optional("color_space", |node| Ok(node.text()?.to_owned()))?,
-        warnings: lights.sentences(),
+        warnings: lights.sentences().into_iter().chain(unused_transform(&root)).collect(),
+    })
+}
+
+/// nerfstudio writes by which transform the cameras were moved away from where they were found; a mesh made before that is not with them.
+fn unused_transform(root: &JsonNode) -> Option<String> {
+    let node = root.get("applied_transform")?;
+    let rows = node.items(4).ok()?;
+    let is_identity = rows.iter().enumerate().all(|(row, values)| {
+        values.numbers::<4>().is_ok_and(|values| {
+            let unit: [f64; 4] = std::array::from_fn(|column| f64::from(u8::from(row == column)));
+            values == unit
+        })
+    });
+    (!is_identity).then(|| {
+        "the key \"applied_transform\" is not used: a mesh that was made before it was applied to the cameras needs it as mesh_transform".into()
     })
 }
 
@@ -48,10 +64,12 @@ fn read_frame(
     frame: &JsonNode,
     name: String,
     folder: &Folder,
+    access: &FileAccess,
     lights: &mut LightWarnings,
 ) -> Result<FrameDescription> {
     let file_path = frame.required("file_path")?;
-    let (mut camera, lens) = read_intrinsics(root, frame)?;
+    let photograph = find_picture(folder, file_path.text()?)?;
+    let (mut camera, lens) = read_intrinsics(root, frame, Some((&photograph, access)))?;
     (camera.rotation, camera.translation) = read_pose(&frame.required("transform_matrix")?)?;
     if let Some(fault) = camera_fault(&camera) {
         return Err(frame.error(format!("the camera has {fault}")));
@@ -59,7 +77,7 @@ fn read_frame(
     let light = read_light(root, frame, lights)?;
     let file = |node: &JsonNode| find_picture(folder, node.text()?);
     Ok(FrameDescription {
-        photograph: file(&file_path)?,
+        photograph,
         cross: frame.optional("cross_file_path", file)?,
         mask: frame.optional("mask_path", file)?,
         lens,
@@ -81,13 +99,21 @@ fn find_picture(folder: &Folder, name: &str) -> Result<PathBuf> {
     Ok(path)
 }
 
-/// Camera and lens from the frame's own keys, else the capture's. Needed: `w`, `h`, `fl_x` (or `camera_angle_x`).
-pub(super) fn read_intrinsics(root: &JsonNode, frame: &JsonNode) -> Result<(Camera, Lens)> {
+/// Camera and lens from the frame's own keys, else the capture's. Needed: `w`, `h`, `fl_x` (or `camera_angle_x`); where a photograph is given,
+/// `w` and `h` may be left to it.
+pub(super) fn read_intrinsics(
+    root: &JsonNode,
+    frame: &JsonNode,
+    photograph: Option<(&Path, &FileAccess)>,
+) -> Result<(Camera, Lens)> {
     let find = |key: &str| frame.get(key).or_else(|| root.get(key));
     let number = |key: &str| find(key).map(|node| node.number()).transpose();
     let missing = |key: &str| frame.error(format!("key \"{key}\" is missing, here and at the top level"));
     let side = |key: &str| find(key).ok_or_else(|| missing(key))?.count();
-    let (width, height) = (side("w")?, side("h")?);
+    let (width, height) = match photograph {
+        Some((path, access)) if find("w").is_none() && find("h").is_none() => read_size(path, access)?,
+        _ => (side("w")?, side("h")?),
+    };
     let from_angle = |angle: f64, side: u32| 0.5 * side as f64 / (0.5 * angle).tan();
     let focal_x = match (number("fl_x")?, number("camera_angle_x")?) {
         (Some(focal), _) => focal,

@@ -6,6 +6,8 @@ use std::path::Path;
 /// Names of the views: the photographs' paths relative to the capture. Where photographs outside are allowed, what they all have in
 /// common is left out, so that no file tells how somebody's disk is ordered.
 pub(super) fn view_names(folder: &Folder, paths: &[&str]) -> Vec<String> {
+    let portable: Vec<_> = paths.iter().map(|path| folder.portable(path)).collect();
+    let paths: Vec<&str> = portable.iter().map(|path| &**path).collect();
     let roots = [std::path::absolute(folder.path()).ok(), folder.path().canonicalize().ok()];
     let inside = |path: &str| -> Option<String> {
         if !Path::new(path).is_absolute() {

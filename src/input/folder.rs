@@ -2,6 +2,7 @@
 
 use super::quoted;
 use crate::error::{Error, Result};
+use std::borrow::Cow;
 use std::path::{Component, Path, PathBuf};
 
 /// A folder, and the file in it whose paths are resolved: only files in the folder and below are found, links followed.
@@ -43,6 +44,7 @@ impl Folder {
         if name.is_empty() || name.contains('\0') {
             return Err(Error::input(&self.named_by, format!("the path {} is not one of a file", quoted(name))));
         }
+        let name = &*self.portable(name);
         if self.allow_outside {
             return Ok(self.path.join(name));
         }
@@ -50,6 +52,16 @@ impl Folder {
         let path = self.path.join(&relative);
         self.check_links(&path).map_err(|why| self.refused(name, why))?;
         Ok(path)
+    }
+
+    /// A name with slashes between its folders: backslashes, which other systems write there, become slashes, unless they belong to the name of
+    /// a file that is there.
+    pub fn portable<'n>(&self, name: &'n str) -> Cow<'n, str> {
+        if name.contains('\\') && !self.path.join(name).exists() {
+            Cow::Owned(name.replace('\\', "/"))
+        } else {
+            Cow::Borrowed(name)
+        }
     }
 
     /// As [`Folder::resolve`] for a path that was read as one.
@@ -199,6 +211,7 @@ mod tests {
         for uri in ["%2e%2e/secret.png", "..%5csecret.png", "%2Fetc/passwd", "file:///etc/passwd", "%2essh/id_rsa"] {
             assert!(folder.resolve_uri(uri).unwrap_err().to_string().contains("--allow-outside"), "{uri}");
         }
+        assert_eq!(folder.resolve("images\\a.png").unwrap(), root.join("images/a.png"));
         assert!(folder.resolve_uri("a%2").unwrap_err().to_string().contains("wrong % escape"));
         let outside = Folder::containing(&root.join("transforms.json"), true);
         assert_eq!(outside.resolve_uri("file:///etc/pass%77d").unwrap(), Path::new("/etc/passwd"));

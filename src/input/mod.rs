@@ -78,9 +78,27 @@ impl FileAccess {
         Ok(FileBytes { bytes, held })
     }
 
-    /// As [`FileAccess::read_bytes`] for UTF-8 text.
+    /// As [`FileAccess::read_bytes`] for text: UTF-8, with or without a byte order mark, or UTF-16 with one.
     pub fn read_text(&self, path: &Path, what: &'static str, max_bytes: u64) -> Result<FileText<'_>> {
-        let FileBytes { bytes, held } = self.read_bytes(path, what, max_bytes)?;
+        let FileBytes { mut bytes, mut held } = self.read_bytes(path, what, max_bytes)?;
+        let utf16 = match bytes.first_chunk() {
+            Some([0xff, 0xfe]) => Some(u16::from_le_bytes as fn([u8; 2]) -> u16),
+            Some([0xfe, 0xff]) => Some(u16::from_be_bytes as fn([u8; 2]) -> u16),
+            _ => None,
+        };
+        if let Some(unit) = utf16 {
+            // Two bytes become three at most.
+            held.grow(what, 2 * bytes.len() as u64).map_err(|e| e.in_file(path))?;
+            let (units, rest) = bytes[2..].as_chunks::<2>();
+            let text: Option<String> =
+                char::decode_utf16(units.iter().map(|&pair| unit(pair))).map(|c| c.ok()).collect();
+            let text = text.filter(|_| rest.is_empty());
+            let text = text.ok_or_else(|| Error::input(path, format!("damaged UTF-16 text; a {what} is text")))?;
+            return Ok(FileText { text, _held: held });
+        }
+        if bytes.starts_with(&[0xef, 0xbb, 0xbf]) {
+            bytes.drain(..3);
+        }
         let text = String::from_utf8(bytes).map_err(|e| {
             let at = e.utf8_error().valid_up_to();
             Error::input(path, format!("not UTF-8 text at byte {at}; a {what} is text"))

@@ -135,9 +135,30 @@ pub(crate) fn read_display_image(path: &Path, access: &FileAccess) -> Result<Opt
     }
 }
 
-/// Reads a mask: pixels of one half and brighter show the object.
+/// Reads a mask: pixels of one half of the brightest colour and brighter show the object; where the colour is the same everywhere and alpha is
+/// not, those of one half of alpha and more. Integer masks may be of the values 0 and 1.
 pub(crate) fn read_mask(path: &Path, access: &FileAccess, size: (u32, u32)) -> Result<Mask, ImageFault> {
-    with_raw(path, access, Some(size), |raw| raw.map(|p| p[0].max(p[1]).max(p[2]) >= 0.5))
+    with_raw(path, access, Some(size), |raw| {
+        let brightness = |p: &[f32; 4]| p[0].max(p[1]).max(p[2]);
+        let pixels = raw.values.as_chunks::<4>().0;
+        let one_colour = pixels.iter().all(|p| brightness(p) == brightness(&pixels[0]));
+        if raw.has_alpha && one_colour && pixels.iter().any(|p| p[3] < 0.5) {
+            return raw.map(|p| p[3] >= 0.5);
+        }
+        let brightest = pixels.iter().map(brightness).fold(0.0, f32::max);
+        // 1 of 255, or of 65535.
+        let half =
+            if raw.display_referred && brightest > 0.0 && brightest < 1.5 / 255.0 { 0.5 * brightest } else { 0.5 };
+        raw.map(|p| brightness(p) >= half)
+    })
+}
+
+/// Width and height of an image in pixels, from its header.
+pub(crate) fn read_size(path: &Path, access: &FileAccess) -> Result<(u32, u32)> {
+    let bytes = access.read_bytes(path, "picture file", u64::MAX)?;
+    let file = ImageFile { path, bytes: &bytes, access };
+    let size = if openexr::is_exr(&bytes) { openexr::size(&file) } else { raster::size(&file) };
+    size.map_err(Error::from)
 }
 
 /// A picture as its file has it.

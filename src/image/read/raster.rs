@@ -88,6 +88,12 @@ pub(super) fn read_raster<'a>(
     Ok((RawImage { width, height, values, has_alpha, display_referred }, held))
 }
 
+/// Width and height.
+pub(super) fn size(file: &ImageFile) -> Result<(u32, u32), ImageFault> {
+    let reader = image::ImageReader::new(Cursor::new(file.bytes)).with_guessed_format().map_err(|e| file.damaged(e))?;
+    reader.into_dimensions().map_err(|e| file.damaged(e))
+}
+
 /// The picture where it has 8 bits a colour.
 #[cfg(feature = "ar")]
 pub(super) fn read_rgb8(file: &ImageFile) -> Result<Option<Grid<[u8; 3]>>, ImageFault> {

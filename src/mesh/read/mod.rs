@@ -9,6 +9,7 @@ pub use obj::texture_coordinates;
 use super::Mesh;
 use crate::error::{Error, Result};
 use crate::input::FileAccess;
+use std::io::Read;
 use std::path::Path;
 
 /// Extensions that [`read`] knows, lower case.
@@ -43,6 +44,21 @@ pub fn parse(path: impl AsRef<Path>, bytes: &[u8], access: &FileAccess) -> Resul
     }?;
     check(path, &mesh)?;
     Ok(mesh)
+}
+
+/// Whether a file is a PLY without faces or triangle strips, from its header alone.
+pub(crate) fn is_point_cloud(path: &Path) -> bool {
+    let mut header = Vec::new();
+    let read = crate::input::open(path).map(|(file, _)| file.take(1 << 16).read_to_end(&mut header).is_ok());
+    let text = String::from_utf8_lossy(&header);
+    let Some((header, _)) = text.split_once("end_header").filter(|_| read.unwrap_or(false) && text.starts_with("ply"))
+    else {
+        return false;
+    };
+    let counts = header
+        .lines()
+        .filter_map(|line| line.strip_prefix("element face ").or(line.strip_prefix("element tristrips ")));
+    counts.into_iter().all(|count| count.trim() == "0")
 }
 
 /// Bytes of a vertex or a triangle: what the mesh keeps, as much again for growing, and the tables and the copy of cleaning it.

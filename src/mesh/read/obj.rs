@@ -5,6 +5,7 @@ use crate::error::{Error, Result};
 use crate::input::FileAccess;
 use crate::limits::Reservation;
 use crate::mesh::Mesh;
+use std::borrow::Cow;
 use std::io::{BufRead, Cursor};
 use std::path::Path;
 
@@ -54,7 +55,37 @@ fn hold_parsed<'a>(path: &Path, bytes: &[u8], access: &'a FileAccess) -> Result<
     Ok((access.reserve(path, "OBJ file", asked)?, triangles))
 }
 
+/// The text as the parser takes it: a backslash at the end of a line and what ends the line become blanks; names in other encodings than UTF-8,
+/// which are not used, lose their letters.
+fn plain_text(bytes: &[u8]) -> Cow<'_, [u8]> {
+    let is_text = std::str::from_utf8(bytes).is_ok();
+    let continues = bytes.windows(2).any(|pair| matches!(pair, b"\\\n" | b"\\\r"));
+    if is_text && !continues {
+        return Cow::Borrowed(bytes);
+    }
+    let mut text: Vec<u8> = bytes.iter().map(|&byte| if is_text || byte.is_ascii() { byte } else { b'?' }).collect();
+    // A comment is not continued: it may end with a path of Windows.
+    let (mut starts, mut in_comment) = (true, false);
+    for at in 0..text.len() {
+        in_comment = if starts {
+            text[at..].iter().find(|byte| !matches!(byte, b' ' | b'\t')) == Some(&b'#')
+        } else {
+            in_comment
+        };
+        starts = text[at] == b'\n';
+        if !in_comment && text[at..].starts_with(b"\\\n") {
+            text[at..at + 2].fill(b' ');
+        } else if !in_comment && text[at..].starts_with(b"\\\r\n") {
+            text[at..at + 3].fill(b' ');
+        }
+    }
+    Cow::Owned(text)
+}
+
 pub(super) fn read(path: &Path, bytes: &[u8], access: &FileAccess) -> Result<Mesh> {
+    let _copy = access.reserve(path, "OBJ file", bytes.len() as u64)?;
+    let text = plain_text(bytes);
+    let bytes = &*text;
     let (_parsed, triangles) = hold_parsed(path, bytes, access)?;
     charge(path, access, &Mesh::default(), 0, triangles)?;
     let lines = std::rc::Rc::new(std::cell::Cell::new(0));
@@ -87,6 +118,8 @@ pub(super) fn read(path: &Path, bytes: &[u8], access: &FileAccess) -> Result<Mes
 pub fn texture_coordinates(path: impl AsRef<Path>, access: &FileAccess) -> Result<Vec<[[f32; 2]; 3]>> {
     let path = path.as_ref();
     let bytes = access.read_bytes(path, "mesh file", u64::MAX)?;
+    let _copy = access.reserve(path, "OBJ file", bytes.len() as u64)?;
+    let bytes = plain_text(&bytes);
     let _parsed = hold_parsed(path, &bytes, access)?;
     let options =
         tobj::LoadOptions { triangulate: true, ignore_points: true, ignore_lines: true, ..Default::default() };

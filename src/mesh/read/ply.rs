@@ -55,6 +55,26 @@ impl PropertyAccess for PlyFace {
     }
 }
 
+/// Triangle strips in one list, -1 between them, as Stanford's scans have them.
+#[derive(Default)]
+struct PlyStrips(Vec<i32>);
+
+impl PropertyAccess for PlyStrips {
+    fn new() -> Self {
+        PlyStrips::default()
+    }
+    fn set_property(&mut self, name: &str, value: Property) -> PropertyAccessResult {
+        match (name, value) {
+            ("vertex_indices" | "vertex_index", Property::ListInt(list)) => {
+                self.0 = list;
+                PropertyAccessResult::Set
+            }
+            ("vertex_indices" | "vertex_index", _) => PropertyAccessResult::UnsupportedType,
+            _ => PropertyAccessResult::Ignored,
+        }
+    }
+}
+
 /// An element that is read past.
 struct PlyOther;
 
@@ -110,6 +130,15 @@ pub(super) fn read(path: &Path, bytes: &[u8], access: &FileAccess) -> Result<Mes
                 let faces = faces.map_err(|e| in_element(&what, e))?;
                 append_faces(path, &faces, &mut mesh, access)?;
             }
+            "tristrips" => {
+                let corners = left / corner_bytes(element, header.encoding);
+                let _parsed = access.reserve(path, "PLY triangle strips", count * FACE_BYTES + 8 * corners)?;
+                let strips = Parser::<PlyStrips>::new().read_payload_for_element(&mut reader, element, &header);
+                let strips = strips.map_err(|e| in_element(&what, e))?;
+                let faces: Vec<PlyFace> =
+                    strips.iter().flat_map(|list| list.0.split(|&v| v < 0)).flat_map(strip).collect();
+                append_faces(path, &faces, &mut mesh, access)?;
+            }
             _ if element.count == 0 => {}
             _ => {
                 let other = Parser::<PlyOther>::new().read_payload_for_element(&mut reader, element, &header);
@@ -133,6 +162,15 @@ fn append_faces(path: &Path, faces: &[PlyFace], mesh: &mut Mesh, access: &FileAc
         push_fan(&mut mesh.triangles, &face.0);
     }
     Ok(())
+}
+
+/// The triangles of a strip: every second one is turned, and those with a corner twice only join its parts.
+fn strip(corners: &[i32]) -> impl Iterator<Item = PlyFace> {
+    corners.windows(3).enumerate().filter_map(|(index, corners)| {
+        let [a, b, c] = std::array::from_fn(|k| corners[k] as u32);
+        let turned = if index % 2 == 0 { [a, b, c] } else { [b, a, c] };
+        (a != b && b != c && a != c).then(|| PlyFace(turned.to_vec()))
+    })
 }
 
 /// Cuts a polygon into a fan around its first corner.

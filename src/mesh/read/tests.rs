@@ -40,6 +40,24 @@ fn binary_ply(big: bool) -> Vec<u8> {
 }
 
 #[test]
+fn strips_continued_lines_and_other_encodings() {
+    let strips = "ply\nformat ascii 1.0\nelement vertex 5\nproperty float x\nproperty float y\nproperty float z\nelement tristrips 1\n\
+        property list int int vertex_indices\nend_header\n0 0 0\n1 0 0\n1 1.5 0\n0 1 0\n0 0 1\n9 1 2 0 3 -1 0 1 1 4\n";
+    let mesh = read_bytes("a.ply", strips.as_bytes()).unwrap();
+    assert_eq!(mesh.positions, expected().positions);
+    // The second strip's triangles have a corner twice.
+    assert_eq!(mesh.triangles, [[1, 2, 0], [0, 2, 3]]);
+    let mesh = read_bytes("a.ply", strips.replace("9 1 2 0 3 -1 0 1 1 4", "8 1 2 0 3 -1 0 1 4").as_bytes()).unwrap();
+    assert_eq!(mesh.triangles, [[1, 2, 0], [0, 2, 3], [0, 1, 4]]);
+    fault("a.ply", strips.replace("9 1 2 0 3 -1 0 1 1 4", "8 1 2 0 3 -1 0 1 7").as_bytes());
+
+    let mut obj = b"# \x83\x5c\x83\x8b C:\\models\\\no \x94\xfc\nv 0 0 0\nv 1 \\\n0 0\nv 1 1.5 0\r\nv 0 1 \\\r\n 0\nv 0 0 1\nf 1 2 \\\n3 4\nf 1 2 5\n".to_vec();
+    assert_eq!(read_bytes("a.obj", &obj).unwrap(), expected());
+    obj.extend(b"f 1 2 6\n");
+    assert!(fault("a.obj", &obj).contains("a face names vertex 6 of 5"));
+}
+
+#[test]
 fn ply_of_every_encoding() {
     assert_eq!(read_bytes("a.ply", ASCII_PLY.as_bytes()).unwrap(), expected());
     assert_eq!(read_bytes("a.ply", &binary_ply(false)).unwrap(), expected());
