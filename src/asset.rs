@@ -8,15 +8,6 @@ use crate::surface::charts::Charts;
 use crate::views::{Component, Photograph, View};
 use crate::visibility::Visibility;
 
-/// Metres for one unit of world length, after the metadata's key `units`; 1 for units that are not metric or not known.
-pub fn metres_per_unit(metadata: &serde_json::Map<String, serde_json::Value>) -> f64 {
-    match metadata.get("units").and_then(serde_json::Value::as_str) {
-        Some("mm") => 0.001,
-        Some("cm") => 0.01,
-        _ => 1.0,
-    }
-}
-
 /// A decoded file: everything that rendering, export and comparison need.
 #[derive(Debug, Clone, Default)]
 pub struct Asset {

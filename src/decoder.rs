@@ -15,7 +15,9 @@ use crate::views::{Photograph, View};
 use crate::{Budget, lighting, mesh, predictive, visibility, wavelet_texture};
 use std::io::{Read, Seek};
 
-pub mod arriving;
+pub(crate) mod arriving;
+
+pub use arriving::{FileHeader, IncrementalDecoder, PhotographCoding, ViewPhotograph, ViewStatus};
 
 /// Which photographs to decode.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
@@ -67,6 +69,14 @@ pub fn decode_from<R: Read + Seek>(file: &mut Container<R>, options: &DecodeOpti
     })?;
     asset.photographs = photographs;
     Ok(asset)
+}
+
+/// Returns the views of a file, without their photographs.
+/// # Errors
+/// [`Error::Format`] if the section is missing or damaged, [`Error::Limits`] if it exceeds the budget of `file`.
+pub fn read_views<R: Read + Seek>(file: &mut Container<R>) -> Result<Vec<View>> {
+    let budget = file.budget();
+    Ok(codec::decode(&file.read_section(Tag::VIEWS)?, &budget)?.views)
 }
 
 /// Decodes an open file and hands the photographs that are asked for to `done`, with their views' indices and everything else that the

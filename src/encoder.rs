@@ -10,7 +10,7 @@ use crate::metrics;
 use crate::metrics::{ImagePsnr, PhotographError};
 use crate::options::{EncodeOptions, EncodeTarget, Profile};
 use crate::reflectance::{codec as reflectance_code, gather, maps};
-use crate::separate::{Observations, ObservedView, separate};
+pub use crate::separate::{Observations, ObservedView, recombine, separate};
 use crate::surface::{atlas, charts, raster};
 use crate::views::codec;
 use crate::views::codec::ViewsSection;
@@ -316,7 +316,7 @@ impl SectionList {
     fn write(self, metadata: &metadata::Metadata, thumbnail: &[u8]) -> Result<(Vec<u8>, Vec<(String, u64)>)> {
         let mut writer = ContainerWriter::new(Vec::new())?;
         writer.write_section(Tag::METADATA, SectionCodec::Zstd, &metadata::encode(metadata)?)?;
-        writer.write_section(Tag::THUMBNAIL, SectionCodec::None, &thumbnail::encode(thumbnail)?)?;
+        writer.write_section(Tag::THUMBNAIL, SectionCodec::None, &thumbnail::encode_thumbnail(thumbnail)?)?;
         for (tag, codec, bytes) in &self.0 {
             writer.write_section(*tag, *codec, bytes)?;
         }

@@ -2,9 +2,12 @@
 //!
 //! The way of the data is told by the conductors, [`encoder`] and [`decoder`]; every other module is one stage of it.
 
+// A decoder alone leaves the encoder's direction of each stage unused.
+#![cfg_attr(not(feature = "encode"), allow(dead_code, unused_imports))]
+
 #[cfg(feature = "ar")]
 pub mod ar;
-pub mod asset;
+mod asset;
 pub mod brdf;
 #[cfg(feature = "encode")]
 pub mod capture;
@@ -13,42 +16,58 @@ pub mod decoder;
 mod elementary;
 #[cfg(feature = "encode")]
 pub mod encoder;
-pub mod entropy;
-pub mod error;
+mod entropy;
+mod error;
 #[cfg(feature = "gltf")]
 pub mod gltf;
 pub mod image;
 pub mod input;
+#[cfg(feature = "internals")]
+#[doc(hidden)]
+pub mod internals;
 pub mod lighting;
-pub mod limits;
+mod limits;
 #[cfg(feature = "ar")]
 pub mod marker;
 pub mod mesh;
 pub mod metrics;
-pub mod optimise;
-pub mod options;
-pub(crate) mod parallel;
-pub mod predictive;
-pub mod quantise;
+mod optimise;
+mod options;
+mod parallel;
+mod predictive;
+mod quantise;
 #[cfg(feature = "encode")]
-pub mod rate;
-pub mod reflectance;
+mod rate;
+mod reflectance;
 pub mod relight;
 #[cfg(feature = "encode")]
-pub mod repair;
-pub mod residual;
+mod repair;
+mod residual;
 #[cfg(feature = "encode")]
-pub mod separate;
-pub mod sphere;
-pub mod surface;
-pub mod transform;
+mod separate;
+mod sphere;
+mod surface;
+mod transform;
 mod vector;
-pub mod views;
+mod views;
 pub mod visibility;
-pub mod wavelet_texture;
+mod wavelet_texture;
 
+pub use asset::Asset;
+pub use decoder::{DecodeOptions, decode};
+#[cfg(feature = "encode")]
+pub use encoder::encode;
 pub use error::{Error, Result};
 pub use limits::{Budget, Limits};
+pub use mesh::Mesh;
+pub use options::{DecodeSpeed, EncodeOptions, EncodeTarget, Profile, SpecularModel};
+pub use reflectance::maps::ReflectanceMaps;
+pub use reflectance::palette::PaletteEntry;
+#[cfg(feature = "encode")]
+pub use repair::{RepairedFile, repair};
+pub use surface::charts::{Chart, Charts};
+pub use surface::split::RenderMesh;
+pub use views::{Camera, Component, Photograph, PointLight, View};
 
 /// The examples in the README are compiled and run as tests.
 #[cfg(all(doctest, feature = "encode"))]

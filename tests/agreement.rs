@@ -4,18 +4,15 @@
 
 mod support;
 
-use tsuya::asset::Asset;
+use tsuya::Asset;
+use tsuya::Photograph;
 use tsuya::capture::Capture;
-use tsuya::container::metadata::Metadata;
-use tsuya::container::{Container, ContainerWriter, Poll, SectionCodec, Tag};
-use tsuya::decoder::arriving::{IncrementalDecoder, ViewStatus};
-use tsuya::decoder::{DecodeOptions, ViewSelection, decode, decode_from};
-use tsuya::encoder::{EncodedFile, encode};
+use tsuya::container::{Container, ContainerWriter, Metadata, Poll, SectionCodec, Tag};
+use tsuya::decoder::{DecodeOptions, IncrementalDecoder, ViewSelection, ViewStatus, decode, decode_from};
+use tsuya::encoder::{EncodedFile, encode, separate};
+use tsuya::internals::surface::rasterise;
 use tsuya::metrics::PhotographError;
-use tsuya::options::{DecodeSpeed, EncodeOptions, Profile};
-use tsuya::separate::separate;
-use tsuya::surface::raster::rasterise;
-use tsuya::views::Photograph;
+use tsuya::{DecodeSpeed, EncodeOptions, Profile};
 use tsuya::{Limits, Result};
 
 const CODINGS: [(Profile, DecodeSpeed); 4] = [

@@ -7,12 +7,10 @@ mod support;
 use markers::{ARUCO_0, Rays, TAG36H11_0, camera, draw, draw_through, posed};
 use std::path::Path;
 use support::{shared, text};
-use tsuya::capture::{Lens, read_radiance};
+use tsuya::Camera;
 use tsuya::image::{Grid, to_srgb};
-use tsuya::marker::detect::MarkerDetector;
-use tsuya::marker::track::MarkerTracker;
-use tsuya::marker::{MarkerFamily, Rig, estimate_poses};
-use tsuya::views::Camera;
+use tsuya::marker::{MarkerDetector, MarkerFamily, MarkerTracker, Rig, estimate_poses};
+use tsuya::{capture::Lens, image::read_radiance};
 
 fn grey(path: &Path) -> Grid<u8> {
     let code = |p: &[f32; 3]| (255.0 * to_srgb(p[1].clamp(0.0, 1.0) as f64)).round() as u8;
@@ -101,7 +99,7 @@ fn aruco_markers_and_rigs() {
     let rig = Rig::read(&path, &Default::default()).unwrap();
     let project = |x: [f64; 3]| camera.project(truth.transform_point(x)).unwrap().0;
     let detections: Vec<_> = (rig.markers.iter())
-        .map(|m| tsuya::marker::detection::MarkerDetection {
+        .map(|m| tsuya::marker::MarkerDetection {
             family: m.family,
             id: m.id.unwrap(),
             corners: m.corners().map(project),

@@ -3,12 +3,12 @@
 mod support;
 
 use support::{encode_default, read, sample, shared, variant};
+use tsuya::Component;
 use tsuya::Error;
 use tsuya::decoder::{DecodeOptions, decode};
 use tsuya::encoder::encode;
 use tsuya::metrics;
-use tsuya::options::{EncodeOptions, EncodeTarget, Profile};
-use tsuya::views::Component;
+use tsuya::{EncodeOptions, EncodeTarget, Profile};
 
 /// What an error should be and say.
 fn fails(result: tsuya::Result<impl Sized>, words: &str) {
@@ -61,7 +61,7 @@ fn unknown_lights_make_a_file_that_cannot_be_relit() {
     let encoded = encode_default(capture.path()).unwrap();
     let asset = decode(&encoded.bytes, &DecodeOptions::default()).unwrap();
     assert!(!asset.reflectance.as_ref().unwrap().relightable);
-    let light = tsuya::views::PointLight { position: [1.0, 2.0, 3.0], intensity: [9.0; 3] };
+    let light = tsuya::PointLight { position: [1.0, 2.0, 3.0], intensity: [9.0; 3] };
     let options = tsuya::relight::RenderOptions {
         lighting: tsuya::relight::RenderLighting::Points(vec![light]),
         ..Default::default()
@@ -156,10 +156,10 @@ fn targets_are_reached() {
     let small = with(EncodeTarget::MaxBytes(20_000));
     assert!(small.bytes.len() <= 20_000 && small.bytes.len() > 15_000, "{}", small.bytes.len());
     let asset = decode(&with(EncodeTarget::MaxError(0.1)).bytes, &DecodeOptions::default()).unwrap();
-    let observed = tsuya::separate::separate(&mut capture.clone()).unwrap();
+    let observed = tsuya::encoder::separate(&mut capture.clone()).unwrap();
     let mut largest = 0f64;
     for ((frame, view), decoded) in observed.views.iter().zip(&asset.views).zip(asset.photographs.iter().flatten()) {
-        let covered = tsuya::surface::raster::rasterise(&asset.mesh, &view.camera).coverage();
+        let covered = tsuya::internals::surface::rasterise(&asset.mesh, &view.camera).coverage();
         let mask = frame.mask.as_ref().unwrap();
         for (wanted, got) in frame.images.iter().zip(&decoded.images) {
             for at in (0..mask.data.len()).filter(|&at| mask.data[at] && covered.data[at]) {

@@ -90,7 +90,7 @@ fn export_looks_like_the_photographs_and_loads_elsewhere() {
     let required: Vec<_> = document.extensions_required().collect();
     assert!(required.is_empty() && document.extensions_used().any(|name| name == EXTENSION), "{required:?}");
     // And this crate's own: as a mesh.
-    let mesh = tsuya::mesh::read::read(exported.path("spot.glb"), &Default::default()).unwrap();
+    let mesh = tsuya::mesh::read(exported.path("spot.glb"), &Default::default()).unwrap();
     assert_eq!((mesh.positions.len(), mesh.triangles.len()), (count, 1500));
 }
 

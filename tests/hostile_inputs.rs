@@ -3,10 +3,13 @@
 
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
-use tsuya::capture::{CaptureReadOptions, calibration, describe, read, read_radiance};
 use tsuya::input::FileAccess;
-use tsuya::mesh::read::parse;
+use tsuya::mesh::parse;
 use tsuya::{Error, Limits};
+use tsuya::{
+    capture::{self, CaptureReadOptions, describe, read},
+    image::read_radiance,
+};
 
 /// An account so small that nothing that follows a claim fits in.
 fn access() -> FileAccess {
@@ -58,7 +61,7 @@ fn yaml_is_counted_before_it_is_loaded() {
     for (text, expected) in cases {
         let text = if expected.contains("at most") { text.repeat(2) } else { text };
         let access = access();
-        let error = said(calibration::read_calibration(folder.write("camera.yaml", &text), &access));
+        let error = said(capture::read_calibration(folder.write("camera.yaml", &text), &access));
         assert!(error.contains("camera.yaml: ") && error.contains(expected), "{error}\nexpected: {expected}");
         assert_eq!(access.budget().left(), 16 << 20, "{expected}");
     }
@@ -348,10 +351,10 @@ fn folders_devices_and_pipes_are_no_files() {
         }
     }
     assert!(said(read_radiance(Path::new("/dev/zero"), &access())).contains("only regular files are read"));
-    assert!(said(calibration::read_calibration("/dev/zero", &access())).contains("only regular files are read"));
-    assert!(said(tsuya::mesh::read::read("/dev/zero", &access())).contains("only regular files are read"));
-    assert!(said(tsuya::brdf::merl::MerlTable::read("/dev/zero", &access())).contains("only regular files are read"));
-    assert!(said(tsuya::brdf::rgl::RglMaterial::read("/dev/zero", &access())).contains("only regular files are read"));
+    assert!(said(capture::read_calibration("/dev/zero", &access())).contains("only regular files are read"));
+    assert!(said(tsuya::mesh::read("/dev/zero", &access())).contains("only regular files are read"));
+    assert!(said(tsuya::brdf::MerlTable::read("/dev/zero", &access())).contains("only regular files are read"));
+    assert!(said(tsuya::brdf::RglMaterial::read("/dev/zero", &access())).contains("only regular files are read"));
 }
 
 #[test]
@@ -462,7 +465,7 @@ fn a_mesh_in_another_unit_is_told() {
         // Taken as it is, it is refused by the work that it makes.
         if factor == 1e3 {
             let mesh = read(folder.0.path(), &CaptureReadOptions { mesh_scale: Some(1.0), ..options }).unwrap().mesh;
-            let error = tsuya::surface::atlas::layout(&mesh, 100.0).unwrap_err();
+            let error = tsuya::internals::surface::atlas::layout(&mesh, 100.0).unwrap_err();
             assert!(
                 matches!(&error, Error::Parameter(text) if text.contains("million texels, 67.1 at most")),
                 "{error}"

@@ -5,8 +5,8 @@ mod support;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use support::{complaint, json, output, read, text, tsuya, variant};
+use tsuya::EncodeOptions;
 use tsuya::encoder::encode;
-use tsuya::options::EncodeOptions;
 
 /// All files below a folder with what they hold.
 fn content(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
@@ -30,7 +30,7 @@ fn encoded(frames: usize, path: &Path, quality: f64, edit: impl FnOnce(&mut tsuy
     let capture = variant(frames, |_, _| {});
     let mut capture = read(capture.path()).unwrap();
     edit(&mut capture);
-    let target = Some(tsuya::options::EncodeTarget::Quality(quality));
+    let target = Some(tsuya::EncodeTarget::Quality(quality));
     let options = EncodeOptions { target, ..Default::default() };
     std::fs::write(path, encode(capture, &options).unwrap().bytes).unwrap();
 }

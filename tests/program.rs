@@ -299,7 +299,7 @@ fn a_mesh_is_aligned_by_marked_points() {
     let capture = support::read(&sample()).unwrap();
     let moved = variant(6, |description, folder| {
         description["mesh_file"] = "moved.ply".into();
-        let mut mesh = tsuya::mesh::read::read(folder.join("scan.ply"), &Default::default()).unwrap();
+        let mut mesh = tsuya::mesh::read(folder.join("scan.ply"), &Default::default()).unwrap();
         for p in &mut mesh.positions {
             *p = [p[1] + 0.5, -p[0], p[2] - 2.0];
         }

@@ -8,8 +8,8 @@ use std::process::Command;
 use tsuya::decoder::{DecodeOptions, decode};
 use tsuya::encoder::encode;
 use tsuya::image::Mask;
-use tsuya::options::{DecodeSpeed, EncodeOptions, EncodeTarget, Profile};
-use tsuya::views::{Component, Photograph};
+use tsuya::{Component, Photograph};
+use tsuya::{DecodeSpeed, EncodeOptions, EncodeTarget, Profile};
 
 fn python() -> Option<String> {
     let name = std::env::var("TSUYA_PYTHON").unwrap_or_else(|_| "python3".into());
@@ -100,7 +100,7 @@ fn ragged(mask: &mut Option<Mask>) {
 #[test]
 fn the_reference_decoder_gives_the_same_bits() {
     // With a palette, which stands between the head of the reflectance and its stream.
-    let specular = tsuya::options::SpecularModel::Dsbrdf;
+    let specular = tsuya::SpecularModel::Dsbrdf;
     let options = EncodeOptions { target: Some(EncodeTarget::Quality(40.0)), specular, ..Default::default() };
     check("sample-spot", 2, &options, ragged);
 }

@@ -1,14 +1,17 @@
 //! Files that carry visibility and light: figures on real data, and files without photographs.
 
 use std::path::PathBuf;
-use tsuya::container::{ContainerWriter, SectionCodec, Tag, edit};
 use tsuya::decoder::{DecodeOptions, decode};
-use tsuya::lighting::fit::{self, LobeFitOptions};
-use tsuya::lighting::projection::{EnvironmentProjection, FisheyeAxis, FisheyeModel};
-use tsuya::lighting::read::{self, EnvironmentReadOptions};
-use tsuya::lighting::{EnvironmentLobes, EnvironmentMap, codec, levels};
-use tsuya::visibility::bake::{BakeOptions, bake};
+use tsuya::lighting::{
+    EnvironmentLobes, EnvironmentMap, EnvironmentProjection, EnvironmentReadOptions, FisheyeAxis, FisheyeModel,
+    LobeFitOptions,
+};
+use tsuya::visibility::{BakeOptions, bake};
 use tsuya::{Limits, mesh};
+use tsuya::{
+    container::{self, ContainerWriter, SectionCodec, Tag},
+    lighting,
+};
 
 /// A file of the test data, or none where they are not there.
 fn data(name: &str) -> Option<PathBuf> {
@@ -32,8 +35,8 @@ fn file(sections: &[(Tag, &[u8])]) -> Vec<u8> {
 #[test]
 fn visibility_of_a_small_bunny() {
     let Some(path) = data("meshes/bunny_lowres.ply") else { return };
-    let (given, _) = mesh::clean::clean(mesh::read::read(&path, &Default::default()).unwrap());
-    let coded = mesh::codec::encode(&given, &mesh::codec::MeshOptions { position_bits: 14 }).unwrap();
+    let (given, _) = mesh::clean(mesh::read(&path, &Default::default()).unwrap());
+    let coded = mesh::encode(&given, &mesh::MeshOptions { position_bits: 14 }).unwrap();
     let baked = bake(&coded.mesh, &BakeOptions::default()).unwrap();
     assert_eq!(baked.bytes, bake(&coded.mesh, &BakeOptions::default()).unwrap().bytes, "the same bytes each time");
     let error = baked.visibility.error();
@@ -55,20 +58,21 @@ fn visibility_of_a_small_bunny() {
 #[test]
 fn light_of_a_museum() {
     let Some(path) = data("envmaps/museum.exr") else { return };
-    let (environment, _) = read::read_environment(&[&path], &EnvironmentReadOptions::default()).unwrap();
+    let (environment, _) = lighting::read_environment(&[&path], &EnvironmentReadOptions::default()).unwrap();
     let environment = environment.resized(256, 128);
-    let diffuse = fit::fit(&environment, &LobeFitOptions::default(), None);
-    assert!(fit::relative_error(&environment, &diffuse) < 0.02);
-    let levels = levels::prefiltered_maps(&environment, 256);
+    let diffuse = lighting::fit(&environment, &LobeFitOptions::default(), None);
+    assert!(lighting::irradiance_error(&environment, &diffuse) < 0.02);
+    let levels = lighting::prefiltered_maps(&environment, 256);
     let (bytes, light) =
-        codec::encode(&EnvironmentLobes { diffuse, prefiltered: levels }, &Default::default()).unwrap();
-    let errors = levels::relative_errors(&environment, &light.prefiltered[1..], 16);
+        lighting::encode(&EnvironmentLobes { diffuse, prefiltered: levels }, &Default::default()).unwrap();
+    let errors = lighting::prefiltered_errors(&environment, &light.prefiltered[1..], 16);
     assert!(errors.iter().all(|&error| error < 0.05), "{errors:?}");
     let alone = file(&[(Tag::LIGHT, &bytes)]);
     assert_eq!(decode(&alone, &DecodeOptions::default()).unwrap().light, Some(light.clone()));
     // Put in place of another light.
-    let dark = codec::encode(&EnvironmentLobes::default(), &Default::default()).unwrap().0;
-    let changed = edit::with_sections(&alone, &[(Tag::LIGHT, SectionCodec::Own, dark)], Limits::default()).unwrap();
+    let dark = lighting::encode(&EnvironmentLobes::default(), &Default::default()).unwrap().0;
+    let changed =
+        container::with_sections(&alone, &[(Tag::LIGHT, SectionCodec::Own, dark)], Limits::default()).unwrap();
     assert_eq!(decode(&changed, &DecodeOptions::default()).unwrap().light, Some(EnvironmentLobes::default()));
     for length in (0..alone.len()).step_by(997) {
         assert!(decode(&alone[..length], &DecodeOptions::default()).is_err());
@@ -78,7 +82,7 @@ fn light_of_a_museum() {
 #[test]
 fn negative_pixels_of_a_compressed_environment_are_counted() {
     let Some(path) = data("envmaps/studio.exr") else { return };
-    let (environment, cleaned) = read::read_environment(&[&path], &EnvironmentReadOptions::default()).unwrap();
+    let (environment, cleaned) = lighting::read_environment(&[&path], &EnvironmentReadOptions::default()).unwrap();
     assert!(environment.image().data.iter().flatten().all(|x| x.is_finite() && *x >= 0.0));
     println!("{cleaned:?}");
 }
@@ -95,13 +99,13 @@ fn a_fisheye_picture_agrees_with_its_panorama() {
         looks: FisheyeAxis::Up,
     };
     let options = EnvironmentReadOptions { projection: Some(projection), width: Some(256), ..Default::default() };
-    let half = read::read_environment(&[&fisheye], &options).unwrap().0;
+    let half = lighting::read_environment(&[&fisheye], &options).unwrap().0;
     let options = EnvironmentReadOptions {
         projection: Some(EnvironmentProjection::LatLong),
         width: Some(256),
         ..Default::default()
     };
-    let whole = read::read_environment(&[&panorama], &options).unwrap().0;
+    let whole = lighting::read_environment(&[&panorama], &options).unwrap().0;
     let difference = |turned: &EnvironmentMap| {
         let (mut sum, mut count) = (0.0, 0.0);
         for y in 0..128 {

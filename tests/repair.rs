@@ -4,14 +4,14 @@ mod support;
 
 use std::sync::OnceLock;
 use support::{complaint, read, text, tsuya, variant};
-use tsuya::asset::Asset;
+use tsuya::Asset;
+use tsuya::Photograph;
 use tsuya::container::{Container, Section, Tag, verify};
 use tsuya::decoder::{DecodeOptions, decode};
 use tsuya::encoder::encode;
-use tsuya::options::{DecodeSpeed, EncodeOptions, Profile};
-use tsuya::repair::{RepairedFile, repair};
-use tsuya::views::Photograph;
+use tsuya::{DecodeSpeed, EncodeOptions, Profile};
 use tsuya::{Error, Limits};
+use tsuya::{RepairedFile, repair};
 
 struct Whole {
     name: &'static str,

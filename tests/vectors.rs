@@ -1,4 +1,4 @@
-//! The test vectors of `spec/vectors`, which `cargo run --release --example vectors` writes, against the library and against the reference
+//! The test vectors of `spec/vectors`, which `cargo run --release --features internals --example vectors` writes, against the library and against the reference
 //! decoder.
 
 #[path = "../tools/platforms/src/checksums.rs"]
@@ -7,17 +7,17 @@ mod checksums;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use tsuya::Error;
-use tsuya::brdf::{Brdf, materials};
-use tsuya::entropy::average::AverageModel;
-use tsuya::entropy::mixer::{Mixer, MixerContext};
-use tsuya::entropy::symbol::SymbolModel;
-use tsuya::entropy::{BitCoder, BitModel, NumberModel, RangeDecoder, RansDecoder, SymbolCoder, code_end};
+use tsuya::brdf::Brdf;
 use tsuya::image::Mask;
-use tsuya::quantise::bands::Quantiser;
-use tsuya::residual::coefficients::{self, CoefficientModels, Modelling};
-use tsuya::residual::mask::{self, MaskModels};
-use tsuya::transform::shape_adaptive::{ColourLanes, WaveletPlan};
+use tsuya::internals::entropy::{
+    AverageModel, BitCoder, BitModel, Mixer, MixerContext, NumberModel, RangeDecoder, RansDecoder, SymbolCoder,
+    SymbolModel, code_end,
+};
+use tsuya::internals::quantise::Quantiser;
+use tsuya::internals::residual::MaskModels;
+use tsuya::internals::residual::coefficients::{CoefficientModels, Modelling};
+use tsuya::internals::transform::{ColourLanes, WaveletPlan};
+use tsuya::{Error, brdf, internals};
 
 fn folder() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("spec/vectors")
@@ -134,7 +134,8 @@ fn masks_and_planes_are_what_planes_md_says() {
     for case in cases("masks") {
         let stream = bytes(&case["stream"]);
         let mut coder = RangeDecoder::new(&stream);
-        let found = mask::code_mask(&mut coder, &mut MaskModels::default(), &rows(&case["coverage"]), None);
+        let found =
+            internals::residual::code_mask(&mut coder, &mut MaskModels::default(), &rows(&case["coverage"]), None);
         assert_eq!(found, rows(&case["mask"]));
         assert!(coder.ends_as_written(0));
     }
@@ -157,8 +158,14 @@ fn masks_and_planes_are_what_planes_md_says() {
         });
         let modelling = if case["modelling"] == "mixed" { Modelling::Mixed } else { Modelling::Direct };
         let (stream, mut models) = (bytes(&case["stream"]), CoefficientModels::new(modelling));
-        let found =
-            coefficients::decode(&stream, &mut models, &plan, &quantiser, predicted.as_deref(), Default::default());
+        let found = internals::residual::coefficients::decode(
+            &stream,
+            &mut models,
+            &plan,
+            &quantiser,
+            predicted.as_deref(),
+            Default::default(),
+        );
         let found = found.expect("a stream that ends rightly");
         let picture = plan.inverse(&found);
         let in_mask = picture.iter().zip(&mask.data).filter(|(_, set)| **set);
@@ -170,8 +177,7 @@ fn masks_and_planes_are_what_planes_md_says() {
 #[test]
 fn materials_have_the_values_that_materials_md_says() {
     for case in cases("materials") {
-        let found =
-            materials::decode_materials(&bytes(&case["section"]), &tsuya::Budget::new(Default::default())).unwrap();
+        let found = brdf::decode_materials(&bytes(&case["section"]), &tsuya::Budget::new(Default::default())).unwrap();
         let named = found.iter().find(|material| case["name"] == material.name.as_str()).unwrap();
         for value in case["values"].as_array().unwrap() {
             let three = |k: usize| [0, 1, 2].map(|c| value[k][c].as_f64().unwrap());

@@ -1,13 +1,13 @@
 //! Any bytes as a camera's calibration, and as a rig of markers.
 #![no_main]
 use libfuzzer_sys::fuzz_target;
-use tsuya::capture::calibration;
+use tsuya::capture;
 use tsuya::marker::Rig;
 use tsuya_fuzz::folder;
 
 fuzz_target!(|bytes: &[u8]| {
     let path = folder::file("calibration.yaml", bytes);
-    if let Ok(calibration) = calibration::read_calibration(&path, &folder::access()) {
+    if let Ok(calibration) = capture::read_calibration(&path, &folder::access()) {
         let camera = &calibration.camera;
         assert!(camera.width > 0 && camera.height > 0);
         assert!(camera.focal.iter().all(|f| f.is_finite() && *f > 0.0));

@@ -1,8 +1,8 @@
 //! Any bytes as a file: by directory, as a stream, as a prefix, and verified.
 #![no_main]
 use libfuzzer_sys::fuzz_target;
-use tsuya::Limits;
-use tsuya::container::{Container, Tag, metadata, read_prefix, read_stream, thumbnail, verify};
+use tsuya::container::{Container, Tag, read_prefix, read_stream, verify};
+use tsuya::{Limits, container, internals};
 
 fuzz_target!(|bytes: &[u8]| {
     let limits = Limits { memory_bytes: 1 << 24, views: 64, image_side: 1024, mesh_elements: 1 << 12 };
@@ -20,8 +20,8 @@ fuzz_target!(|bytes: &[u8]| {
             continue;
         };
         match section.tag {
-            Tag::METADATA => drop(metadata::decode(&content, &container.budget())),
-            Tag::THUMBNAIL => drop(thumbnail::decode(content)),
+            Tag::METADATA => drop(internals::container::metadata::decode(&content, &container.budget())),
+            Tag::THUMBNAIL => drop(container::decode_thumbnail(content)),
             _ => {}
         }
     }

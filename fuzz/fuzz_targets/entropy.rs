@@ -1,7 +1,7 @@
 //! Any bits under any probabilities come back, and any bytes are some bits.
 #![no_main]
 use libfuzzer_sys::fuzz_target;
-use tsuya::entropy::{BitCoder, NumberModel, RangeDecoder, RangeEncoder, code_end};
+use tsuya::internals::entropy::{BitCoder, NumberModel, RangeDecoder, RangeEncoder, code_end};
 
 fuzz_target!(|bytes: &[u8]| {
     let pairs = || bytes.chunks_exact(2).map(|pair| u16::from_le_bytes([pair[0], pair[1]]));

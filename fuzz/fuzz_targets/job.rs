@@ -1,9 +1,8 @@
 //! Any bytes as a rendering job, and as a list of published fits.
 #![no_main]
 use libfuzzer_sys::fuzz_target;
-use tsuya::brdf::Brdf;
-use tsuya::brdf::models::{ClassicalModel, read_published};
-use tsuya::relight::job::Job;
+use tsuya::brdf::{Brdf, ClassicalModel, read_published};
+use tsuya::relight::Job;
 use tsuya_fuzz::folder;
 
 /// Two directions of the upper half.

@@ -5,7 +5,7 @@ use tsuya::{Budget, Limits, lighting};
 
 fuzz_target!(|bytes: &[u8]| {
     let budget = Budget::new(Limits { memory_bytes: 1 << 24, ..Limits::default() });
-    if let Ok(light) = lighting::codec::decode(bytes, &budget) {
+    if let Ok(light) = lighting::decode(bytes, &budget) {
         for level in &light.prefiltered {
             assert!(level.cells().iter().flatten().all(|x| x.is_finite() && *x >= 0.0));
         }

@@ -1,8 +1,7 @@
 //! Any bytes as a MERL table.
 #![no_main]
 use libfuzzer_sys::fuzz_target;
-use tsuya::brdf::Brdf;
-use tsuya::brdf::merl::MerlTable;
+use tsuya::brdf::{Brdf, MerlTable};
 
 fuzz_target!(|bytes: &[u8]| {
     // The bytes, and the same before as many zeros as make a whole table (one input in 16: a table has 35 MB).

@@ -1,8 +1,8 @@
 //! Any bytes as a photograph, and as a picture of an environment.
 #![no_main]
 use libfuzzer_sys::fuzz_target;
-use tsuya::capture::read_radiance;
-use tsuya::lighting::read::{EnvironmentReadOptions, read_environment};
+use tsuya::image::read_radiance;
+use tsuya::lighting::{EnvironmentReadOptions, read_environment};
 use tsuya_fuzz::folder;
 
 fuzz_target!(|bytes: &[u8]| {

@@ -1,7 +1,7 @@
 //! Any bytes as a sampling plan; a material is made of values at its angles.
 #![no_main]
 use libfuzzer_sys::fuzz_target;
-use tsuya::brdf::plan::MeasurementPlan;
+use tsuya::brdf::MeasurementPlan;
 
 fuzz_target!(|bytes: &[u8]| {
     let Ok(plan) = MeasurementPlan::from_json(bytes) else { return };

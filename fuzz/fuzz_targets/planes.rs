@@ -1,8 +1,11 @@
 //! Any bytes as section `PLAN` of a small object, checksums put right; and any bytes as the streams of a sound head.
 #![no_main]
 use libfuzzer_sys::fuzz_target;
-use tsuya::predictive::header::{CodedEntry, PREFIX_BYTES, PlaneHeader};
-use tsuya::{Budget, Limits, predictive};
+use tsuya::internals::{
+    self,
+    predictive::{CodedEntry, PREFIX_BYTES, PlaneHeader},
+};
+use tsuya::{Budget, Limits};
 use tsuya_fuzz::scene;
 
 fuzz_target!(|bytes: &[u8]| {
@@ -35,7 +38,7 @@ fuzz_target!(|bytes: &[u8]| {
     }
     let mut next = parts.into_iter();
     let read = |_: &CodedEntry| Ok(next.next());
-    let decoded = predictive::decode::decode(&header, &mesh, (&views, scene::WHITE), |_| true, read, &budget);
+    let decoded = internals::predictive::decode(&header, &mesh, (&views, scene::WHITE), |_| true, read, &budget);
     for (photograph, view) in decoded.into_iter().flatten().zip(&views) {
         let photograph = photograph.expect("all were asked for");
         let pixels = view.camera.width as usize * view.camera.height as usize;

@@ -1,24 +1,24 @@
 //! Any bytes as section `RFLC` of a small atlas.
 #![no_main]
 use libfuzzer_sys::fuzz_target;
-use tsuya::reflectance::{ReflectionGeometry, maps};
-use tsuya::views::Component;
-use tsuya::{Budget, Limits, reflectance};
+use tsuya::Component;
+use tsuya::internals::{self, reflectance::ReflectionGeometry};
+use tsuya::{Budget, Limits};
 use tsuya_fuzz::scene;
 
 fuzz_target!(|bytes: &[u8]| {
     let budget = Budget::new(Limits { memory_bytes: 1 << 24, ..Limits::default() });
-    if let Ok(maps) = reflectance::codec::decode(bytes, &scene::mesh(), &scene::charts(), &budget) {
+    if let Ok(maps) = internals::reflectance::decode(bytes, &scene::mesh(), &scene::charts(), &budget) {
         assert!(maps.diffuse.data.iter().chain(&maps.specular.data).flatten().all(|x| x.is_finite() && *x >= 0.0));
         assert!(maps.sigma.data.iter().all(|x| (0.019..=0.81).contains(x)));
         // Whatever the palette is, light stays finite and not negative, and so do the maps made Gaussian.
         for alpha in [0.0, 0.03, 0.4, 1.5] {
             let cosines =
                 ReflectionGeometry { irradiance: [1.0; 3], cos_light: 0.5, cos_view: 0.5, alpha, difference: 0.4 };
-            let light = maps::evaluate(&maps, Component::Specular, [12.0, 9.0], Some(&cosines));
+            let light = internals::reflectance::evaluate(&maps, Component::Specular, [12.0, 9.0], Some(&cosines));
             assert!(light.iter().all(|x| x.is_finite() && *x >= 0.0));
         }
-        let plain = reflectance::palette::without_palette(&maps);
+        let plain = maps.without_palette();
         assert!(plain.sigma.data.iter().all(|x| (0.0..=0.81).contains(x)));
     }
 });

@@ -1,8 +1,7 @@
 //! Any bytes as an RGL material.
 #![no_main]
 use libfuzzer_sys::fuzz_target;
-use tsuya::brdf::Brdf;
-use tsuya::brdf::rgl::RglMaterial;
+use tsuya::brdf::{Brdf, RglMaterial};
 
 fuzz_target!(|bytes: &[u8]| {
     if let Ok(material) = RglMaterial::from_bytes(bytes, "fuzz.bsdf") {

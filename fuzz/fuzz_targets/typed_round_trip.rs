@@ -2,12 +2,14 @@
 #![no_main]
 use libfuzzer_sys::arbitrary::{self, Arbitrary, Unstructured};
 use libfuzzer_sys::fuzz_target;
-use tsuya::image::{Mask, RgbImage};
-use tsuya::options::DecodeSpeed;
-use tsuya::predictive::encode::{PlaneEncoder, PlaneQuality};
-use tsuya::predictive::header::{PREFIX_BYTES, PlaneHeader};
-use tsuya::views::{Component, Photograph};
-use tsuya::{Budget, Limits, predictive};
+use tsuya::DecodeSpeed;
+use tsuya::internals::predictive::{PREFIX_BYTES, PlaneEncoder, PlaneHeader, PlaneQuality};
+use tsuya::{Budget, Limits};
+use tsuya::{Component, Photograph};
+use tsuya::{
+    image::{Mask, RgbImage},
+    internals,
+};
 use tsuya_fuzz::scene;
 
 #[derive(Arbitrary, Debug)]
@@ -51,18 +53,18 @@ fuzz_target!(|bytes: &[u8]| {
         decode_speed: [DecodeSpeed::Normal, DecodeSpeed::Fast, DecodeSpeed::Fastest][input.decoding as usize % 3],
         ..PlaneQuality::default()
     };
-    let covered = tsuya::surface::raster::coverage(&mesh, &views);
+    let covered = tsuya::internals::surface::coverage(&mesh, &views);
     let encoder = PlaneEncoder::new(&mesh, &views, white, components, &photographs, &covered, input.signed);
     let encoded = encoder.encode(&quality).expect("every picture set can be coded");
     let budget = Budget::new(Limits::default());
     let header = PlaneHeader::parse(&encoded.bytes, views.len(), components.len(), &budget).expect("our own head");
     let body = &encoded.bytes[PREFIX_BYTES + PlaneHeader::head_bytes(&encoded.bytes).expect("our own head") as usize..];
-    let read = |step: &predictive::header::CodedEntry| {
+    let read = |step: &internals::predictive::CodedEntry| {
         let length: usize = step.lengths.iter().map(|&l| l as usize).sum();
         Ok(Some(body[step.offset as usize..][..length].to_vec()))
     };
     let decoded =
-        predictive::decode::decode(&header, &mesh, (&views, white), |_| true, read, &budget).expect("our own file");
+        internals::predictive::decode(&header, &mesh, (&views, white), |_| true, read, &budget).expect("our own file");
     for ((decoded, expected), target) in decoded.iter().zip(&encoded.photographs).zip(&photographs) {
         let decoded = decoded.as_ref().expect("all views were asked for");
         assert_eq!(decoded.mask, target.mask);

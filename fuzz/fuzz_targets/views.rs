@@ -1,12 +1,12 @@
 //! Any bytes as a section of views.
 #![no_main]
 use libfuzzer_sys::fuzz_target;
-use tsuya::views::codec;
+use tsuya::internals;
 use tsuya::{Budget, Limits};
 
 fuzz_target!(|bytes: &[u8]| {
     let limits = Limits { memory_bytes: 1 << 22, views: 256, image_side: 1024, ..Limits::default() };
-    if let Ok(section) = codec::decode(bytes, &Budget::new(limits)) {
+    if let Ok(section) = internals::views::decode(bytes, &Budget::new(limits)) {
         for view in &section.views {
             let camera = &view.camera;
             assert!(camera.rotation.iter().flatten().chain(&camera.translation).all(|x| x.is_finite()));

@@ -2,12 +2,12 @@
 
 use crate::{Seeds, models, scene};
 use tsuya::Limits;
+use tsuya::Mesh;
 use tsuya::capture::{Capture, CaptureFrame};
-use tsuya::container::{ContainerWriter, SectionCodec, Tag, edit::with_sections};
+use tsuya::container::{ContainerWriter, SectionCodec, Tag, with_sections};
 use tsuya::encoder::{encode, encode_materials};
 use tsuya::image::Grid;
-use tsuya::mesh::Mesh;
-use tsuya::options::{DecodeSpeed, EncodeOptions, EncodeTarget, Profile, SpecularModel};
+use tsuya::{DecodeSpeed, EncodeOptions, EncodeTarget, Profile, SpecularModel};
 
 /// What a capture consists of.
 #[derive(Clone, Copy)]
@@ -91,7 +91,7 @@ pub fn put(seeds: &Seeds) {
     let beside = [
         own(Tag::VISIBILITY, models::visibility(&mesh, 24)),
         own(Tag::LIGHT, models::light(8)),
-        own(Tag::MATERIALS, tsuya::brdf::materials::encode_materials(&materials).expect("two materials")),
+        own(Tag::MATERIALS, tsuya::brdf::encode_materials(&materials).expect("two materials")),
     ];
     let whole = with_sections(&octahedron, &beside, Limits::default()).expect("our own file");
     all.push(("everything".into(), whole));

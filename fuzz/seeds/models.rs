@@ -2,13 +2,14 @@
 
 use crate::Seeds;
 use std::f64::consts::PI;
-use tsuya::brdf::materials::{FittedMaterial, NamedMaterial};
-use tsuya::brdf::models::{ClassicalLobe, ClassicalModel};
-use tsuya::brdf::plan::{PlanMethod, Population};
-use tsuya::brdf::{Brdf, BrdfSample, compact, dsbrdf};
-use tsuya::lighting::{EnvironmentLobes, EnvironmentMap, codec, fit, levels};
-use tsuya::mesh::Mesh;
-use tsuya::visibility::bake::{BakeOptions, bake};
+use tsuya::Mesh;
+use tsuya::brdf::{Brdf, BrdfSample, ClassicalLobe, ClassicalModel, PlanMethod, Population};
+use tsuya::lighting::{EnvironmentLobes, EnvironmentMap};
+use tsuya::visibility::{BakeOptions, bake};
+use tsuya::{
+    brdf::{self, FittedMaterial, NamedMaterial},
+    lighting,
+};
 
 /// A classical material.
 pub fn model(number: usize) -> ClassicalModel {
@@ -24,9 +25,9 @@ pub fn model(number: usize) -> ClassicalModel {
 /// One material of each form.
 pub fn materials() -> Vec<NamedMaterial> {
     let samples = BrdfSample::tabulate(&model(0), [18, 9, 4]);
-    let options = dsbrdf::DsbrdfFitOptions { slices: 6, ..Default::default() };
-    let lobes = dsbrdf::fit_dsbrdf(&samples, &options).expect("a material");
-    let tuned = compact::fit_compact(&samples, &Default::default()).expect("a material");
+    let options = brdf::DsbrdfFitOptions { slices: 6, ..Default::default() };
+    let lobes = brdf::fit_dsbrdf(&samples, &options).expect("a material");
+    let tuned = brdf::fit_compact(&samples, &Default::default()).expect("a material");
     vec![
         NamedMaterial { name: "lobes".into(), material: FittedMaterial::Dsbrdf(lobes) },
         NamedMaterial { name: "compact".into(), material: FittedMaterial::Compact(tuned) },
@@ -46,11 +47,11 @@ pub fn light(size: usize) -> Vec<u8> {
         [0.3 + sun, 0.4 + sun, 0.5 + 0.3 * y.max(0.0) + sun + 0.1 * z.abs()].map(|x| x as f32)
     };
     let environment = EnvironmentMap::from_fn(64, radiance);
-    let options = fit::LobeFitOptions { lobes: 3, evaluations: 20 };
-    let diffuse = fit::fit(&environment, &options, None);
-    let mut levels = levels::prefiltered_maps(&environment, size);
+    let options = lighting::LobeFitOptions { lobes: 3, evaluations: 20 };
+    let diffuse = lighting::fit(&environment, &options, None);
+    let mut levels = lighting::prefiltered_maps(&environment, size);
     levels.truncate(3);
-    codec::encode(&EnvironmentLobes { diffuse, prefiltered: levels }, &Default::default()).expect("a light").0
+    lighting::encode(&EnvironmentLobes { diffuse, prefiltered: levels }, &Default::default()).expect("a light").0
 }
 
 /// Tables, fits and plans.

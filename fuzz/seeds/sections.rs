@@ -1,16 +1,12 @@
 //! Sections for the targets that read one of them, made for the mesh and the views that these targets have.
 
 use crate::{Seeds, models, scene};
-use tsuya::mesh::Mesh;
-use tsuya::mesh::codec::{MeshOptions, encode};
-use tsuya::options::{DecodeSpeed, SpecularModel};
-use tsuya::predictive::encode::{PlaneEncoder, PlaneQuality};
-use tsuya::reflectance::codec::MapSteps;
-use tsuya::reflectance::gather::{self, ReflectanceSources};
-use tsuya::surface::{atlas, charts, raster};
-use tsuya::views::codec;
-use tsuya::views::codec::ViewsSection;
-use tsuya::{reflectance, wavelet_texture};
+use tsuya::internals::predictive::{PlaneEncoder, PlaneQuality};
+use tsuya::internals::reflectance::{MapSteps, ReflectanceSources};
+use tsuya::internals::views::ViewsSection;
+use tsuya::mesh::{MeshOptions, encode};
+use tsuya::{DecodeSpeed, SpecularModel};
+use tsuya::{Mesh, internals};
 
 /// Puts sections.
 pub fn put(seeds: &Seeds) {
@@ -24,16 +20,20 @@ pub fn put(seeds: &Seeds) {
                 all[2].light = None;
             }
             let section = ViewsSection { white, components: scene::components(polarised).to_vec(), views: all };
-            let bytes = codec::encode(&section, &scene::mesh().positions).expect("views");
+            let bytes = internals::views::encode(&section, &scene::mesh().positions).expect("views");
             seeds.put("views", &format!("{polarised}-{mixed}"), bytes);
             photographs(seeds, polarised, mixed);
         }
     }
     let mesh = scene::mesh();
-    seeds.put("charts", "two", charts::encode(&mesh, &scene::charts()).expect("charts"));
+    seeds.put("charts", "two", internals::surface::charts::encode(&mesh, &scene::charts()).expect("charts"));
     for density in [3.0, 8.0, 30.0] {
-        let layout = atlas::layout(&mesh, density).expect("a layout");
-        seeds.put("charts", &format!("density-{density}"), charts::encode(&mesh, &layout).expect("charts"));
+        let layout = internals::surface::atlas::layout(&mesh, density).expect("a layout");
+        seeds.put(
+            "charts",
+            &format!("density-{density}"),
+            internals::surface::charts::encode(&mesh, &layout).expect("charts"),
+        );
     }
     seeds.put("visibility", "vertices", models::visibility(&mesh, 0));
     seeds.put("visibility", "places", models::visibility(&mesh, 40));
@@ -41,7 +41,7 @@ pub fn put(seeds: &Seeds) {
     seeds.put("lighting", "large", models::light(32));
     let materials = models::materials();
     for count in 0..=materials.len() {
-        let bytes = tsuya::brdf::materials::encode_materials(&materials[..count]).expect("materials");
+        let bytes = tsuya::brdf::encode_materials(&materials[..count]).expect("materials");
         seeds.put("materials", &format!("{count}"), bytes);
     }
     atlases(seeds);
@@ -77,7 +77,7 @@ fn photographs(seeds: &Seeds, polarised: bool, mixed: bool) {
     let (mesh, views) = (scene::mesh(), scene::views_of(&scene::sizes(mixed)));
     let components = scene::components(polarised);
     let photographs = scene::photographs(&mesh, &views, components, mixed);
-    let covered = raster::coverage(&mesh, &views);
+    let covered = internals::surface::coverage(&mesh, &views);
     for decoding in [DecodeSpeed::Normal, DecodeSpeed::Fast, DecodeSpeed::Fastest] {
         let encoder = PlaneEncoder::new(&mesh, &views, scene::WHITE, components, &photographs, &covered, mixed);
         let quality = PlaneQuality { step: 0.03, decode_speed: decoding, ..Default::default() };
@@ -85,19 +85,24 @@ fn photographs(seeds: &Seeds, polarised: bool, mixed: bool) {
         let kind = (components.len() - 1) as u8 | (mixed as u8) << 1;
         seeds.put("planes", &format!("{decoding:?}-{polarised}-{mixed}"), [&[kind][..], &bytes].concat());
     }
-    let frames: Vec<wavelet_texture::PosedPhotograph> = (views.iter().zip(&photographs))
-        .map(|(view, taken)| wavelet_texture::PosedPhotograph { view, mask: Some(&taken.mask), images: &taken.images })
+    let frames: Vec<internals::wavelet_texture::PosedPhotograph> = (views.iter().zip(&photographs))
+        .map(|(view, taken)| internals::wavelet_texture::PosedPhotograph {
+            view,
+            mask: Some(&taken.mask),
+            images: &taken.images,
+        })
         .collect();
     for (number, density) in [0.3, 1.0].into_iter().enumerate() {
-        let samples = wavelet_texture::WaveletSamples::gather(&mesh, &frames, density);
-        let model = wavelet_texture::encode::fit_model(&samples, components);
+        let samples = internals::wavelet_texture::WaveletSamples::gather(&mesh, &frames, density);
+        let model = internals::wavelet_texture::fit_model(&samples, components);
         for model in [None, Some(&model)] {
-            let options = wavelet_texture::WaveletOptions {
+            let options = internals::wavelet_texture::WaveletOptions {
                 keep_percent: 8.0,
                 view_levels: number as u8 + 1,
                 ..Default::default()
             };
-            let bytes = wavelet_texture::encode(&samples, components, model, &options).expect("samples").bytes;
+            let bytes =
+                internals::wavelet_texture::encode(&samples, components, model, &options).expect("samples").bytes;
             let kind = 4 + (2 - components.len()) as u8;
             let name = format!("{polarised}-{mixed}-{number}-{}", model.is_some());
             seeds.put("paper", &name, [&[kind][..], &bytes].concat());
@@ -108,7 +113,7 @@ fn photographs(seeds: &Seeds, polarised: bool, mixed: bool) {
 /// Reflectance on the target's atlas, with and without highlights, their palette and lights.
 fn atlases(seeds: &Seeds) {
     let (mesh, charts) = (scene::mesh(), scene::charts());
-    let raster = atlas::rasterise_atlas(&mesh, &charts).expect("an atlas");
+    let raster = internals::surface::atlas::rasterise_atlas(&mesh, &charts).expect("an atlas");
     for (name, polarised, lit, specular) in [
         ("lobes", true, true, SpecularModel::TorranceSparrow),
         ("palette", true, true, SpecularModel::Dsbrdf),
@@ -123,9 +128,9 @@ fn atlases(seeds: &Seeds) {
         let taken = scene::photographs(&mesh, &views, components, false);
         let photographs = taken.iter().map(Some).collect();
         let sources = ReflectanceSources { mesh: &mesh, views: &views, components, photographs, specular };
-        let maps = gather::fit_maps(&sources, &charts, &raster);
+        let maps = internals::reflectance::fit_maps(&sources, &charts, &raster);
         let steps = MapSteps { diffuse: 8.0, specular: 16.0, sigma: 16.0 };
-        let (bytes, _) = reflectance::codec::encode(&maps, &mesh, &charts, &steps, 0.15).expect("maps");
+        let (bytes, _) = internals::reflectance::encode(&maps, &mesh, &charts, &steps, 0.15).expect("maps");
         seeds.put("reflectance", name, bytes);
     }
 }

@@ -1,13 +1,12 @@
 //! A file decoded in every way there is: whole, view by view, from ranges and from a stream. All give the same bits.
 
 use std::sync::Arc;
-use tsuya::asset::Asset;
+use tsuya::Asset;
+use tsuya::Charts;
+use tsuya::Mesh;
+use tsuya::Photograph;
 use tsuya::container::Poll;
-use tsuya::decoder::arriving::{IncrementalDecoder, ViewStatus};
-use tsuya::decoder::{DecodeOptions, ViewSelection, decode};
-use tsuya::mesh::Mesh;
-use tsuya::surface::charts::Charts;
-use tsuya::views::Photograph;
+use tsuya::decoder::{DecodeOptions, IncrementalDecoder, ViewSelection, ViewStatus, decode};
 use tsuya::{Error, Limits, Result};
 
 /// Decodes in every way and compares; the whole asset where it decodes.

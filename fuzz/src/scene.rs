@@ -1,10 +1,9 @@
 //! A small object, its cameras and its photographs, for sections that need them and for seeds.
 
-use tsuya::image::RgbImage;
-use tsuya::mesh::Mesh;
-use tsuya::surface::charts::{Chart, Charts};
-use tsuya::surface::raster;
-use tsuya::views::{Camera, Component, Photograph, PointLight, View};
+use tsuya::Mesh;
+use tsuya::{Camera, Component, Photograph, PointLight, View};
+use tsuya::{Chart, Charts};
+use tsuya::{image::RgbImage, internals};
 
 /// White board of the scene.
 pub const WHITE: [f64; 3] = [1.0, 0.9, 0.8];
@@ -75,9 +74,9 @@ pub fn sizes(mixed: bool) -> [(u32, u32); 3] {
 /// Photographs of a mesh: a texture that the views share, light from each camera, a highlight in the specular component, and masks that
 /// are what the mesh covers but for some pixels where `odd`.
 pub fn photographs(mesh: &Mesh, views: &[View], components: &[Component], odd: bool) -> Vec<Photograph> {
-    let normals = raster::vertex_normals(mesh);
+    let normals = internals::surface::vertex_normals(mesh);
     let take = |(index, view): (usize, &View)| {
-        let raster = raster::rasterise(mesh, &view.camera);
+        let raster = internals::surface::rasterise(mesh, &view.camera);
         let mut mask = raster.coverage();
         for (at, inside) in mask.data.iter_mut().enumerate() {
             *inside ^= odd && (at * 7 + index * 3) % 61 < 4;

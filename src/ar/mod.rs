@@ -4,10 +4,11 @@
 //! ([`crate::relight`]) and **composite** (shadow, object, the camera's gain and noise). See `spec/placing.md`.
 
 mod canvas;
-pub mod placement;
+pub(crate) mod placement;
 mod plate;
 mod sensor;
 
+pub use placement::{Placement, RigMount};
 pub use plate::Plate;
 pub use sensor::PAPER_ALBEDO;
 
@@ -26,7 +27,6 @@ use crate::relight::{
 };
 use crate::views::Camera;
 use canvas::LensCanvas;
-use placement::{Placement, RigMount};
 use plate::SrgbCurve;
 use std::borrow::Cow;
 use std::time::Instant;

@@ -1,8 +1,8 @@
 //! Frames of a camera in memory, and the display's curve as tables.
 
-use crate::capture::read_radiance;
 use crate::error::{Error, Result};
 use crate::image::read::read_display_image;
+use crate::image::read::read_radiance;
 use crate::image::{Grid, Mask, RgbImage, from_srgb, to_srgb};
 use crate::input::FileAccess;
 use crate::metrics::{DisplayImage, to_display};

@@ -1,29 +1,61 @@
 //! Materials whose reflectance was measured: reading tables, fitting lobes, planning what to measure.
 
 mod angles;
-pub mod compact;
+pub(crate) mod compact;
 #[cfg(feature = "encode")]
-pub mod directions;
-pub mod dsbrdf;
+pub(crate) mod directions;
+pub(crate) mod dsbrdf;
 #[cfg(feature = "encode")]
-pub mod errors;
+pub(crate) mod errors;
 #[cfg(feature = "encode")]
-pub mod forms;
-pub mod materials;
+pub(crate) mod forms;
+pub(crate) mod materials;
 #[cfg(feature = "encode")]
-pub mod merl;
-pub mod models;
+pub(crate) mod merl;
+pub(crate) mod models;
 #[cfg(feature = "encode")]
-pub mod plan;
+pub(crate) mod plan;
 #[cfg(feature = "encode")]
-pub mod preview;
+pub(crate) mod preview;
 #[cfg(feature = "encode")]
-pub mod rgl;
+pub(crate) mod rgl;
 mod sample;
 #[cfg(all(test, feature = "encode"))]
 mod test_data;
 
 pub use angles::HalfDifference;
+pub use compact::{COMPACT_DEGREES, CompactMaterial};
+#[cfg(feature = "encode")]
+pub use compact::{CompactFitOptions, FitDirections, fit_compact};
+#[cfg(feature = "encode")]
+pub use directions::{DirectionPair, parse_directions};
+pub use dsbrdf::{DsbrdfFitOptions, DsbrdfLobe, DsbrdfMaterial, LobeCount, fit_dsbrdf};
+#[cfg(feature = "encode")]
+pub use errors::{
+    ALBEDO_ANGLES_DEG, CellErrors, ErrorReport, MeasuredReference, albedo, cell_errors, log_rmse, max_albedo,
+    reciprocity_error,
+};
+#[cfg(feature = "encode")]
+pub use forms::{
+    BrdfForm, FitSettings, FittedBrdf, fit_planned, fit_samples, fit_table, planned_samples, table_samples,
+};
+pub use materials::{FittedMaterial, NamedMaterial, decode_materials, encode_materials};
+#[cfg(feature = "encode")]
+pub use merl::{InterpolatedMerl, MerlCell, MerlGrid, MerlTable, PHI_D_BINS, THETA_D_BINS, THETA_H_BINS};
+#[cfg(feature = "encode")]
+pub use models::{
+    ClassicalForm, FitObjective, MeasuredPair, PublishedFit, fit_classical, fit_classical_pairs, read_published,
+};
+pub use models::{ClassicalLobe, ClassicalModel, ScatteringAngles, ShiftedGamma};
+#[cfg(feature = "encode")]
+pub use plan::{MeasurementPlan, PLAN_FORMAT, PlanMethod, PlannedAngles, Population, PopulationComponents};
+#[cfg(feature = "encode")]
+pub use preview::{
+    POINT_LIGHT, PreviewEnvironment, SphereImages, SpherePair, SpherePsnr, SphereScenes, sphere_exposure,
+    studio_environment,
+};
+#[cfg(feature = "encode")]
+pub use rgl::{ReciprocalRgl, RglMaterial};
 pub use sample::BrdfSample;
 
 /// A bidirectional reflectance distribution function.

@@ -11,9 +11,9 @@
 //! - `color_space`: of integer pictures, see [`ColorSpace::from_name`];
 //! - per frame `cross_file_path` (polarised: specular blocked) and `mask_path`.
 
-pub mod align;
+pub(crate) mod align;
 #[cfg(feature = "ar")]
-pub mod calibration;
+pub(crate) mod calibration;
 mod colmap;
 mod describe;
 mod description;
@@ -26,7 +26,9 @@ mod transforms;
 mod view_names;
 mod white;
 
-pub use crate::image::read::{ColorSpace, read_linear_image, read_radiance};
+pub use align::{Alignment, Correspondence, align, apply_pose, read_correspondences};
+#[cfg(feature = "ar")]
+pub use calibration::{Calibration, read_calibration};
 pub use describe::describe;
 pub use description::{CaptureDescription, FrameDescription, WhiteReference};
 pub use lens::Lens;
@@ -34,7 +36,7 @@ pub use lens::Lens;
 pub(crate) use transforms::nearest_rotation;
 
 use crate::error::{Error, Result};
-use crate::image::read::{ImageFault, read_mask, read_radiance_image, reading_memory};
+use crate::image::read::{ColorSpace, ImageFault, read_mask, read_radiance_image, reading_memory};
 use crate::image::{Mask, RgbImage};
 use crate::input::{FileAccess, escaped};
 use crate::limits::Limits;

@@ -31,6 +31,15 @@ pub struct AchievedError {
     pub largest: Option<f64>,
 }
 
+/// Metres for one unit of world length, after the metadata's key `units`; 1 for units that are not metric or not known.
+pub fn metres_per_unit(metadata: &Map<String, Value>) -> f64 {
+    match metadata.get("units").and_then(Value::as_str) {
+        Some("mm") => 0.001,
+        Some("cm") => 0.01,
+        _ => 1.0,
+    }
+}
+
 macro_rules! text_keys {
     ($($get:ident $set:ident $key:literal $doc:literal;)*) => {
         $(

@@ -3,28 +3,34 @@
 //! A section's inline header and its entry in the directory are the same bytes ([`Section`]), so that a file is read either
 //! from its start, section by section ([`SectionStream`]), or by its directory at the end ([`Container`]).
 
-pub mod arriving;
+pub(crate) mod arriving;
 #[cfg(feature = "encode")]
-pub mod edit;
-pub mod metadata;
+pub(crate) mod edit;
+pub(crate) mod metadata;
 mod reader;
 mod section;
 mod stream;
 #[cfg(feature = "encode")]
-pub mod survey;
+pub(crate) mod survey;
 mod tags;
-pub mod thumbnail;
+pub(crate) mod thumbnail;
 #[cfg(feature = "encode")]
 mod writer;
 mod zstd_frame;
 
 pub use arriving::{IncrementalReader, Poll};
+#[cfg(feature = "encode")]
+pub use edit::with_sections;
+pub use metadata::{AchievedError, Metadata, metres_per_unit};
 pub use reader::Container;
 #[cfg(feature = "encode")]
 pub(crate) use section::push_number;
 pub use section::{Section, SectionCodec};
 pub use stream::{FilePrefix, SectionStream, read_prefix, read_stream, verify};
 pub use tags::{SectionRule, Tag, known_rule, section_rule};
+#[cfg(feature = "encode")]
+pub use thumbnail::encode_thumbnail;
+pub use thumbnail::{Thumbnail, decode_thumbnail};
 #[cfg(feature = "encode")]
 pub use writer::ContainerWriter;
 

@@ -22,7 +22,9 @@ fn sample() -> Vec<u8> {
     );
     let mut writer = ContainerWriter::new(Vec::new()).unwrap();
     writer.write_section(Tag::METADATA, SectionCodec::Zstd, &metadata::encode(&data).unwrap()).unwrap();
-    writer.write_section(Tag::THUMBNAIL, SectionCodec::None, &thumbnail::encode(&thumbnail_bytes()).unwrap()).unwrap();
+    writer
+        .write_section(Tag::THUMBNAIL, SectionCodec::None, &thumbnail::encode_thumbnail(&thumbnail_bytes()).unwrap())
+        .unwrap();
     writer.write_section(Tag::MESH, SectionCodec::Own, b"own bytes").unwrap();
     writer.write_section(Tag(*b"zzZz"), SectionCodec::None, b"").unwrap();
     writer.write_section(Tag(*b"zzZz"), SectionCodec::None, b"again").unwrap();
@@ -47,7 +49,7 @@ fn sections_come_back_by_directory_and_in_order() {
     assert!(matches!(container.read_range(Tag::METADATA, 0, 1), Err(Error::Format { .. })), "compressed as a whole");
     let data = metadata::decode(&container.read_section(Tag::METADATA).unwrap(), &container.budget()).unwrap();
     assert_eq!(data.units(), Some("m"));
-    let thumbnail = thumbnail::decode(container.read_section(Tag::THUMBNAIL).unwrap()).unwrap();
+    let thumbnail = thumbnail::decode_thumbnail(container.read_section(Tag::THUMBNAIL).unwrap()).unwrap();
     assert_eq!((thumbnail.width, thumbnail.height), (16, 8));
     assert!(container.read_optional(Tag::PLANES).unwrap().is_none());
     let again = container.sections()[4];
@@ -217,14 +219,14 @@ fn metadata_keeps_unknown_keys_and_refuses_what_is_no_object() {
 #[test]
 fn thumbnails_have_bounded_sides() {
     let good = thumbnail_bytes();
-    assert!(thumbnail::decode(good.clone()).is_ok());
+    assert!(thumbnail::decode_thumbnail(good.clone()).is_ok());
     for length in 0..24 {
-        assert!(thumbnail::decode(good[..length].to_vec()).is_err());
+        assert!(thumbnail::decode_thumbnail(good[..length].to_vec()).is_err());
     }
     for at in [16, 20] {
         let mut wide = good.clone();
         wide[at] = 1;
-        assert!(thumbnail::decode(wide).is_err());
+        assert!(thumbnail::decode_thumbnail(wide).is_err());
     }
 }
 

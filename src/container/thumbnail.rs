@@ -20,12 +20,12 @@ pub struct Thumbnail {
 
 /// Checks a PNG file's head; the bytes are the section's content.
 #[cfg(feature = "encode")]
-pub fn encode(png: &[u8]) -> Result<Vec<u8>> {
-    decode(png.to_vec()).map(|thumbnail| thumbnail.png)
+pub fn encode_thumbnail(png: &[u8]) -> Result<Vec<u8>> {
+    decode_thumbnail(png.to_vec()).map(|thumbnail| thumbnail.png)
 }
 
 /// The picture in its section; only its head is looked at.
-pub fn decode(content: Vec<u8>) -> Result<Thumbnail> {
+pub fn decode_thumbnail(content: Vec<u8>) -> Result<Thumbnail> {
     let wrong = |offset: u64, message: &str| Err(Error::format(Tag::THUMBNAIL, offset, message));
     let Some(rest) = content.strip_prefix(&PNG_HEAD) else { return wrong(0, "no PNG picture") };
     let Some((width, rest)) = rest.split_first_chunk::<4>() else { return wrong(16, "ends early") };

@@ -1,12 +1,12 @@
 //! Entropy coding: an adaptive binary range coder, adaptive bit models and logistic mixing of several of them.
 
-pub mod average;
-pub mod mixer;
-pub mod model;
-pub mod range_coder;
-pub mod rans;
+pub(crate) mod average;
+pub(crate) mod mixer;
+pub(crate) mod model;
+pub(crate) mod range_coder;
+pub(crate) mod rans;
 mod slot;
-pub mod symbol;
+pub(crate) mod symbol;
 
 pub use model::{BitModel, NumberModel, code_end, code_raw};
 pub use range_coder::{RangeDecoder, RangeEncoder};

@@ -5,12 +5,13 @@ use super::fallback::{Fallback, bake_fallback};
 use super::geometry::charts;
 use super::levels::prefix_lengths;
 use super::stream::{inject, push_view, sha256};
-use crate::asset::{Asset, metres_per_unit};
+use crate::asset::Asset;
+use crate::container::metadata::metres_per_unit;
 use crate::error::{Error, Result};
 use crate::image::Grid;
 use crate::limits::Limits;
-use crate::surface::split::{RenderMesh, render_mesh_with_atlas};
-use crate::views::upright;
+use crate::surface::split::RenderMesh;
+use crate::views::View;
 use serde_json::{Map, Value, json};
 
 /// bufferView targets.
@@ -80,7 +81,7 @@ pub fn export(stream: &[u8], asset: &Asset, options: &ExportOptions) -> Result<E
     }
     let charts = charts(asset)?;
     let fallback = bake_fallback(asset, options.white_albedo)?;
-    let geometry = render_mesh_with_atlas(&asset.mesh, charts);
+    let geometry = RenderMesh::with_atlas(&asset.mesh, charts);
     let title = asset.metadata.get("title").and_then(Value::as_str).unwrap_or("appearance");
     let mut root = json!({
         "asset": {"version": "2.0", "generator": concat!("tsuya ", env!("CARGO_PKG_VERSION"))},
@@ -119,7 +120,7 @@ pub fn export(stream: &[u8], asset: &Asset, options: &ExportOptions) -> Result<E
 /// The node: turned so that what is up in the photographs is up in glTF (+Y), scaled to metres.
 fn node(asset: &Asset, title: &str) -> Value {
     let mut node = json!({"name": title, "mesh": 0});
-    if let Some(turn) = upright(&asset.views) {
+    if let Some(turn) = View::upright_rotation(&asset.views) {
         node["rotation"] = json!(turn);
     }
     let scale = metres_per_unit(&asset.metadata);

@@ -5,9 +5,8 @@ use super::metallic_roughness::{Microfacets, equivalent_lobe, material};
 use crate::asset::Asset;
 use crate::error::{Error, Result};
 use crate::image::{Grid, from_srgb, to_srgb};
-use crate::reflectance::palette::without_palette;
 use crate::reflectance::torrance_sparrow::SIGMA_RANGE;
-use crate::surface::atlas::{bilinear_taps, fill_unused, rasterise_atlas};
+use crate::surface::atlas::{bilinear_taps, rasterise_atlas};
 use std::f64::consts::PI;
 
 /// Widths for which the equivalent of a lobe is computed; between them it is interpolated.
@@ -37,7 +36,7 @@ pub fn bake_fallback(asset: &Asset, white_albedo: f64) -> Result<Fallback> {
     let Some(maps) = &asset.reflectance else {
         return Err(Error::Unsupported("the file has no reflectance, so there is nothing to make textures of".into()));
     };
-    let maps = &*without_palette(maps);
+    let maps = &*maps.without_palette();
     let mask = rasterise_atlas(&asset.mesh, charts)?.mask();
     let texels = mask.data.len();
     if maps.diffuse.data.len() != texels || ![0, texels].contains(&maps.specular.data.len()) {
@@ -45,7 +44,7 @@ pub fn bake_fallback(asset: &Asset, white_albedo: f64) -> Result<Fallback> {
     }
     let filled = |map: &Grid<[f32; 3]>| {
         let mut map = map.clone();
-        fill_unused(&mut map, &mask);
+        map.fill_outside(&mask);
         map
     };
     let unit = if maps.relightable { unit(asset, white_albedo) } else { asset.white.map(|w| 1.0 / w.max(1e-12)) };

@@ -8,7 +8,7 @@ use crate::image::Grid;
 use crate::mesh::Mesh;
 use crate::reflectance::maps::ReflectanceMaps;
 use crate::surface::charts::{Chart, Charts};
-use crate::surface::split::render_mesh_with_atlas;
+use crate::surface::split::RenderMesh;
 use crate::views::{PointLight, View};
 use crate::{Budget, Error, Limits, Result};
 use serde_json::{Value, json};
@@ -47,7 +47,7 @@ fn document() -> GltfDocument {
     let mut document = GltfDocument::new_glb(json, Vec::new());
     let (mesh, charts) = boxed();
     document.json["meshes"][0]["primitives"][0] =
-        write_geometry(&mut document, &render_mesh_with_atlas(&mesh, &charts)).unwrap();
+        write_geometry(&mut document, &RenderMesh::with_atlas(&mesh, &charts)).unwrap();
     document
 }
 
@@ -58,7 +58,7 @@ fn parse(bytes: &[u8]) -> Result<GltfDocument> {
 #[test]
 fn vertices_are_split_at_charts_and_have_frames() {
     let (mesh, charts) = boxed();
-    let geometry = render_mesh_with_atlas(&mesh, &charts);
+    let geometry = RenderMesh::with_atlas(&mesh, &charts);
     assert_eq!((geometry.positions.len(), geometry.triangles.len()), (24, 12));
     for k in 0..24 {
         let (n, t) = (geometry.normals[k], geometry.tangents[k]);

@@ -1,7 +1,11 @@
 //! Pictures in memory: linear RGB, integer planes and masks. Row-major, origin at the top left, pixel centres at +0.5.
 
+mod fill;
 #[cfg(feature = "encode")]
-pub mod read;
+pub(crate) mod read;
+
+#[cfg(feature = "encode")]
+pub use read::{ColorSpace, read_linear_image, read_radiance};
 
 /// A grid of `width * height` values in rows.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]

@@ -319,7 +319,7 @@ pub fn irradiance(environment: &EnvironmentMap, normal: [f64; 3]) -> [f64; 3] {
 
 /// Root mean square error of the lobes' irradiance over the root mean square irradiance, on 60 normals, against the sum over all
 /// pixels.
-pub fn relative_error(environment: &EnvironmentMap, lobes: &[SphericalGaussian]) -> f64 {
+pub fn irradiance_error(environment: &EnvironmentMap, lobes: &[SphericalGaussian]) -> f64 {
     const NORMALS: usize = 60;
     let normals: Vec<[f64; 3]> = spread_directions(NORMALS).collect();
     let light = super::EnvironmentLobes { diffuse: lobes.to_vec(), prefiltered: Vec::new() };
@@ -376,10 +376,10 @@ mod tests {
         let environment = scene();
         let options = LobeFitOptions { lobes: 3, evaluations: 300 };
         let lobes = fit(&environment, &options, None);
-        assert!(relative_error(&environment, &lobes) < 4e-3, "{lobes:?}");
+        assert!(irradiance_error(&environment, &lobes) < 4e-3, "{lobes:?}");
         let turned = environment.rotated_y(4.0);
-        let before = relative_error(&turned, &lobes);
-        let after = relative_error(&turned, &fit(&turned, &options, Some(&lobes)));
+        let before = irradiance_error(&turned, &lobes);
+        let after = irradiance_error(&turned, &fit(&turned, &options, Some(&lobes)));
         assert!(after < 0.01 && after < 0.5 * before, "{before} {after}");
         assert!(fit(&EnvironmentMap::from_fn(8, |_| [0.0; 3]), &options, None).is_empty());
     }

@@ -396,8 +396,8 @@ fn blur(row: &[f32], half: &[f32]) -> Vec<f32> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::fit::relative_error;
-    use super::super::levels::relative_errors;
+    use super::super::fit::irradiance_error;
+    use super::super::levels::prefiltered_errors;
     use super::*;
 
     #[test]
@@ -414,8 +414,8 @@ mod tests {
         for turn in [4.0, 8.0] {
             let environment = scene(turn);
             let light = follower.update(&environment).clone();
-            assert!(relative_error(&environment, &light.diffuse) < 0.02);
-            let errors = relative_errors(&environment, &light.prefiltered, 40);
+            assert!(irradiance_error(&environment, &light.diffuse) < 0.02);
+            let errors = prefiltered_errors(&environment, &light.prefiltered, 40);
             println!("{errors:?}");
             assert!(errors.len() == 7 && errors.iter().all(|&e| e < 0.03), "{errors:?}");
         }

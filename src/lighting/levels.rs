@@ -214,7 +214,7 @@ impl FineEnvironment {
 
 /// For each level the root mean square error over the root mean square, in `count` directions between its cells, against
 /// the sum over all points of the environment.
-pub fn relative_errors(environment: &EnvironmentMap, levels: &[PrefilteredMap], count: usize) -> Vec<f64> {
+pub fn prefiltered_errors(environment: &EnvironmentMap, levels: &[PrefilteredMap], count: usize) -> Vec<f64> {
     let directions: Vec<[f64; 3]> = spread_directions(count).collect();
     let fine = FineEnvironment::new(environment);
     levels
@@ -250,7 +250,7 @@ mod tests {
         });
         for (sharpness, bound) in [(1312.0, 0.02), (82.0, 0.02), (5.0, 0.01)] {
             let level = prefiltered_map(&environment, sharpness, map_size(sharpness, 256)).unwrap();
-            let error = relative_errors(&environment, &[level], 24)[0];
+            let error = prefiltered_errors(&environment, &[level], 24)[0];
             assert!(error < bound, "{sharpness}: {error}");
         }
     }

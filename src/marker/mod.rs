@@ -13,15 +13,19 @@
 //! - **camera**: x to the right, y down, z forward, as in [`crate::views::Camera`]; `camera_of_rig` is the [`Pose`] found here.
 
 mod aruco;
-pub mod detect;
-pub mod detection;
+pub(crate) mod detect;
+pub(crate) mod detection;
 mod homography;
 mod pose;
 mod rig;
-pub mod track;
+pub(crate) mod track;
 
+pub use detect::MarkerDetector;
+pub use detection::MarkerDetection;
 pub use pose::{PoseEstimate, estimate_poses};
 pub use rig::{Rig, RigMarker};
+
+pub use track::MarkerTracker;
 
 use crate::error::{Error, Result};
 use glam::{DMat3, DVec3};

@@ -1,10 +1,18 @@
 //! Meshes: reading, cleaning, coding.
 
 #[cfg(feature = "encode")]
-pub mod clean;
-pub mod codec;
+pub(crate) mod clean;
+pub(crate) mod codec;
 #[cfg(feature = "encode")]
-pub mod read;
+pub(crate) mod read;
+
+#[cfg(feature = "encode")]
+pub use clean::{CleanReport, clean};
+pub use codec::decode;
+#[cfg(feature = "encode")]
+pub use codec::{EncodedMesh, MeshOptions, encode};
+#[cfg(feature = "encode")]
+pub use read::{EXTENSIONS, parse, read, texture_coordinates};
 
 use glam::DVec3;
 

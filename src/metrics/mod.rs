@@ -1,10 +1,12 @@
 //! How near decoded pictures are to the photographs.
 
+mod coverage;
 mod display;
 mod hold_out;
 mod psnr;
 mod ssim;
 
+pub use coverage::coverage;
 pub use display::{DisplayImage, difference, to_display};
 pub use hold_out::{HeldOut, hold_out};
 pub use psnr::{ImagePsnr, PhotographError, SquaredError, psnr_db, signal};

@@ -1,6 +1,6 @@
 //! Minimisers: Levenberg-Marquardt for sums of squares, L-BFGS within bounds for other functions.
 
 #[cfg(feature = "encode")]
-pub mod lbfgs;
+pub(crate) mod lbfgs;
 #[cfg(feature = "encode")]
-pub mod levenberg_marquardt;
+pub(crate) mod levenberg_marquardt;

@@ -4,16 +4,16 @@
 //! shape-adaptive 9/7, the scaled prediction subtracted, quantised, coded with contexts from the prediction.
 
 #[cfg(feature = "encode")]
-pub mod colour;
-pub mod decode;
-pub mod decoder;
+pub(crate) mod colour;
+pub(crate) mod decode;
+pub(crate) mod decoder;
 #[cfg(feature = "encode")]
-pub mod encode;
-pub mod header;
-pub mod order;
+pub(crate) mod encode;
+pub(crate) mod header;
+pub(crate) mod order;
 mod picture;
 #[cfg(feature = "encode")]
-pub mod repair;
+pub(crate) mod repair;
 pub(crate) mod workspace;
 
 use crate::error::Result;

@@ -1,4 +1,4 @@
 //! Quantisers.
 
-pub mod bands;
-pub mod dead_zone;
+pub(crate) mod bands;
+pub(crate) mod dead_zone;

@@ -1,14 +1,14 @@
 //! Fitted reflectance: Lambert for the diffuse component, Torrance-Sparrow for the specular one (Miyazaki 2007).
 
-pub mod codec;
-pub mod geometry;
-pub mod lambert;
-pub mod maps;
-pub mod palette;
+pub(crate) mod codec;
+pub(crate) mod geometry;
+pub(crate) mod lambert;
+pub(crate) mod maps;
+pub(crate) mod palette;
 
 #[cfg(feature = "encode")]
-pub mod gather;
-pub mod torrance_sparrow;
+pub(crate) mod gather;
+pub(crate) mod torrance_sparrow;
 
 pub use geometry::ReflectionGeometry;
 pub use torrance_sparrow::TorranceSparrowLobe;

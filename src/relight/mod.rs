@@ -14,7 +14,7 @@ mod filtered;
 #[cfg(feature = "encode")]
 mod ground;
 #[cfg(feature = "encode")]
-pub mod job;
+pub(crate) mod job;
 mod material;
 mod models;
 mod multisample;
@@ -38,6 +38,8 @@ pub use environment_light::{DistantLight, PreparedEnvironment, PreparedEnvironme
 pub(crate) use ground::RUN;
 #[cfg(feature = "encode")]
 pub use ground::{Ground, GroundShadow, composite, ground_shadow};
+#[cfg(feature = "encode")]
+pub use job::{Job, JobCamera, JobColour, JobEnvironment, JobEvaluator, JobMaterial, JobPair, JobParameter};
 pub use material::{HalfLobe, Material, SpecularPart, WarpedLobe, fit_lobes};
 pub use models::TorranceSparrow;
 pub use occlusion::Occlusion;

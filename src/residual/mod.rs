@@ -1,9 +1,9 @@
 //! Residual: what is left of a photograph when its prediction is known.
 
-pub mod coefficients;
+pub(crate) mod coefficients;
 mod contexts;
 mod direct;
-pub mod gains;
-pub mod mask;
+pub(crate) mod gains;
+pub(crate) mod mask;
 mod mixed;
-pub mod volume;
+pub(crate) mod volume;

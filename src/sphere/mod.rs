@@ -1,4 +1,4 @@
 //! Functions on the sphere of directions: octahedral maps and spherical Gaussians.
 
-pub mod gaussian;
-pub mod octahedral;
+pub(crate) mod gaussian;
+pub(crate) mod octahedral;

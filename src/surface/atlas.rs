@@ -150,6 +150,15 @@ pub fn rasterise_atlas(mesh: &Mesh, charts: &Charts) -> Result<AtlasRaster> {
     Ok(AtlasRaster { triangle, barycentric })
 }
 
+impl Charts {
+    /// Returns the texels of the atlas that lie on a triangle of `mesh`, the mesh that the charts were laid out for.
+    /// # Errors
+    /// [`Error::Format`] for charts that cover their atlas many times over.
+    pub fn atlas_mask(&self, mesh: &Mesh) -> Result<Mask> {
+        Ok(rasterise_atlas(mesh, self)?.mask())
+    }
+}
+
 /// [`rasterise_atlas`] for charts out of a file: the texels are charged first.
 pub fn rasterise_atlas_within(mesh: &Mesh, charts: &Charts, budget: &Budget) -> Result<AtlasRaster> {
     let texels = charts.width as u64 * charts.height as u64;
@@ -206,51 +215,6 @@ fn nearest(corners: &[[f64; 2]; 3], point: [f64; 2]) -> ([f64; 3], f64) {
         }
     }
     best
-}
-
-/// Rings of texels that [`fill_unused`] fills around the charts, for the filters of viewers.
-const RINGS: usize = 8;
-
-/// Fills a texture outside `mask` for renderers: from the neighbours, and where that does not reach with the mean colour, so that the
-/// smallest mip levels keep it.
-pub fn fill_unused(map: &mut Grid<[f32; 3]>, mask: &Mask) {
-    dilate(map, mask, RINGS);
-    let used: Vec<[f32; 3]> = map.data.iter().zip(&mask.data).filter(|(_, m)| **m).map(|(x, _)| *x).collect();
-    let mean = |c: usize| (used.iter().map(|x| x[c] as f64).sum::<f64>() / used.len().max(1) as f64) as f32;
-    let mean = std::array::from_fn(mean);
-    // Texels in use may be black; so may what the rings took from them, which then is as good as not reached.
-    let unused = map.data.iter_mut().zip(&mask.data).filter(|(x, used)| !**used && x.iter().all(|v| *v == 0.0));
-    unused.for_each(|(x, _)| *x = mean);
-}
-
-/// Fills texels outside `mask` from their neighbours, `rings` times: for GPU textures, whose filters reach further than bilinear.
-pub fn dilate(image: &mut Grid<[f32; 3]>, mask: &Mask, rings: usize) {
-    let (width, height) = (image.width, image.height);
-    let mut known = mask.clone();
-    for _ in 0..rings {
-        let before = known.clone();
-        let old = image.clone();
-        for y in 0..height {
-            for x in 0..width {
-                if *before.value_at(x, y) {
-                    continue;
-                }
-                let mut sum = [0f32; 3];
-                let mut count = 0f32;
-                for (dx, dy) in [(-1, 0), (1, 0), (0, -1), (0, 1), (-1, -1), (1, -1), (-1, 1), (1, 1)] {
-                    let (Some(nx), Some(ny)) = (x.checked_add_signed(dx), y.checked_add_signed(dy)) else { continue };
-                    if nx < width && ny < height && *before.value_at(nx, ny) {
-                        (0..3).for_each(|c| sum[c] += old.value_at(nx, ny)[c]);
-                        count += 1.0;
-                    }
-                }
-                if count > 0.0 {
-                    *image.value_at_mut(x, y) = sum.map(|s| s / count);
-                    *known.value_at_mut(x, y) = true;
-                }
-            }
-        }
-    }
 }
 
 #[cfg(test)]

@@ -1,17 +1,17 @@
 //! The surface: which triangle each pixel sees, which photographs see each sample, where the samples lie, and how one
 //! view is read from another through the mesh.
 
-pub mod atlas;
-pub mod charts;
+pub(crate) mod atlas;
+pub(crate) mod charts;
 #[cfg(feature = "encode")]
 mod layout;
 #[cfg(feature = "encode")]
-pub mod occluders;
-pub mod patches;
-pub mod raster;
-pub mod reproject;
-pub mod samples;
-pub mod split;
-pub mod texels;
-pub mod view_geometry;
-pub mod warp;
+pub(crate) mod occluders;
+pub(crate) mod patches;
+pub(crate) mod raster;
+pub(crate) mod reproject;
+pub(crate) mod samples;
+pub(crate) mod split;
+pub(crate) mod texels;
+pub(crate) mod view_geometry;
+pub(crate) mod warp;

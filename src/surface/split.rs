@@ -23,43 +23,48 @@ pub struct RenderMesh {
     pub triangles: Vec<[u32; 3]>,
 }
 
-/// Vertices and smooth normals of a mesh without an atlas.
-pub fn render_mesh(mesh: &Mesh) -> RenderMesh {
-    RenderMesh {
-        positions: mesh.positions.clone(),
-        normals: vertex_normals(mesh).iter().map(|normal| unit_or(*normal, || [0.0; 3]).map(|x| x as f32)).collect(),
-        tangents: Vec::new(),
-        coordinates: Vec::new(),
-        sources: (0..mesh.positions.len() as u32).collect(),
-        triangles: mesh.triangles.clone(),
+impl RenderMesh {
+    /// Returns the vertices of a mesh without an atlas, with smooth normals.
+    pub fn without_atlas(mesh: &Mesh) -> Self {
+        RenderMesh {
+            positions: mesh.positions.clone(),
+            normals: vertex_normals(mesh)
+                .iter()
+                .map(|normal| unit_or(*normal, || [0.0; 3]).map(|x| x as f32))
+                .collect(),
+            tangents: Vec::new(),
+            coordinates: Vec::new(),
+            sources: (0..mesh.positions.len() as u32).collect(),
+            triangles: mesh.triangles.clone(),
+        }
     }
-}
 
-/// Splits the vertices where charts meet.
-pub fn render_mesh_with_atlas(mesh: &Mesh, charts: &Charts) -> RenderMesh {
-    let smooth = vertex_normals(mesh);
-    let mut geometry = RenderMesh::default();
-    let mut number: HashMap<(u32, u32), u32> = HashMap::new();
-    let size = [charts.width as f64, charts.height as f64];
-    for (index, corners) in mesh.triangles.iter().enumerate() {
-        let chart = charts.chart_of_triangle[index];
-        let facing = charts.charts[chart as usize].facing;
-        let at = charts.corners(mesh, index);
-        let triangle = std::array::from_fn(|k| {
-            let vertex = corners[k];
-            *number.entry((vertex, chart)).or_insert_with(|| {
-                let normal = unit_or(smooth[vertex as usize], || face_normal(mesh, corners));
-                geometry.positions.push(mesh.positions[vertex as usize]);
-                geometry.normals.push(normal.map(|x| x as f32));
-                geometry.tangents.push(tangent(normal, facing));
-                geometry.sources.push(vertex);
-                geometry.coordinates.push(std::array::from_fn(|c| (at[k][c] / size[c]).clamp(0.0, 1.0) as f32));
-                geometry.positions.len() as u32 - 1
-            })
-        });
-        geometry.triangles.push(triangle);
+    /// Returns the vertices of a mesh with an atlas, split where charts meet.
+    pub fn with_atlas(mesh: &Mesh, charts: &Charts) -> Self {
+        let smooth = vertex_normals(mesh);
+        let mut geometry = RenderMesh::default();
+        let mut number: HashMap<(u32, u32), u32> = HashMap::new();
+        let size = [charts.width as f64, charts.height as f64];
+        for (index, corners) in mesh.triangles.iter().enumerate() {
+            let chart = charts.chart_of_triangle[index];
+            let facing = charts.charts[chart as usize].facing;
+            let at = charts.corners(mesh, index);
+            let triangle = std::array::from_fn(|k| {
+                let vertex = corners[k];
+                *number.entry((vertex, chart)).or_insert_with(|| {
+                    let normal = unit_or(smooth[vertex as usize], || face_normal(mesh, corners));
+                    geometry.positions.push(mesh.positions[vertex as usize]);
+                    geometry.normals.push(normal.map(|x| x as f32));
+                    geometry.tangents.push(tangent(normal, facing));
+                    geometry.sources.push(vertex);
+                    geometry.coordinates.push(std::array::from_fn(|c| (at[k][c] / size[c]).clamp(0.0, 1.0) as f32));
+                    geometry.positions.len() as u32 - 1
+                })
+            });
+            geometry.triangles.push(triangle);
+        }
+        geometry
     }
-    geometry
 }
 
 fn face_normal(mesh: &Mesh, corners: &[u32; 3]) -> [f64; 3] {

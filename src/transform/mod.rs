@@ -1,8 +1,8 @@
 //! Transforms: rotate colours and decorrelate samples before they are quantised.
 
-pub mod colour;
-pub mod daubechies;
-pub mod frame;
+pub(crate) mod colour;
+pub(crate) mod daubechies;
+pub(crate) mod frame;
 mod lifting;
-pub mod masked;
-pub mod shape_adaptive;
+pub(crate) mod masked;
+pub(crate) mod shape_adaptive;

@@ -1,6 +1,6 @@
 //! Cameras, lights and photographs, and the VIEW section that holds them.
 
-pub mod codec;
+pub(crate) mod codec;
 
 use crate::image::{Mask, RgbImage};
 use glam::{DQuat, DVec3};
@@ -72,12 +72,14 @@ pub struct View {
     pub light: Option<PointLight>,
 }
 
-/// The turn, a unit quaternion x, y, z, w, that brings what is up in the photographs to +y; `None` where it is there but for
-/// cameras that look a little down or up.
-pub fn upright(views: &[View]) -> Option<[f32; 4]> {
-    let up: DVec3 = views.iter().map(|view| -DVec3::from_array(view.camera.rotation[1])).sum();
-    let up = up.try_normalize().filter(|up| up.y < 0.7)?;
-    Some(DQuat::from_rotation_arc(up, DVec3::Y).normalize().as_quat().normalize().to_array())
+impl View {
+    /// Returns the rotation, a unit quaternion x, y, z, w, that maps the photographs' mean up direction to +Y; `None` if that is already
+    /// within 45 degrees of it.
+    pub fn upright_rotation(views: &[View]) -> Option<[f32; 4]> {
+        let up: DVec3 = views.iter().map(|view| -DVec3::from_array(view.camera.rotation[1])).sum();
+        let up = up.try_normalize().filter(|up| up.y < 0.7)?;
+        Some(DQuat::from_rotation_arc(up, DVec3::Y).normalize().as_quat().normalize().to_array())
+    }
 }
 
 /// What a set of photographs shows of the object.

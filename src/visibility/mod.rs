@@ -7,14 +7,17 @@
 //! principal component analysis over the places and for linear interpolation between them.
 
 #[cfg(feature = "encode")]
-pub mod bake;
-pub mod codec;
+pub(crate) mod bake;
+pub(crate) mod codec;
 #[cfg(feature = "encode")]
 mod measure;
 #[cfg(feature = "encode")]
 mod principal;
 #[cfg(feature = "encode")]
-pub mod rays;
+pub(crate) mod rays;
+
+#[cfg(feature = "encode")]
+pub use bake::{BakeOptions, BakedVisibility, bake};
 
 use crate::sphere::octahedral::{OctahedralTaps, taps};
 use crate::surface::samples::SurfaceSamples;

@@ -3,15 +3,15 @@
 //! Photographs are read at the samples of surface patches; a reflection model is fitted; what it leaves is a volume
 //! (u, v, view) per patch, of whose wavelet coefficients the largest are kept. `spec/wavelet-texture.md` describes the section.
 
-pub mod decode;
+pub(crate) mod decode;
 #[cfg(feature = "encode")]
-pub mod encode;
+pub(crate) mod encode;
 #[cfg(feature = "encode")]
-pub mod fit;
-pub mod layout;
-pub mod model;
+pub(crate) mod fit;
+pub(crate) mod layout;
+pub(crate) mod model;
 #[cfg(feature = "encode")]
-pub mod samples;
+pub(crate) mod samples;
 mod stream;
 
 pub use decode::{DecodedWaveletTexture, decode};

@@ -1,10 +1,10 @@
 //! Pictures of a marker, drawn from where it truly is.
 #![allow(dead_code)]
 
+use tsuya::Camera;
 use tsuya::capture::Lens;
 use tsuya::image::Grid;
 use tsuya::marker::Pose;
-use tsuya::views::Camera;
 
 /// Rows of white (1) and black cells of number 0 of tag36h11, without its border.
 pub const TAG36H11_0: [&str; 6] = ["110101", "011101", "011000", "101000", "010110", "000100"];

@@ -6,9 +6,9 @@ use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 use tempfile::TempDir;
+use tsuya::EncodeOptions;
 use tsuya::capture::{self, Capture, CaptureReadOptions};
 use tsuya::encoder::{EncodedFile, encode};
-use tsuya::options::EncodeOptions;
 
 /// The folder of a bundled capture: `sample-spot`, or one that `tools/captures/make.py` makes: `dome`, `unpolarised`, `lens`, `sizes`.
 pub fn bundled(name: &str) -> PathBuf {

@@ -9,13 +9,11 @@
 use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
-use tsuya::brdf::errors::{ErrorReport, MeasuredReference, cell_errors};
-use tsuya::brdf::forms::{BrdfForm, FitSettings, fit_planned, fit_table};
-use tsuya::brdf::merl::MerlTable;
-use tsuya::brdf::models::{ClassicalForm, FitObjective, read_published};
-use tsuya::brdf::plan::{MeasurementPlan, PlanMethod, Population};
-use tsuya::brdf::preview::{PreviewEnvironment, SphereScenes, studio_environment};
-use tsuya::brdf::rgl::RglMaterial;
+use tsuya::brdf::{
+    BrdfForm, ClassicalForm, ErrorReport, FitObjective, FitSettings, MeasuredReference, MeasurementPlan, MerlTable,
+    PlanMethod, Population, PreviewEnvironment, RglMaterial, SphereScenes, cell_errors, fit_planned, fit_table,
+    read_published, studio_environment,
+};
 
 type Result<T> = std::result::Result<T, Box<dyn Error>>;
 

@@ -6,16 +6,17 @@
 use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
+use tsuya::Mesh;
 use tsuya::image::Mask;
-use tsuya::mesh::Mesh;
+use tsuya::internals::residual::FillEffort;
+use tsuya::internals::surface::coverage;
+use tsuya::internals::wavelet_texture::{
+    EncodedWaveletTexture, PosedPhotograph, WaveletOptions, WaveletSamples, decode, encode, fit_model, photographs,
+    sample_errors,
+};
 use tsuya::metrics::PhotographError;
-use tsuya::residual::volume::FillEffort;
-use tsuya::surface::raster::coverage;
-use tsuya::views::{Component, Photograph, View};
-use tsuya::wavelet_texture::decode::photographs;
-use tsuya::wavelet_texture::encode::{fit_model, sample_errors};
-use tsuya::wavelet_texture::{EncodedWaveletTexture, PosedPhotograph, WaveletOptions, WaveletSamples, decode, encode};
 use tsuya::{Budget, Limits};
+use tsuya::{Component, Photograph, View};
 
 type Result<T> = std::result::Result<T, Box<dyn Error>>;
 
@@ -147,7 +148,7 @@ struct Capture {
 impl Capture {
     fn read(folder: &Path) -> Result<Capture> {
         let mut capture = tsuya::capture::read(folder, &Default::default())?;
-        let observations = tsuya::separate::separate(&mut capture)?;
+        let observations = tsuya::encoder::separate(&mut capture)?;
         if observations.components != COMPONENTS {
             return Err(format!("{}: photographs with and without polarisers are needed", folder.display()).into());
         }

@@ -5,16 +5,15 @@
 use criterion::{Criterion, criterion_group, criterion_main};
 use std::hint::black_box;
 use std::path::Path;
-use tsuya::Limits;
+use tsuya::EncodeOptions;
 use tsuya::capture::{self, CaptureReadOptions};
 use tsuya::container::{Container, verify};
 use tsuya::decoder::{DecodeOptions, ViewSelection, decode, decode_from};
 use tsuya::encoder::encode;
-use tsuya::lighting::fit::{self, LobeFitOptions};
-use tsuya::lighting::{EnvironmentMap, levels};
-use tsuya::options::EncodeOptions;
+use tsuya::lighting::{EnvironmentMap, LobeFitOptions};
 use tsuya::relight::{AssetRenderer, RenderOptions};
-use tsuya::visibility::bake::{BakeOptions, bake};
+use tsuya::visibility::{BakeOptions, bake};
+use tsuya::{Limits, lighting};
 
 fn speed(criterion: &mut Criterion) {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/sample-spot");
@@ -49,13 +48,15 @@ fn light(criterion: &mut Criterion) {
     });
     let mut group = criterion.benchmark_group("environment 512 x 256");
     group.sample_size(10);
-    let lobes = fit::fit(&environment, &LobeFitOptions::default(), None);
+    let lobes = lighting::fit(&environment, &LobeFitOptions::default(), None);
     group.bench_function("fit lobes", |b| {
-        b.iter(|| fit::fit(black_box(&environment), &LobeFitOptions::default(), None))
+        b.iter(|| lighting::fit(black_box(&environment), &LobeFitOptions::default(), None))
     });
     let turned = environment.rotated_y(2.0);
-    group.bench_function("update lobes", |b| b.iter(|| fit::fit(&turned, &LobeFitOptions::default(), Some(&lobes))));
-    group.bench_function("levels", |b| b.iter(|| levels::prefiltered_maps(black_box(&environment), 512)));
+    group.bench_function("update lobes", |b| {
+        b.iter(|| lighting::fit(&turned, &LobeFitOptions::default(), Some(&lobes)))
+    });
+    group.bench_function("levels", |b| b.iter(|| lighting::prefiltered_maps(black_box(&environment), 512)));
     group.finish();
 }
 

@@ -2,17 +2,17 @@
 
 use serde_json::{Value, json};
 use std::path::Path;
-use tsuya::brdf::Brdf;
-use tsuya::brdf::materials::NamedMaterial;
-use tsuya::entropy::average::AverageModel;
-use tsuya::entropy::mixer::{Mixer, MixerContext};
-use tsuya::entropy::symbol::SymbolModel;
-use tsuya::entropy::{BitCoder, BitModel, NumberModel, RangeEncoder, RansEncoder, SymbolCoder, code_end};
+use tsuya::brdf::NamedMaterial;
 use tsuya::image::Mask;
-use tsuya::quantise::bands::{Quantiser, RateDistortion};
-use tsuya::residual::coefficients::{self, CoefficientModels, Modelling};
-use tsuya::residual::mask::{self, MaskModels};
-use tsuya::transform::shape_adaptive::{ColourLanes, WaveletPlan};
+use tsuya::internals::entropy::{
+    AverageModel, BitCoder, BitModel, Mixer, MixerContext, NumberModel, RangeEncoder, RansEncoder, SymbolCoder,
+    SymbolModel, code_end,
+};
+use tsuya::internals::quantise::{Quantiser, RateDistortion};
+use tsuya::internals::residual::MaskModels;
+use tsuya::internals::residual::coefficients::{CoefficientModels, Modelling};
+use tsuya::internals::transform::{ColourLanes, WaveletPlan};
+use tsuya::{brdf::Brdf, internals};
 
 /// Numbers that look random and are the same everywhere (Knuth's linear congruential generator of 32 bits, its upper half).
 struct Random(u32);
@@ -137,7 +137,7 @@ fn masks() -> Vec<Value> {
     (1..shifted.data.len()).for_each(|at| shifted.data[at] = coverage.data[at - 1] || at % 17 == 3);
     let case = |mask: &Mask| {
         let mut coder = RangeEncoder::new();
-        mask::code_mask(&mut coder, &mut MaskModels::default(), &coverage, Some(mask));
+        internals::residual::code_mask(&mut coder, &mut MaskModels::default(), &coverage, Some(mask));
         json!({"clause": "8", "coverage": rows(&coverage), "stream": hex(&coder.finish()), "mask": rows(mask)})
     };
     vec![case(&coverage), case(&shifted)]
@@ -166,7 +166,7 @@ fn planes() -> Vec<Value> {
         for with in [false, true] {
             let quantiser = Quantiser { step: 0.03, shrink: [0.125, 0.0625] };
             let prediction = with.then(|| plan.forward(predicted.clone()));
-            let (stream, decoded) = coefficients::encode(
+            let (stream, decoded) = internals::residual::coefficients::encode(
                 &mut CoefficientModels::new(modelling),
                 &plan,
                 &quantiser,
@@ -210,7 +210,7 @@ fn file_with(sections: &[(&[u8; 4], u8, &[u8])], varint: impl Fn(usize) -> Vec<u
 
 /// container.md: files that must be refused, and why.
 fn refused() -> tsuya::Result<Vec<Value>> {
-    let light = tsuya::lighting::codec::encode(&Default::default(), &Default::default())?.0;
+    let light = tsuya::lighting::encode(&Default::default(), &Default::default())?.0;
     let whole = file(&[(b"lIGt", 2, &light)]);
     let long = file_with(&[(b"lIGt", 2, &light)], |length| vec![length as u8 | 128, 0]);
     let changed = |at: usize, bits: u8| {
@@ -259,7 +259,7 @@ pub fn materials(section: &[u8]) -> tsuya::Result<Vec<Value>> {
         [unit(-0.5, 0.5), unit(0.55, -0.4)],
         [unit(0.0, 0.9), unit(0.2, -0.95)],
     ];
-    let found = tsuya::brdf::materials::decode_materials(section, &tsuya::Budget::new(Default::default()))?;
+    let found = tsuya::brdf::decode_materials(section, &tsuya::Budget::new(Default::default()))?;
     let case = |material: &NamedMaterial| {
         let values: Vec<_> = pairs.iter().map(|[i, o]| json!([i, o, material.material.evaluate(*i, *o)])).collect();
         json!({"section": hex(section), "name": material.name, "values": values})

@@ -1,5 +1,5 @@
 //! Writes the test vectors of `spec/vectors`: small inputs and outputs of clauses, and golden files with the checksums of what they decode
-//! to. `cargo run --release --example vectors [FOLDER]`
+//! to. `cargo run --release --features internals --example vectors [FOLDER]`
 //!
 //! The bitstream may change until version 0.2; then this makes the vectors anew. Encoding uses the machine's own functions, so that other
 //! machines may write other golden files; they decode alike everywhere.
@@ -9,15 +9,16 @@ mod checksums;
 mod clauses;
 
 use std::path::{Path, PathBuf};
-use tsuya::brdf::materials::{self, FittedMaterial, NamedMaterial};
-use tsuya::brdf::models::{ClassicalLobe, ClassicalModel};
-use tsuya::brdf::{BrdfSample, compact, dsbrdf};
-use tsuya::container::{ContainerWriter, SectionCodec, Tag, edit};
+use tsuya::brdf::{BrdfSample, ClassicalLobe, ClassicalModel};
+use tsuya::container::{ContainerWriter, SectionCodec, Tag};
 use tsuya::encoder::encode;
-use tsuya::lighting::{EnvironmentLobes, PrefilteredMap};
-use tsuya::options::{DecodeSpeed, EncodeOptions, EncodeTarget, Profile, SpecularModel};
-use tsuya::sphere::gaussian::SphericalGaussian;
-use tsuya::visibility::bake::{BakeOptions, bake};
+use tsuya::lighting::{EnvironmentLobes, PrefilteredMap, SphericalGaussian};
+use tsuya::visibility::{BakeOptions, bake};
+use tsuya::{DecodeSpeed, EncodeOptions, EncodeTarget, Profile, SpecularModel};
+use tsuya::{
+    brdf::{self, FittedMaterial, NamedMaterial},
+    container,
+};
 
 type Outcome<T> = Result<T, Box<dyn std::error::Error>>;
 
@@ -65,7 +66,7 @@ fn light() -> Outcome<Vec<u8>> {
     };
     let light =
         EnvironmentLobes { diffuse: vec![lobe(0.5), lobe(-0.25)], prefiltered: vec![level(80.0, 16)?, level(5.0, 8)?] };
-    Ok(tsuya::lighting::codec::encode(&light, &Default::default())?.0)
+    Ok(tsuya::lighting::encode(&light, &Default::default())?.0)
 }
 
 /// One material in each form.
@@ -77,9 +78,9 @@ fn two_materials() -> Outcome<Vec<u8>> {
     };
     let samples = BrdfSample::tabulate(&model, [30, 18, 4]);
     let named = |name: &str, material| NamedMaterial { name: name.into(), material };
-    Ok(materials::encode_materials(&[
-        named("lobes", FittedMaterial::Dsbrdf(dsbrdf::fit_dsbrdf(&samples, &Default::default())?)),
-        named("compact", FittedMaterial::Compact(compact::fit_compact(&samples, &Default::default())?)),
+    Ok(brdf::encode_materials(&[
+        named("lobes", FittedMaterial::Dsbrdf(brdf::fit_dsbrdf(&samples, &Default::default())?)),
+        named("compact", FittedMaterial::Compact(brdf::fit_compact(&samples, &Default::default())?)),
     ])?)
 }
 
@@ -104,7 +105,7 @@ fn golden(name: &str, capture: &str, frames: usize, options: &EncodeOptions) -> 
     let mesh = tsuya::decoder::decode(&file, &Default::default())?.mesh;
     let options = BakeOptions { size: 8, terms: [3, 2], places: mesh.positions.len() * 3, ..Default::default() };
     let section = (Tag::VISIBILITY, SectionCodec::Own, bake(&mesh, &options)?.bytes);
-    Ok(edit::with_sections(&file, &[section], Default::default())?)
+    Ok(container::with_sections(&file, &[section], Default::default())?)
 }
 
 fn main() -> Outcome<()> {

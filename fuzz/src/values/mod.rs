@@ -4,12 +4,14 @@ mod parts;
 mod pictures;
 
 use arbitrary::{Result, Unstructured};
-use tsuya::container::{SectionCodec, Tag, metadata, thumbnail};
-use tsuya::mesh::Mesh;
-use tsuya::surface::charts::Charts;
-use tsuya::views::codec;
-use tsuya::views::{Component, View};
-use tsuya::{Budget, Limits, lighting, mesh, predictive, reflectance, surface, visibility, wavelet_texture};
+use tsuya::Charts;
+use tsuya::Mesh;
+use tsuya::{Budget, Limits, lighting, mesh};
+use tsuya::{Component, View};
+use tsuya::{
+    container::{self, SectionCodec, Tag},
+    internals,
+};
 
 /// What sections are made for, as a decoder has it.
 #[derive(Debug)]
@@ -17,7 +19,7 @@ pub struct Object {
     /// The mesh and its section.
     pub mesh: (Mesh, Vec<u8>),
     /// The views and their section.
-    pub views: (codec::ViewsSection, Vec<u8>),
+    pub views: (internals::views::ViewsSection, Vec<u8>),
     /// The atlas and its section.
     pub charts: (Charts, Vec<u8>),
 }
@@ -84,19 +86,23 @@ impl Object {
     pub fn read(&self, tag: Tag, bytes: &[u8]) {
         let (mesh, budget) = (&self.mesh.0, budget());
         match tag {
-            Tag::METADATA => drop(metadata::decode(bytes, &budget)),
-            Tag::THUMBNAIL => drop(thumbnail::decode(bytes.to_vec())),
-            Tag::MESH => drop(mesh::codec::decode(bytes, &budget)),
-            Tag::VIEWS => drop(codec::decode(bytes, &budget)),
-            Tag::CHARTS => drop(surface::charts::decode(bytes, mesh, &budget)),
-            Tag::REFLECTANCE => drop(reflectance::codec::decode(bytes, mesh, &self.charts.0, &budget)),
+            Tag::METADATA => drop(internals::container::metadata::decode(bytes, &budget)),
+            Tag::THUMBNAIL => drop(container::decode_thumbnail(bytes.to_vec())),
+            Tag::MESH => drop(mesh::decode(bytes, &budget)),
+            Tag::VIEWS => drop(internals::views::decode(bytes, &budget)),
+            Tag::CHARTS => drop(internals::surface::charts::decode(bytes, mesh, &budget)),
+            Tag::REFLECTANCE => drop(internals::reflectance::decode(bytes, mesh, &self.charts.0, &budget)),
             Tag::PLANES => pictures::read_planes(bytes, self),
-            Tag::WAVELET_TEXTURE => {
-                drop(wavelet_texture::decode(bytes, mesh, self.components(), self.all_views().len(), &budget))
-            }
-            Tag::MATERIALS => drop(tsuya::brdf::materials::decode_materials(bytes, &budget)),
-            Tag::VISIBILITY => drop(visibility::codec::decode(bytes, mesh, &budget)),
-            _ => drop(lighting::codec::decode(bytes, &budget)),
+            Tag::WAVELET_TEXTURE => drop(internals::wavelet_texture::decode(
+                bytes,
+                mesh,
+                self.components(),
+                self.all_views().len(),
+                &budget,
+            )),
+            Tag::MATERIALS => drop(tsuya::brdf::decode_materials(bytes, &budget)),
+            Tag::VISIBILITY => drop(internals::visibility::decode(bytes, mesh, &budget)),
+            _ => drop(lighting::decode(bytes, &budget)),
         }
     }
 
@@ -112,7 +118,7 @@ impl Object {
 }
 
 /// The head of section `PLAN` of any value comes back.
-pub fn planes_header(u: &mut Unstructured) -> Result<predictive::header::PlaneHeader> {
+pub fn planes_header(u: &mut Unstructured) -> Result<internals::predictive::PlaneHeader> {
     pictures::header(u)
 }
 

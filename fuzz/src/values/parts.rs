@@ -4,22 +4,21 @@ use super::{budget, number, positive};
 use crate::scene;
 use arbitrary::{Result, Unstructured};
 use serde_json::{Map, Value};
-use tsuya::brdf::compact::CompactMaterial;
-use tsuya::brdf::dsbrdf::DsbrdfMaterial;
-use tsuya::brdf::materials::{self, FittedMaterial, NamedMaterial};
-use tsuya::container::metadata::{self, Metadata};
-use tsuya::container::thumbnail;
+use tsuya::Charts;
+use tsuya::Mesh;
+use tsuya::PaletteEntry;
+use tsuya::ReflectanceMaps;
+use tsuya::brdf::{DsbrdfMaterial, FittedMaterial, NamedMaterial};
+use tsuya::container::Metadata;
 use tsuya::image::Grid;
+use tsuya::internals::reflectance::MapSteps;
 use tsuya::lighting::{self, EnvironmentLobes, PrefilteredMap, SphericalGaussian};
-use tsuya::mesh::Mesh;
-use tsuya::reflectance::codec::MapSteps;
-use tsuya::reflectance::maps::ReflectanceMaps;
-use tsuya::reflectance::palette::PaletteEntry;
-use tsuya::surface::charts::Charts;
-use tsuya::views::codec;
-use tsuya::views::{PointLight, View};
-use tsuya::visibility::bake::{BakeOptions, bake};
-use tsuya::{mesh as meshes, reflectance as reflectances, surface, visibility as visibilities};
+use tsuya::visibility::{BakeOptions, bake};
+use tsuya::{PointLight, View};
+use tsuya::{
+    brdf::{self, CompactMaterial},
+    container, internals, mesh,
+};
 
 /// A mesh as a decoder has it, and its section.
 pub fn mesh(u: &mut Unstructured) -> Result<(Mesh, Vec<u8>)> {
@@ -32,14 +31,15 @@ pub fn mesh(u: &mut Unstructured) -> Result<(Mesh, Vec<u8>)> {
         let count = mesh.triangles.len();
         mesh.triangles.truncate(u.int_in_range(1..=count)?);
     }
-    let options = meshes::codec::MeshOptions { position_bits: u.int_in_range(1..=24)? };
-    let coded = match meshes::codec::encode(&mesh, &options) {
+    let options = mesh::MeshOptions { position_bits: u.int_in_range(1..=24)? };
+    let coded = match mesh::encode(&mesh, &options) {
         Ok(coded) => coded,
         // Positions that no lattice holds, or too few bits for so many.
-        Err(_) => meshes::codec::encode(&scene::mesh(), &meshes::codec::MeshOptions { position_bits: 12 })
-            .expect("an octahedron can be coded"),
+        Err(_) => {
+            mesh::encode(&scene::mesh(), &mesh::MeshOptions { position_bits: 12 }).expect("an octahedron can be coded")
+        }
     };
-    let again = meshes::codec::decode(&coded.bytes, &budget()).expect("our own mesh");
+    let again = mesh::decode(&coded.bytes, &budget()).expect("our own mesh");
     assert!(again == coded.mesh, "the mesh comes back another");
     Ok((coded.mesh, coded.bytes))
 }
@@ -69,7 +69,7 @@ fn any_mesh(u: &mut Unstructured) -> Result<Mesh> {
 }
 
 /// Views as a decoder has them, and their section.
-pub fn views(u: &mut Unstructured, mesh: &Mesh) -> Result<(codec::ViewsSection, Vec<u8>)> {
+pub fn views(u: &mut Unstructured, mesh: &Mesh) -> Result<(internals::views::ViewsSection, Vec<u8>)> {
     let count = u.int_in_range(1..=4)?;
     let mut sizes = Vec::new();
     for _ in 0..count {
@@ -84,17 +84,17 @@ pub fn views(u: &mut Unstructured, mesh: &Mesh) -> Result<(codec::ViewsSection, 
     if u.ratio(1, 8)? {
         white[1] = number(u)? as f64;
     }
-    let section = codec::ViewsSection { white, components, views: all };
-    let (section, bytes) = match codec::encode(&section, &mesh.positions) {
+    let section = internals::views::ViewsSection { white, components, views: all };
+    let (section, bytes) = match internals::views::encode(&section, &mesh.positions) {
         Ok(bytes) => (section, bytes),
         Err(_) => {
             let views = scene::views_of(&sizes);
-            let section = codec::ViewsSection { white: scene::WHITE, components: section.components, views };
-            let bytes = codec::encode(&section, &scene::mesh().positions).expect("plain views can be coded");
+            let section = internals::views::ViewsSection { white: scene::WHITE, components: section.components, views };
+            let bytes = internals::views::encode(&section, &scene::mesh().positions).expect("plain views can be coded");
             (section, bytes)
         }
     };
-    let again = codec::decode(&bytes, &budget()).expect("our own views");
+    let again = internals::views::decode(&bytes, &budget()).expect("our own views");
     assert_eq!((&again.components, again.views.len()), (&section.components, section.views.len()));
     for (again, view) in again.views.iter().zip(&section.views) {
         assert_eq!(
@@ -136,12 +136,12 @@ pub fn charts(u: &mut Unstructured, mesh: &Mesh) -> Result<(Charts, Vec<u8>)> {
     });
     let longest = longest.fold(1e-6, f64::max);
     let density = u.int_in_range(1..=24)? as f64 / longest;
-    let charts = match surface::atlas::layout(mesh, density) {
+    let charts = match internals::surface::atlas::layout(mesh, density) {
         Ok(charts) => charts,
         Err(_) => return Ok((Charts::default(), Vec::new())),
     };
-    let bytes = surface::charts::encode(mesh, &charts).expect("our own layout can be coded");
-    let again = surface::charts::decode(&bytes, mesh, &budget()).expect("our own charts");
+    let bytes = internals::surface::charts::encode(mesh, &charts).expect("our own layout can be coded");
+    let again = internals::surface::charts::decode(&bytes, mesh, &budget()).expect("our own charts");
     assert!(again == charts, "the charts come back others");
     Ok((again, bytes))
 }
@@ -176,8 +176,10 @@ pub fn reflectance(u: &mut Unstructured, mesh: &Mesh, charts: &Charts) -> Result
     }
     let steps = [positive(u)?, positive(u)?, positive(u)?].map(|step| step.clamp(0.05, 200.0));
     let steps = MapSteps { diffuse: steps[0], specular: steps[1], sigma: steps[2] };
-    let Ok((bytes, decoded)) = reflectances::codec::encode(&maps, mesh, charts, &steps, 0.15) else { return Ok(None) };
-    let again = reflectances::codec::decode(&bytes, mesh, charts, &budget()).expect("our own maps");
+    let Ok((bytes, decoded)) = internals::reflectance::encode(&maps, mesh, charts, &steps, 0.15) else {
+        return Ok(None);
+    };
+    let again = internals::reflectance::decode(&bytes, mesh, charts, &budget()).expect("our own maps");
     assert!(again == decoded, "the maps come back others");
     Ok(Some(bytes))
 }
@@ -209,8 +211,8 @@ pub fn materials(u: &mut Unstructured) -> Result<Option<Vec<u8>>> {
         let Some(material) = material else { continue };
         all.push(NamedMaterial { name: u.arbitrary()?, material });
     }
-    let Ok(bytes) = materials::encode_materials(&all) else { return Ok(None) };
-    let again = materials::decode_materials(&bytes, &budget()).expect("our own materials");
+    let Ok(bytes) = brdf::encode_materials(&all) else { return Ok(None) };
+    let again = brdf::decode_materials(&bytes, &budget()).expect("our own materials");
     assert!(again == all, "the materials come back others");
     Ok(Some(bytes))
 }
@@ -229,9 +231,9 @@ pub fn light(u: &mut Unstructured) -> Result<Option<Vec<u8>>> {
         let cells = (0..size * size).map(|at| if at % 13 == 0 { [bright, dim, 1.0] } else { [dim; 3] }).collect();
         light.prefiltered.extend(PrefilteredMap::new(positive(u)? as f64, size, cells));
     }
-    let options = lighting::codec::LightCodingOptions { step: positive(u)? };
-    let Ok((bytes, decoded)) = lighting::codec::encode(&light, &options) else { return Ok(None) };
-    let again = lighting::codec::decode(&bytes, &budget()).expect("our own light");
+    let options = lighting::LightCodingOptions { step: positive(u)? };
+    let Ok((bytes, decoded)) = lighting::encode(&light, &options) else { return Ok(None) };
+    let again = lighting::decode(&bytes, &budget()).expect("our own light");
     assert!(again == decoded, "the light comes back another");
     Ok(Some(bytes))
 }
@@ -246,7 +248,7 @@ pub fn visibility(u: &mut Unstructured, mesh: &Mesh) -> Result<Option<Vec<u8>>> 
         places: u.int_in_range(0..=64)?,
     };
     let Ok(baked) = bake(mesh, &options) else { return Ok(None) };
-    let again = visibilities::codec::decode(&baked.bytes, mesh, &budget()).expect("our own visibility");
+    let again = internals::visibility::decode(&baked.bytes, mesh, &budget()).expect("our own visibility");
     assert!(again == baked.visibility, "the visibility comes back another");
     Ok(Some(baked.bytes))
 }
@@ -260,8 +262,8 @@ pub fn metadata(u: &mut Unstructured) -> Result<Vec<u8>> {
         map.insert(key, value(u, 3)?);
     }
     let metadata = Metadata(map);
-    let bytes = metadata::encode(&metadata).expect("any object can be written");
-    let again = metadata::decode(&bytes, &budget()).expect("our own metadata");
+    let bytes = internals::container::metadata::encode(&metadata).expect("any object can be written");
+    let again = internals::container::metadata::decode(&bytes, &budget()).expect("our own metadata");
     assert!(again == metadata, "the metadata comes back other");
     let _ = (again.title(), again.achieved_error());
     Ok(bytes)
@@ -291,8 +293,8 @@ pub fn thumbnail(u: &mut Unstructured) -> Result<Option<Vec<u8>>> {
     let mut png = b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR".to_vec();
     png.extend(width.to_be_bytes().iter().chain(&height.to_be_bytes()));
     png.extend(u.arbitrary::<[u8; 33]>()?);
-    let Ok(bytes) = thumbnail::encode(&png) else { return Ok(None) };
-    let again = thumbnail::decode(bytes.clone()).expect("our own thumbnail");
+    let Ok(bytes) = container::encode_thumbnail(&png) else { return Ok(None) };
+    let again = container::decode_thumbnail(bytes.clone()).expect("our own thumbnail");
     assert_eq!((again.width, again.height, again.png), (width, height, png));
     Ok(Some(bytes))
 }

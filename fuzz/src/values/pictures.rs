@@ -3,15 +3,13 @@
 use super::{Object, budget, number, positive};
 use crate::scene;
 use arbitrary::{Result, Unstructured};
-use tsuya::options::DecodeSpeed;
-use tsuya::predictive;
-use tsuya::predictive::encode::{PlaneEncoder, PlaneQuality};
-use tsuya::predictive::header::{CodedEntry, PREFIX_BYTES, PlaneHeader};
-use tsuya::predictive::order::{MAX_REFERENCES, OrderEntry};
-use tsuya::predictive::{ComponentCoding, MaskCoding, PlaneCoding};
-use tsuya::residual::coefficients::Modelling;
-use tsuya::views::Photograph;
-use tsuya::{surface, wavelet_texture};
+use tsuya::Photograph;
+use tsuya::internals::predictive::{
+    CodedEntry, ComponentCoding, MAX_REFERENCES, MaskCoding, OrderEntry, PREFIX_BYTES, PlaneCoding, PlaneEncoder,
+    PlaneHeader, PlaneQuality,
+};
+use tsuya::internals::residual::coefficients::Modelling;
+use tsuya::{DecodeSpeed, internals};
 
 /// Photographs of the object, changed here and there.
 fn photographs(u: &mut Unstructured, object: &Object) -> Result<Vec<Photograph>> {
@@ -46,7 +44,7 @@ pub fn planes(u: &mut Unstructured, object: &Object) -> Result<Vec<u8>> {
         decode_speed: *u.choose(&[DecodeSpeed::Normal, DecodeSpeed::Fast, DecodeSpeed::Fastest])?,
         ..PlaneQuality::default()
     };
-    let covered = surface::raster::coverage(mesh, views);
+    let covered = internals::surface::coverage(mesh, views);
     let white = object.views.0.white;
     let encoder = PlaneEncoder::new(mesh, views, white, object.components(), &photographs, &covered, u.arbitrary()?);
     let encoded = encoder.encode(&quality).expect("every picture set can be coded");
@@ -65,7 +63,7 @@ fn decode_planes(bytes: &[u8], object: &Object) -> tsuya::Result<Vec<Option<Phot
         let length: usize = step.lengths.iter().map(|&l| l as usize).sum();
         Ok(body.get(step.offset as usize..).and_then(|rest| rest.get(..length)).map(<[u8]>::to_vec))
     };
-    predictive::decode::decode(
+    internals::predictive::decode(
         &header,
         &object.mesh.0,
         (object.all_views(), object.views.0.white),
@@ -86,19 +84,25 @@ pub fn read_planes(bytes: &[u8], object: &Object) {
 pub fn paper(u: &mut Unstructured, object: &Object) -> Result<Option<Vec<u8>>> {
     let (mesh, views, components) = (&object.mesh.0, object.all_views(), object.components());
     let photographs = photographs(u, object)?;
-    let frames: Vec<wavelet_texture::PosedPhotograph> = (views.iter().zip(&photographs))
-        .map(|(view, taken)| wavelet_texture::PosedPhotograph { view, mask: Some(&taken.mask), images: &taken.images })
+    let frames: Vec<internals::wavelet_texture::PosedPhotograph> = (views.iter().zip(&photographs))
+        .map(|(view, taken)| internals::wavelet_texture::PosedPhotograph {
+            view,
+            mask: Some(&taken.mask),
+            images: &taken.images,
+        })
         .collect();
-    let samples = wavelet_texture::WaveletSamples::gather(mesh, &frames, *u.choose(&[0.1, 1.0, 3.0])?);
-    let model = if u.arbitrary()? { Some(wavelet_texture::encode::fit_model(&samples, components)) } else { None };
-    let options = wavelet_texture::WaveletOptions {
+    let samples = internals::wavelet_texture::WaveletSamples::gather(mesh, &frames, *u.choose(&[0.1, 1.0, 3.0])?);
+    let model = if u.arbitrary()? { Some(internals::wavelet_texture::fit_model(&samples, components)) } else { None };
+    let options = internals::wavelet_texture::WaveletOptions {
         keep_percent: u.int_in_range(0..=100)? as f64,
         view_levels: u.int_in_range(0..=7)?,
         relative_step: positive(u)?.clamp(0.05, 2.0),
         ..Default::default()
     };
-    let Ok(encoded) = wavelet_texture::encode(&samples, components, model.as_ref(), &options) else { return Ok(None) };
-    let decoded = wavelet_texture::decode(&encoded.bytes, mesh, components, views.len(), &budget())
+    let Ok(encoded) = internals::wavelet_texture::encode(&samples, components, model.as_ref(), &options) else {
+        return Ok(None);
+    };
+    let decoded = internals::wavelet_texture::decode(&encoded.bytes, mesh, components, views.len(), &budget())
         .expect("our own section of paper");
     let hit = |x: usize, y: usize| Some(((x + y) as u32 % mesh.triangles.len() as u32, [0.25, 0.25, 0.5]));
     for (index, view) in views.iter().enumerate() {

@@ -7,10 +7,9 @@ use clap::Args;
 use serde_json::{Value, json};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
+use tsuya::Camera;
 use tsuya::Error;
-use tsuya::capture::align::{align, apply_pose, read_correspondences};
-use tsuya::capture::{CaptureReadOptions, describe};
-use tsuya::views::Camera;
+use tsuya::capture::{CaptureReadOptions, align, apply_pose, describe, read_correspondences};
 
 /// Registers a mesh to a capture by points marked in its photographs.
 ///
@@ -71,7 +70,7 @@ impl Align {
         }
         if let Some(path) = &self.write_mesh {
             let options = CaptureReadOptions { mesh: self.mesh.clone(), ..Default::default() };
-            let mut mesh = tsuya::mesh::read::read(description.find_mesh(&options)?, &access)?;
+            let mut mesh = tsuya::mesh::read(description.find_mesh(&options)?, &access)?;
             apply_pose(&mut mesh, &alignment.pose);
             files.add(path, &ply::write(&mesh))?;
         }

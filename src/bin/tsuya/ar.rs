@@ -13,20 +13,19 @@ use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
-use tsuya::Error;
-use tsuya::ar::placement::{Placement, RigMount};
-use tsuya::ar::{ArFrame, ArOptions, FrameReport, FrameTimes, LightSource, RenderMode, run};
-use tsuya::asset::{Asset, metres_per_unit};
-use tsuya::capture::calibration::{self, Calibration};
+use tsuya::View;
+use tsuya::ar::{ArFrame, ArOptions, FrameReport, FrameTimes, LightSource, Placement, RenderMode, RigMount, run};
+use tsuya::capture::Calibration;
 use tsuya::decoder::ViewSelection;
 use tsuya::image::Mask;
-use tsuya::lighting::environment::turn_y;
-use tsuya::lighting::projection::{EnvironmentProjection, FisheyeAxis, FisheyeModel, Unwrapper};
-use tsuya::lighting::read::{EnvironmentReadOptions, raise_clipped, read_environment};
-use tsuya::lighting::{self, EnvironmentMap};
+use tsuya::lighting::{
+    self, EnvironmentMap, EnvironmentProjection, EnvironmentReadOptions, FisheyeAxis, FisheyeModel, Unwrapper,
+    raise_clipped, read_environment, turn_y,
+};
 use tsuya::marker::Rig;
 use tsuya::relight::{AssetRenderer, AssetShading};
-use tsuya::views::upright;
+use tsuya::{Asset, container::metres_per_unit};
+use tsuya::{Error, capture};
 
 /// Columns of the environments that light is taken from: those that stay, and those of sequences.
 const COLUMNS: std::ops::RangeInclusive<usize> = 512..=2048;
@@ -157,7 +156,7 @@ struct PlacementArguments {
 impl Ar {
     pub fn run(self) -> Result<()> {
         let began = Instant::now();
-        let calibration = calibration::read_calibration(&self.camera, &source::access())?;
+        let calibration = capture::read_calibration(&self.camera, &source::access())?;
         let rig = if self.marker.contains(':') && !Path::new(&self.marker).exists() {
             Rig::parse(&self.marker)?
         } else {
@@ -274,7 +273,7 @@ impl Ar {
 
 impl PlacementArguments {
     fn placement(&self, asset: &Asset, rig: &Rig) -> Result<Placement> {
-        let upright = upright(&asset.views);
+        let upright = View::upright_rotation(&asset.views);
         let measured = Placement::on_ground(&asset.mesh, upright, 0.0, 1.0, [0.0; 3])?;
         let points = || asset.mesh.positions.iter().map(|p| measured.to_world(p.map(f64::from)));
         let extent = |k: usize| {

@@ -7,8 +7,8 @@ use anyhow::{Context, Result};
 use clap::Args;
 use serde_json::json;
 use std::path::{Path, PathBuf};
-use tsuya::container::{Container, ContainerWriter, SIGNATURE, SectionCodec, Tag, edit};
-use tsuya::visibility::bake::{BakeOptions, BakedVisibility, bake};
+use tsuya::container::{self, Container, ContainerWriter, SIGNATURE, SectionCodec, Tag};
+use tsuya::visibility::{BakeOptions, BakedVisibility, bake};
 use tsuya::{Error, mesh};
 
 /// Computes the visibility of all directions from every vertex, or more finely, for shadows under any light.
@@ -66,7 +66,7 @@ impl Bake {
         if let Some(path) = &self.output {
             let section = (Tag::VISIBILITY, SectionCodec::Own, baked.bytes.clone());
             let bytes = match &old {
-                Some(old) => edit::with_sections(old, &[section], limits())?,
+                Some(old) => container::with_sections(old, &[section], limits())?,
                 None => {
                     let mut writer = ContainerWriter::new(Vec::new())?;
                     writer.write_section(Tag::MESH, SectionCodec::Own, &mesh_bytes)?;
@@ -104,7 +104,7 @@ impl Bake {
         })
     }
 
-    fn report(&self, mesh: &tsuya::mesh::Mesh, baked: &BakedVisibility) -> Result<()> {
+    fn report(&self, mesh: &tsuya::Mesh, baked: &BakedVisibility) -> Result<()> {
         let (vertices, triangles) = (mesh.positions.len(), mesh.triangles.len());
         let error = baked.visibility.error();
         let bytes_per_vertex = baked.bytes.len() as f64 / vertices as f64;
@@ -133,22 +133,18 @@ impl Bake {
 }
 
 /// The bytes of a .tsuya file, if it is one, the mesh as a decoder has it, and its section.
-fn read(
-    path: &Path,
-    position_bits: u8,
-    outside: OutsideArgument,
-) -> Result<(Option<Vec<u8>>, tsuya::mesh::Mesh, Vec<u8>)> {
+fn read(path: &Path, position_bits: u8, outside: OutsideArgument) -> Result<(Option<Vec<u8>>, tsuya::Mesh, Vec<u8>)> {
     let bytes = source::read(path)?;
     if bytes.starts_with(&SIGNATURE) {
         let mut file = Container::open_slice(&bytes, limits()).with_context(|| source::name(path))?;
         let section = file.read_section(Tag::MESH).with_context(|| source::name(path))?;
-        let mesh = mesh::codec::decode(&section, &file.budget()).with_context(|| source::name(path))?;
+        let mesh = mesh::decode(&section, &file.budget()).with_context(|| source::name(path))?;
         return Ok((Some(bytes), mesh, section));
     }
-    let (mesh, cleaned) = mesh::clean::clean(mesh::read::parse(path, &bytes, &outside.access())?);
+    let (mesh, cleaned) = mesh::clean(mesh::parse(path, &bytes, &outside.access())?);
     if !cleaned.is_clean() {
         output::warn(&[format!("{}: {cleaned}", source::name(path))]);
     }
-    let coded = mesh::codec::encode(&mesh, &mesh::codec::MeshOptions { position_bits })?;
+    let coded = mesh::encode(&mesh, &mesh::MeshOptions { position_bits })?;
     Ok((None, coded.mesh, coded.bytes))
 }

@@ -10,11 +10,11 @@ use clap::Args;
 use serde_json::{Value, json};
 use std::fmt::Write;
 use std::path::PathBuf;
+use tsuya::Photograph;
 use tsuya::encoder::sum_of_components;
 use tsuya::metrics;
 use tsuya::metrics::DisplayImage;
 use tsuya::relight::{AssetRenderer, RenderLighting, RenderOptions};
-use tsuya::views::Photograph;
 
 /// How much differences of the signal are amplified in pictures.
 pub const AMPLIFICATION: f64 = 8.0;

@@ -4,16 +4,14 @@ use crate::values::{CaptureArguments, stem};
 use crate::{progress, source};
 use anyhow::{Context, Result};
 use std::path::Path;
+use tsuya::Asset;
 use tsuya::Error;
-use tsuya::asset::Asset;
 use tsuya::decoder::ViewSelection;
-use tsuya::encoder::sum_of_components;
+use tsuya::encoder::{separate, sum_of_components};
 use tsuya::metrics;
-use tsuya::metrics::{HeldOut, PhotographError};
+use tsuya::metrics::{HeldOut, PhotographError, coverage};
 use tsuya::relight::AssetRenderer;
-use tsuya::separate::separate;
-use tsuya::surface::raster::rasterise;
-use tsuya::views::{Photograph, View};
+use tsuya::{Photograph, View};
 
 /// The result.
 pub struct Comparison {
@@ -77,7 +75,7 @@ pub fn compare(file: &Path, capture: &Path, reading: &CaptureArguments, held_out
         let camera = frame.view.camera;
         let found = (asset.views.iter().position(|view| view.name == frame.view.name))
             .or_else(|| asset.views.iter().position(|view| stem(&view.name) == stem(&frame.view.name)));
-        let covered = || rasterise(&asset.mesh, &camera).coverage();
+        let covered = || coverage(&asset.mesh, &camera);
         let mask = frame.mask.unwrap_or_else(covered);
         let original = Photograph { mask, images: frame.images };
         match found {
@@ -138,7 +136,7 @@ fn measure_frames(asset: &Asset, frames: &mut [Compared]) {
     use rayon::prelude::*;
     frames.par_iter_mut().for_each(|frame| {
         // The mesh and the cameras as the decoder has them.
-        let covered = rasterise(&asset.mesh, &asset.views[frame.view].camera).coverage();
+        let covered = coverage(&asset.mesh, &asset.views[frame.view].camera);
         let Some(decoded) = &asset.photographs[frame.view] else { return };
         frame.error = PhotographError::compare(&frame.original, decoded, &asset.components, &covered, asset.white);
         let mut both = frame.original.mask.clone();

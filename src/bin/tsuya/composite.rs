@@ -7,8 +7,7 @@ use anyhow::Result;
 use clap::Args;
 use std::path::PathBuf;
 use tsuya::Error;
-use tsuya::capture::read_radiance;
-use tsuya::image::RgbImage;
+use tsuya::image::{RgbImage, read_radiance};
 use tsuya::metrics::to_display;
 use tsuya::relight::{Ground, PreparedEnvironment, PreparedEnvironmentOptions, composite, ground_shadow};
 

@@ -12,12 +12,11 @@ use clap::{Args, ValueEnum};
 use serde_json::json;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
+use tsuya::Asset;
 use tsuya::Error;
-use tsuya::asset::Asset;
+use tsuya::Photograph;
 use tsuya::container::{Container, Tag};
-use tsuya::decoder::{DecodeOptions, ViewSelection, decode_each, decode_from};
-use tsuya::views::Photograph;
-use tsuya::views::codec;
+use tsuya::decoder::{DecodeOptions, ViewSelection, decode_each, decode_from, read_views};
 
 /// Decodes a file into a folder: photographs, masks, mesh, reflectance maps and a transforms.json that `tsuya encode` reads.
 #[derive(Args)]
@@ -81,7 +80,7 @@ impl Decode {
         let start = Instant::now();
         if self.salvage {
             let bytes = source::read(&self.file)?;
-            let repaired = tsuya::repair::repair(&bytes, limits()).with_context(|| name(&self.file))?;
+            let repaired = tsuya::repair(&bytes, limits()).with_context(|| name(&self.file))?;
             let mut file = Container::open_slice(&repaired.bytes, limits())?;
             self.decode(&mut file, start)?;
             return repair::report_losses(&self.file, &repaired);
@@ -173,8 +172,7 @@ impl Decode {
         if self.views.is_empty() {
             return Ok(ViewSelection::All);
         }
-        let budget = file.budget();
-        let views = codec::decode(&file.read_section(Tag::VIEWS)?, &budget)?.views;
+        let views = read_views(file)?;
         let wanted: tsuya::Result<Vec<usize>> = self.views.iter().map(|wanted| find_view(wanted, &views)).collect();
         Ok(ViewSelection::Views(wanted?))
     }

@@ -8,16 +8,15 @@ use clap::Args;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
+use tsuya::Asset;
 use tsuya::Error;
-use tsuya::asset::Asset;
+use tsuya::Photograph;
 use tsuya::capture::{self, CaptureReadOptions};
 use tsuya::decoder::{DecodeOptions, decode};
-use tsuya::encoder::{EncodedFile, encode};
+use tsuya::encoder::{EncodedFile, encode, separate};
 use tsuya::metrics::to_display;
-use tsuya::options::{EncodeOptions, EncodeTarget, Profile};
 use tsuya::relight::{AssetRenderer, RenderLighting, RenderOptions, orbit};
-use tsuya::separate::separate;
-use tsuya::views::Photograph;
+use tsuya::{EncodeOptions, EncodeTarget, Profile};
 
 /// The sample capture in the source folder.
 const SAMPLE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/sample-spot");
@@ -156,9 +155,9 @@ fn relit(renderer: &AssetRenderer, asset: &Asset) -> Result<tsuya::metrics::Disp
 }
 
 /// The same view with `factor` times as many pixels each way.
-fn enlarge(camera: tsuya::views::Camera, factor: usize) -> tsuya::views::Camera {
+fn enlarge(camera: tsuya::Camera, factor: usize) -> tsuya::Camera {
     let scale = factor as f64;
-    tsuya::views::Camera {
+    tsuya::Camera {
         width: camera.width * factor as u32,
         height: camera.height * factor as u32,
         focal: camera.focal.map(|focal| focal * scale),

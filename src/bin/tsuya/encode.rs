@@ -8,11 +8,11 @@ use serde_json::{Map, Value, json};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
+use tsuya::Component;
 use tsuya::Error;
 use tsuya::encoder::{EncodedFile, encode};
 use tsuya::metrics::ImagePsnr;
-use tsuya::options::{DecodeSpeed, EncodeOptions, EncodeTarget, Profile, SpecularModel};
-use tsuya::views::Component;
+use tsuya::{DecodeSpeed, EncodeOptions, EncodeTarget, Profile, SpecularModel};
 
 /// Encodes a capture: photographs with their cameras, and a mesh, into one .tsuya file.
 #[derive(Args)]

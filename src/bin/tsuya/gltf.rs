@@ -9,17 +9,16 @@ use clap::{Args, Subcommand};
 use rayon::prelude::*;
 use serde_json::json;
 use std::path::{Path, PathBuf};
-use tsuya::asset::Asset;
+use tsuya::Asset;
 use tsuya::container;
 use tsuya::decoder::{DecodeOptions, ViewSelection, decode};
 use tsuya::encoder::sum_of_components;
 use tsuya::gltf::{self, ExportOptions, Fallback, GltfDocument, MeshFit, StreamPlacement};
 use tsuya::input::{FileAccess, Folder};
-use tsuya::metrics::{PhotographError, to_display};
+use tsuya::metrics::{PhotographError, coverage, to_display};
 use tsuya::relight::{AssetRenderer, RenderLayers, RenderLighting, RenderOptions};
-use tsuya::surface::raster::rasterise;
-use tsuya::views::{Component, Photograph};
 use tsuya::{Budget, Error};
+use tsuya::{Component, Photograph};
 
 /// Exports to glTF and back: the file's stream travels in the extension TSUYA_materials_appearance, with a material that every viewer shows.
 #[derive(Args)]
@@ -169,7 +168,7 @@ impl Export {
         let errors: Vec<([PhotographError; 2], Option<Vec<u8>>)> = (comparison.frames.par_iter())
             .map(|frame| -> Result<_> {
                 let view = &asset.views[frame.view];
-                let covered = rasterise(&asset.mesh, &view.camera).coverage();
+                let covered = coverage(&asset.mesh, &view.camera);
                 let photograph = |image| Photograph { mask: frame.original.mask.clone(), images: vec![image] };
                 let original = sum_of_components(&frame.original);
                 let textured = gltf::render_fallback(asset, fallback, &view.camera, view.light.as_ref());

@@ -8,12 +8,12 @@ use serde_json::json;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
-use tsuya::container::{ContainerWriter, SectionCodec, Tag, edit};
+use tsuya::container::{self, ContainerWriter, SectionCodec, Tag};
 use tsuya::lighting;
-use tsuya::lighting::fit::{self, LobeFitOptions};
-use tsuya::lighting::projection::{EnvironmentProjection, FisheyeAxis, FisheyeModel};
-use tsuya::lighting::read::{EnvironmentReadOptions, read_environment};
-use tsuya::lighting::{EnvironmentMap, codec, levels};
+use tsuya::lighting::{
+    EnvironmentMap, EnvironmentProjection, EnvironmentReadOptions, FisheyeAxis, FisheyeModel, LobeFitOptions,
+    read_environment,
+};
 
 /// Environments as light: fits lobes and prefilters levels.
 #[derive(Args)]
@@ -131,23 +131,22 @@ impl Fit {
         let busy = progress::busy("fitting light");
         let start = Instant::now();
         let options = LobeFitOptions { lobes: self.lobes.into(), ..Default::default() };
-        let diffuse = fit::fit(&environment, &options, previous.as_ref().map(|light| &light.diffuse[..]));
+        let diffuse = lighting::fit(&environment, &options, previous.as_ref().map(|light| &light.diffuse[..]));
         let diffuse_seconds = start.elapsed().as_secs_f64();
         let start = Instant::now();
-        let levels = levels::prefiltered_maps(&environment, self.level_size.into());
+        let levels = lighting::prefiltered_maps(&environment, self.level_size.into());
         let levels_seconds = start.elapsed().as_secs_f64();
-        let (bytes, light) = codec::encode(
+        let (bytes, light) = lighting::encode(
             &lighting::EnvironmentLobes { diffuse, prefiltered: levels },
-            &codec::LightCodingOptions { step: self.step },
+            &lighting::LightCodingOptions { step: self.step },
         )?;
         let figures = Figures::new(&environment, &light, [diffuse_seconds, levels_seconds], bytes.len());
         drop(busy);
         let Some(path) = &self.output else { return figures.report(self.json) };
         let section = (Tag::LIGHT, SectionCodec::Own, bytes);
         let file = match &self.asset {
-            Some(asset) => {
-                edit::with_sections(&source::read(asset)?, &[section], limits()).with_context(|| source::name(asset))?
-            }
+            Some(asset) => container::with_sections(&source::read(asset)?, &[section], limits())
+                .with_context(|| source::name(asset))?,
             None => {
                 let mut writer = ContainerWriter::new(Vec::new())?;
                 writer.write_section(section.0, section.1, &section.2)?;
@@ -195,8 +194,8 @@ impl Figures {
     fn new(environment: &EnvironmentMap, light: &lighting::EnvironmentLobes, seconds: [f64; 2], bytes: usize) -> Self {
         Figures {
             seconds,
-            diffuse_error: fit::relative_error(environment, &light.diffuse),
-            level_errors: levels::relative_errors(environment, &light.prefiltered, DIRECTIONS),
+            diffuse_error: lighting::irradiance_error(environment, &light.diffuse),
+            level_errors: lighting::prefiltered_errors(environment, &light.prefiltered, DIRECTIONS),
             sharpness: light.prefiltered.iter().map(|level| level.sharpness()).collect(),
             lobes: light.diffuse.len(),
             bytes,

@@ -1,6 +1,6 @@
 //! Meshes as binary PLY files.
 
-use tsuya::mesh::Mesh;
+use tsuya::Mesh;
 
 /// The file: vertex positions as 32-bit floats, triangles as lists of 32-bit indices, little-endian.
 pub fn write(mesh: &Mesh) -> Vec<u8> {

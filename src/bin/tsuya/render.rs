@@ -6,15 +6,14 @@ use crate::{output, pictures, progress, source};
 use anyhow::Result;
 use clap::{Args, ValueEnum};
 use std::path::{Path, PathBuf};
+use tsuya::Asset;
 use tsuya::Error;
-use tsuya::asset::Asset;
 use tsuya::decoder::ViewSelection;
 use tsuya::image::RgbImage;
 use tsuya::input::Folder;
 use tsuya::metrics::to_display;
-use tsuya::relight::job::{JobEnvironment, JobEvaluator};
-use tsuya::relight::{self, AssetRenderer, RenderLayers, RenderLighting, RenderOptions};
-use tsuya::views::{Camera, PointLight};
+use tsuya::relight::{self, AssetRenderer, JobEnvironment, JobEvaluator, RenderLayers, RenderLighting, RenderOptions};
+use tsuya::{Camera, PointLight};
 
 /// Renders pictures of the object.
 #[derive(Args)]

@@ -9,7 +9,7 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use tsuya::container::Container;
 use tsuya::decoder::{DecodeOptions, decode_from};
-use tsuya::repair::{RepairedFile, repair};
+use tsuya::{RepairedFile, repair};
 
 /// Makes a whole file of what is left of a damaged one: every section and every view that checksums still prove.
 ///

@@ -5,8 +5,8 @@ use anyhow::{Context, Result};
 use std::io::{Cursor, Read, Seek};
 use std::path::Path;
 use std::sync::OnceLock;
+use tsuya::Asset;
 use tsuya::Limits;
-use tsuya::asset::Asset;
 use tsuya::container::{Container, Tag};
 use tsuya::decoder::{DecodeOptions, ViewSelection, decode_from};
 use tsuya::input::{self, FileAccess};
@@ -78,7 +78,7 @@ pub fn decode(path: &Path, selection: ViewSelection) -> Result<(Asset, u64)> {
 pub fn read_light(path: &Path) -> Result<tsuya::lighting::EnvironmentLobes> {
     let mut file = open_container(path)?;
     let section = file.read_section(Tag::LIGHT).with_context(|| name(path))?;
-    tsuya::lighting::codec::decode(&section, &file.budget()).with_context(|| name(path))
+    tsuya::lighting::decode(&section, &file.budget()).with_context(|| name(path))
 }
 
 /// How messages call a file.

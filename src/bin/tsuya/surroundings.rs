@@ -4,22 +4,20 @@ use crate::source;
 use crate::values::OutsideArgument;
 use anyhow::Result;
 use std::path::{Path, PathBuf};
-use tsuya::asset::Asset;
+use tsuya::Asset;
+use tsuya::Camera;
+use tsuya::Mesh;
 use tsuya::decoder::ViewSelection;
 use tsuya::image::RgbImage;
 use tsuya::input::{FileAccess, Folder};
-use tsuya::lighting::read::EnvironmentReadOptions;
-use tsuya::lighting::{self, EnvironmentMap, fit, levels};
-use tsuya::mesh::Mesh;
-use tsuya::relight::job::{Job, JobEnvironment, JobEvaluator, JobMaterial, JobParameter};
+use tsuya::lighting::{self, EnvironmentMap, EnvironmentReadOptions};
 use tsuya::relight::{
-    AssetRenderer, AssetShading, EnvironmentOptions, EnvironmentRender, EnvironmentScene, Evaluator, Occlusion,
-    PreparedEnvironment, PreparedEnvironmentOptions, ReferenceOptions, RenderObject, ShadingModel, Texture,
-    TexturedShading, Textures, UniformMaterial, add_detail, reference,
+    AssetRenderer, AssetShading, EnvironmentOptions, EnvironmentRender, EnvironmentScene, Evaluator, Job,
+    JobEnvironment, JobEvaluator, JobMaterial, JobParameter, Occlusion, PreparedEnvironment,
+    PreparedEnvironmentOptions, ReferenceOptions, RenderObject, ShadingModel, Texture, TexturedShading, Textures,
+    UniformMaterial, add_detail, reference,
 };
-use tsuya::views::Camera;
-use tsuya::visibility::Visibility;
-use tsuya::visibility::bake::{BakeOptions, bake};
+use tsuya::visibility::{BakeOptions, Visibility, bake};
 use tsuya::{Error, mesh};
 
 /// Bytes of a job, at most.
@@ -95,7 +93,7 @@ pub fn light(job: &JobEnvironment, folder: &Folder) -> Result<JobLight> {
         };
         return Ok(JobLight { environment, stored: Some(stored) });
     }
-    let (environment, cleaned) = lighting::read::read_environment(
+    let (environment, cleaned) = lighting::read_environment(
         &[path],
         &EnvironmentReadOptions { limits: source::limits(), ..Default::default() },
     )?;
@@ -153,8 +151,8 @@ pub fn pictures(
     let light = (options.evaluator == Evaluator::SphericalGaussian).then(|| match &light.stored {
         Some(stored) => stored.clone(),
         None => lighting::EnvironmentLobes {
-            diffuse: fit::fit(environment, &fit::LobeFitOptions::default(), None),
-            prefiltered: levels::prefiltered_maps(environment, LEVEL_SIDE),
+            diffuse: lighting::fit(environment, &lighting::LobeFitOptions::default(), None),
+            prefiltered: lighting::prefiltered_maps(environment, LEVEL_SIDE),
         },
     });
     let scene = EnvironmentScene::new(&object, &surround, light.as_ref(), options)?;
@@ -198,7 +196,7 @@ pub fn subject(job: &Job, folder: &Folder, detail: bool) -> Result<JobAsset> {
                 let (asset, _) = source::decode(&file, ViewSelection::None)?;
                 (asset.mesh, asset.visibility.map(Box::new))
             } else {
-                (mesh::read::read(&file, &source::access().allow_outside(folder.allows_outside()))?, None)
+                (mesh::read(&file, &source::access().allow_outside(folder.allows_outside()))?, None)
             };
             let (material, folder) = (Box::new(material.clone()), folder.clone());
             Ok(JobAsset::Mesh { mesh, visibility, material, folder, file })
@@ -210,7 +208,7 @@ pub fn subject(job: &Job, folder: &Folder, detail: bool) -> Result<JobAsset> {
 /// A picture in linear values: numbers as they are, not decoded from sRGB, unless it is a colour.
 fn read_texture(path: &Path, access: &FileAccess, colour: bool, scale: f64) -> Result<Texture> {
     let space = if colour { "srgb" } else { "linear" };
-    let image: RgbImage = tsuya::capture::read_linear_image(path, access, space)?;
+    let image: RgbImage = tsuya::image::read_linear_image(path, access, space)?;
     access.charge(path, "texture", size_of_val(&image.data[..]) as u64)?;
     Ok(Texture { image, scale: scale as f32 })
 }
@@ -228,7 +226,7 @@ fn textures(material: &JobMaterial, folder: &Folder, mesh: &Path) -> Result<Text
         textures.roughness = Some(read_texture(&folder.resolve_path(texture)?, &access, false, *scale)?);
     }
     if textures != Textures::default() {
-        textures.coordinates = mesh::read::texture_coordinates(mesh, &access)?;
+        textures.coordinates = mesh::texture_coordinates(mesh, &access)?;
     }
     Ok(textures)
 }

@@ -3,9 +3,9 @@
 use crate::source;
 use clap::Args;
 use std::path::{Path, PathBuf};
+use tsuya::View;
 use tsuya::capture::{CaptureReadOptions, describe};
 use tsuya::input::{FileAccess, Folder};
-use tsuya::views::View;
 use tsuya::{Error, Result};
 
 /// Numbers with commas between them.

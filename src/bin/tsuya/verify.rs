@@ -7,10 +7,10 @@ use crate::{Failed, output, progress, source};
 use anyhow::{Context, Result};
 use clap::Args;
 use std::path::PathBuf;
-use tsuya::asset::Asset;
-use tsuya::container::{self, Tag, metadata::Metadata, thumbnail};
+use tsuya::Asset;
+use tsuya::Photograph;
+use tsuya::container::{self, Metadata, Tag};
 use tsuya::decoder::{DecodeOptions, decode_each};
-use tsuya::views::Photograph;
 
 /// The achieved error in the file is rounded; platforms may differ in the last bits of what they measure.
 const TOLERANCE_DB: f64 = 0.05;
@@ -48,7 +48,7 @@ impl Verify {
             };
             let asset = decode_each(&mut file, &options, count).with_context(|| name.clone())?;
             if let Some(content) = file.read_optional(Tag::THUMBNAIL)? {
-                let thumbnail = thumbnail::decode(content).with_context(|| name.clone())?;
+                let thumbnail = container::decode_thumbnail(content).with_context(|| name.clone())?;
                 image::load_from_memory(&thumbnail.png)
                     .map_err(|e| tsuya::Error::format(Tag::THUMBNAIL, 0u8, format!("PNG: {e}")))?;
             }

@@ -16,7 +16,7 @@ mod environment;
 mod psnr;
 
 pub use environment::{PreviewEnvironment, studio_environment};
-pub use psnr::{exposure, psnr_db};
+pub use psnr::{psnr_db, sphere_exposure};
 
 use super::Brdf;
 use crate::image::{Grid, Mask, RgbImage};
@@ -186,7 +186,7 @@ impl SphereScenes {
     }
 
     fn pair(&self, measured: RgbImage, fitted: RgbImage) -> SpherePair {
-        let white = exposure(&measured, &self.mask);
+        let white = sphere_exposure(&measured, &self.mask);
         SpherePair { measured, fitted, white }
     }
 
@@ -202,7 +202,7 @@ impl SphereScenes {
     pub fn psnr_of(&self, measured: &SphereImages, fitted: &impl Brdf) -> SpherePsnr {
         let fitted = self.images(fitted);
         let db = |measured: &RgbImage, fitted: &RgbImage| {
-            psnr_db(measured, fitted, &self.mask, exposure(measured, &self.mask))
+            psnr_db(measured, fitted, &self.mask, sphere_exposure(measured, &self.mask))
         };
         SpherePsnr {
             point: db(&measured.point, &fitted.point),

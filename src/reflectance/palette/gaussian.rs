@@ -11,26 +11,28 @@ use std::f64::consts::FRAC_PI_2;
 /// Difference angle at which a shape is taken, radians. Captures seldom see one of 0; at grazing angles no Gaussian is near.
 const DIFFERENCE: f64 = 0.35;
 
-/// The maps without their palette: for each texel the colour and the width of `K_s exp(-alpha^2 / (2 sigma^2)) / (cos_i cos_r)` that differs
-/// least, squared over the solid angle of the half vector, from what the palette says where the half vector is about 20 degrees
-/// from light and view. Maps without a palette stay as they are.
-pub fn without_palette(maps: &ReflectanceMaps) -> Cow<'_, ReflectanceMaps> {
-    if maps.palette.is_empty() {
-        return Cow::Borrowed(maps);
-    }
-    // Maps as they are decoded have few different widths.
-    let mut nearest: Vec<Option<(f32, [f32; 3])>> = vec![None; SIGMA_LEVELS as usize + 1];
-    let mut plain = ReflectanceMaps { palette: Vec::new(), ..maps.clone() };
-    for (sigma, colour) in plain.sigma.data.iter_mut().zip(&mut plain.specular.data) {
-        if *sigma <= 0.0 {
-            continue;
+impl ReflectanceMaps {
+    /// The maps without their palette: for each texel the colour and the width of `K_s exp(-alpha^2 / (2 sigma^2)) / (cos_i cos_r)` that differs
+    /// least, squared over the solid angle of the half vector, from what the palette says where the half vector is about 20 degrees
+    /// from light and view. Maps without a palette stay as they are.
+    pub fn without_palette(&self) -> Cow<'_, ReflectanceMaps> {
+        if self.palette.is_empty() {
+            return Cow::Borrowed(self);
         }
-        let level = (level_of_sigma(*sigma).round() as usize).min(SIGMA_LEVELS as usize);
-        let (width, factor) = *nearest[level].get_or_insert_with(|| gaussian(&maps.palette, level as i32));
-        *sigma = width;
-        (0..3).for_each(|c| colour[c] *= factor[c]);
+        // Maps as they are decoded have few different widths.
+        let mut nearest: Vec<Option<(f32, [f32; 3])>> = vec![None; SIGMA_LEVELS as usize + 1];
+        let mut plain = ReflectanceMaps { palette: Vec::new(), ..self.clone() };
+        for (sigma, colour) in plain.sigma.data.iter_mut().zip(&mut plain.specular.data) {
+            if *sigma <= 0.0 {
+                continue;
+            }
+            let level = (level_of_sigma(*sigma).round() as usize).min(SIGMA_LEVELS as usize);
+            let (width, factor) = *nearest[level].get_or_insert_with(|| gaussian(&self.palette, level as i32));
+            *sigma = width;
+            (0..3).for_each(|c| colour[c] *= factor[c]);
+        }
+        Cow::Owned(plain)
     }
-    Cow::Owned(plain)
 }
 
 /// Width of the nearest Gaussian, and its height for each colour.

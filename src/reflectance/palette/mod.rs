@@ -9,7 +9,6 @@ mod fit;
 mod gaussian;
 mod tables;
 
-pub use gaussian::without_palette;
 pub(crate) use tables::PaletteTables;
 
 #[cfg(feature = "encode")]
@@ -36,6 +35,13 @@ pub struct PaletteEntry {
     pub level: u8,
     /// The lobes, per unit of specular colour.
     pub lobes: DsbrdfMaterial,
+}
+
+impl PaletteEntry {
+    /// Returns the width of the highlight that the entry stands for, see [`ReflectanceMaps::sigma`].
+    pub fn sigma(&self) -> f32 {
+        sigma_of_level(self.level.into())
+    }
 }
 
 /// Specular radiance, `K_s E cos(theta_i) f`; zero where the light or the camera is behind the surface. `palette` is not empty, its

@@ -124,7 +124,7 @@ fn gaussians_stand_for_lobes_that_are_nearly_gaussian() {
         sigma: crate::image::Grid { width: 60, height: 1, data: lobes.iter().map(|lobe| lobe.sigma).collect() },
         palette,
     };
-    let plain = without_palette(&maps);
+    let plain = maps.without_palette();
     assert!(plain.palette.is_empty() && plain.diffuse == maps.diffuse);
     for (k, (colour, sigma)) in plain.specular.data.iter().zip(&plain.sigma.data).enumerate() {
         let expected = truth(k);
@@ -133,7 +133,7 @@ fn gaussians_stand_for_lobes_that_are_nearly_gaussian() {
         assert!(off(*sigma, expected.sigma) < 0.15 && colours < 0.25, "{k}: {colour:?} {sigma}, {expected:?}");
     }
     let without = ReflectanceMaps { palette: Vec::new(), ..maps };
-    assert!(matches!(without_palette(&without), std::borrow::Cow::Borrowed(_)));
+    assert!(matches!(without.without_palette(), std::borrow::Cow::Borrowed(_)));
 }
 
 /// The front of an octahedron and its back beside it.

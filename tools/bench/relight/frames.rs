@@ -1,4 +1,4 @@
-//! Relighting in figures: `TSUYA_DATA=DATA cargo bench --bench relight -- [bake] [light] [frames] [ar]`. DATA holds meshes/ and envmaps/;
+//! Relighting in figures: `TSUYA_DATA=DATA cargo bench --features internals --bench relight -- [bake] [light] [frames] [ar]`. DATA holds meshes/ and envmaps/;
 //! all parts without any name.
 //!
 //! - bake: visibility of the bunny with about as many vertices as the published meshes, and finer ones.
@@ -16,19 +16,19 @@ use std::collections::HashMap;
 use std::f64::consts::FRAC_PI_2;
 use std::path::Path;
 use std::time::Instant;
-use tsuya::lighting::follow::LightFollower;
-use tsuya::lighting::{EnvironmentLobes, EnvironmentMap, fit, levels, read};
-use tsuya::mesh::Mesh;
-use tsuya::relight::job::JobMaterial;
+use tsuya::Camera;
+use tsuya::Mesh;
+use tsuya::internals::visibility::{DirectionGrid, MeshRays, RayScratch};
+use tsuya::lighting::{EnvironmentLobes, EnvironmentMap};
 use tsuya::relight::{
-    EnvironmentOptions, EnvironmentScene, Evaluator, Occlusion, PreparedEnvironment, PreparedEnvironmentOptions,
-    RealtimeRenderer, RenderObject, UniformMaterial, look_at,
+    EnvironmentOptions, EnvironmentScene, Evaluator, JobMaterial, Occlusion, PreparedEnvironment,
+    PreparedEnvironmentOptions, RealtimeRenderer, RenderObject, UniformMaterial, look_at,
 };
-use tsuya::sphere::octahedral;
-use tsuya::views::Camera;
-use tsuya::visibility::Visibility;
-use tsuya::visibility::bake::{BakeOptions, bake};
-use tsuya::visibility::rays::{DirectionGrid, MeshRays, RayScratch};
+use tsuya::visibility::{BakeOptions, Visibility, bake};
+use tsuya::{
+    internals,
+    lighting::{self, LightFollower},
+};
 
 type Outcome = Result<(), Box<dyn std::error::Error>>;
 
@@ -37,11 +37,7 @@ fn main() -> Outcome {
     let wants = |part: &str| asked.is_empty() || asked.iter().any(|a| a == part);
     let data = std::env::var("TSUYA_DATA")?;
     let data = Path::new(&data);
-    let bunny = tsuya::mesh::clean::clean(tsuya::mesh::read::read(
-        data.join("meshes/stanford-bunny.obj"),
-        &Default::default(),
-    )?)
-    .0;
+    let bunny = tsuya::mesh::clean(tsuya::mesh::read(data.join("meshes/stanford-bunny.obj"), &Default::default())?).0;
     let environments = ["museum.exr", "KernerEnvLatLong.exr", "studio.exr"];
     if wants("bake") {
         baking(&bunny)?;
@@ -65,9 +61,9 @@ fn main() -> Outcome {
 }
 
 fn placing(mesh: &Mesh, name: &str, environment: &EnvironmentMap) -> Outcome {
-    use tsuya::ar::placement::Placement;
+    use tsuya::ar::Placement;
     use tsuya::ar::{ArFrame, ArObject, ArOptions, LightSource, Plate, run};
-    use tsuya::capture::{Lens, calibration::Calibration};
+    use tsuya::capture::{Calibration, Lens};
     use tsuya::marker::Rig;
     const FRAMES: usize = 60;
     const PLANE: [usize; 2] = [640, 480];
@@ -129,7 +125,7 @@ fn placing(mesh: &Mesh, name: &str, environment: &EnvironmentMap) -> Outcome {
 }
 
 fn environment(data: &Path, name: &str) -> Result<EnvironmentMap, Box<dyn std::error::Error>> {
-    Ok(read::read_environment(&[data.join("envmaps").join(name)], &read::EnvironmentReadOptions::default())?
+    Ok(lighting::read_environment(&[data.join("envmaps").join(name)], &lighting::EnvironmentReadOptions::default())?
         .0
         .resized(512, 256))
 }
@@ -179,7 +175,7 @@ fn between(mesh: &Mesh, visibility: &Visibility) -> (f64, f64) {
         cut.triangles.extend([[b, c, middle], [c, a, middle]]);
     }
     let (surroundings, grid, size) = (MeshRays::new(mesh, &cut, None), DirectionGrid::new(90), 90);
-    let (angles, directions) = (octahedral::solid_angles(size), octahedral::directions(size));
+    let (angles, directions) = (internals::sphere::solid_angles(size), internals::sphere::directions(size));
     let (mut scratch, mut weights) = (RayScratch::default(), vec![0.0; visibility.terms()]);
     let (mut squares, mut wrong, mut all) = (0.0, 0.0, 0.0);
     for (number, &k) in chosen.iter().enumerate() {
@@ -200,17 +196,17 @@ fn light(name: &str, environment: &EnvironmentMap) {
     const LOBES: usize = 10;
     const FRAMES: usize = 20;
     let clock = Instant::now();
-    let diffuse = fit::fit(environment, &fit::LobeFitOptions::default(), None);
+    let diffuse = lighting::fit(environment, &lighting::LobeFitOptions::default(), None);
     let first = clock.elapsed().as_secs_f64();
     let clock = Instant::now();
-    let sharp = levels::prefiltered_maps(environment, 512);
+    let sharp = lighting::prefiltered_maps(environment, 512);
     println!("{name}: lobes in {first:.3} s, levels in {:.3} s", clock.elapsed().as_secs_f64());
     let percents = |errors: &[f64]| errors.iter().map(|e| format!("{:.1}", 100.0 * e)).collect::<Vec<_>>().join(" ");
     let errors = |environment: &EnvironmentMap, light: &EnvironmentLobes| {
-        let levels = levels::relative_errors(environment, &light.prefiltered, 200);
+        let levels = lighting::prefiltered_errors(environment, &light.prefiltered, 200);
         format!(
             "irradiance {:.2} %, levels {} %",
-            100.0 * fit::relative_error(environment, &light.diffuse),
+            100.0 * lighting::irradiance_error(environment, &light.diffuse),
             percents(&levels)
         )
     };
@@ -234,8 +230,8 @@ fn frames(mesh: &Mesh, name: &str, environment: &EnvironmentMap) -> Outcome {
     let object = RenderObject::new(mesh, Some(&occlusion))?;
     let surround = PreparedEnvironment::new(environment, &PreparedEnvironmentOptions::default());
     let light = EnvironmentLobes {
-        diffuse: fit::fit(environment, &fit::LobeFitOptions::default(), None),
-        prefiltered: levels::prefiltered_maps(environment, 256),
+        diffuse: lighting::fit(environment, &lighting::LobeFitOptions::default(), None),
+        prefiltered: lighting::prefiltered_maps(environment, 256),
     };
     println!("{name}, {} vertices, {} distant lights", mesh.positions.len(), surround.distant_lights().len());
     println!(
@@ -329,7 +325,7 @@ fn clustered(mesh: &Mesh, wanted: usize) -> Mesh {
         let side = (fine * coarse).sqrt();
         if cluster(side).positions.len() > wanted { fine = side } else { coarse = side }
     }
-    tsuya::mesh::clean::clean(cluster(coarse)).0
+    tsuya::mesh::clean(cluster(coarse)).0
 }
 
 /// Each triangle in four.

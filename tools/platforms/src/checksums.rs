@@ -2,8 +2,8 @@
 //! top, both zeros written as +0. The same lines as `tools/reference/decode.py --checksums`.
 
 use std::fmt::Write;
-use tsuya::asset::Asset;
-use tsuya::views::{Camera, View};
+use tsuya::Asset;
+use tsuya::{Camera, View};
 
 /// Collects the values of one part.
 #[derive(Default)]

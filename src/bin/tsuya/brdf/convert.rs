@@ -49,7 +49,7 @@ impl Convert {
                 for Named { name, material } in chosen {
                     let same = match material {
                         Material::Fitted(fitted) if self.forms.is_default() => fitted,
-                        other => tsuya::brdf::forms::fit_table(&other.into_table(), form, &self.forms.settings())?,
+                        other => tsuya::brdf::fit_table(&other.into_table(), form, &self.forms.settings())?,
                     };
                     fitted.push((name, same));
                 }

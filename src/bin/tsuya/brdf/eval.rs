@@ -51,14 +51,14 @@ fn read_directions(path: &Path) -> Result<Vec<([f64; 3], [f64; 3])>> {
     let text = std::str::from_utf8(&bytes).map_err(|e| Error::input(path, format!("not UTF-8 text: {e}")))?;
     // A row has twelve bytes at least, a pair of directions 48, in a list that has grown.
     source::access().charge(path, "file of directions", 9 * bytes.len() as u64)?;
-    Ok(tsuya::brdf::directions::parse_directions(text, path)?)
+    Ok(tsuya::brdf::parse_directions(text, path)?)
 }
 
 /// An environment map out of a picture, or the standard one.
-pub fn environment(path: Option<&Path>) -> TsuyaResult<tsuya::brdf::preview::PreviewEnvironment> {
-    use tsuya::brdf::preview::{PreviewEnvironment, studio_environment};
+pub fn environment(path: Option<&Path>) -> TsuyaResult<tsuya::brdf::PreviewEnvironment> {
+    use tsuya::brdf::{PreviewEnvironment, studio_environment};
     Ok(match path {
-        Some(path) => PreviewEnvironment::new(&tsuya::capture::read_radiance(path, &source::access())?),
+        Some(path) => PreviewEnvironment::new(&tsuya::image::read_radiance(path, &source::access())?),
         None => PreviewEnvironment::new(&studio_environment()),
     })
 }

@@ -10,17 +10,12 @@ use serde_json::{Value, json};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
-use tsuya::Error;
-use tsuya::brdf::dsbrdf::LobeCount;
-use tsuya::brdf::errors::ErrorReport;
-use tsuya::brdf::forms::{self, BrdfForm, FitSettings, FittedBrdf};
-use tsuya::brdf::materials::NamedMaterial;
-use tsuya::brdf::merl::MerlTable;
-use tsuya::brdf::models::{ClassicalForm, FitObjective};
-use tsuya::brdf::plan::MeasurementPlan as SamplingPlan;
-use tsuya::brdf::preview::SpherePsnr;
-use tsuya::brdf::preview::SphereScenes;
-use tsuya::container::metadata::Metadata;
+use tsuya::brdf::{
+    BrdfForm, ClassicalForm, ErrorReport, FitObjective, FitSettings, FittedBrdf, LobeCount,
+    MeasurementPlan as SamplingPlan, MerlTable, NamedMaterial, SpherePsnr, SphereScenes,
+};
+use tsuya::container::Metadata;
+use tsuya::{Error, brdf};
 
 /// Width and height of the spheres that errors are measured on.
 const SPHERE_SIDE: usize = 64;
@@ -208,8 +203,8 @@ impl Fit {
         let begun = Instant::now();
         let settings = self.forms.settings();
         let fitted = match plan {
-            Some(plan) => forms::fit_planned(table, plan, form, &settings)?,
-            None => forms::fit_table(table, form, &settings)?,
+            Some(plan) => brdf::fit_planned(table, plan, form, &settings)?,
+            None => brdf::fit_table(table, form, &settings)?,
         };
         let seconds = begun.elapsed().as_secs_f64();
         let report = ErrorReport::compare(table, &fitted, scenes);

@@ -4,11 +4,7 @@ use crate::source;
 use anyhow::Result;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
-use tsuya::brdf::Brdf;
-use tsuya::brdf::forms::FittedBrdf;
-use tsuya::brdf::merl::MerlTable;
-use tsuya::brdf::models::ClassicalModel;
-use tsuya::brdf::rgl::RglMaterial;
+use tsuya::brdf::{Brdf, ClassicalModel, FittedBrdf, MerlTable, RglMaterial};
 use tsuya::decoder::ViewSelection;
 use tsuya::{Error, Result as TsuyaResult};
 

@@ -6,9 +6,8 @@ use anyhow::Result;
 use clap::{Args, ValueEnum};
 use serde_json::json;
 use std::path::{Path, PathBuf};
-use tsuya::Error;
-use tsuya::brdf::Brdf;
-use tsuya::brdf::plan::{self, Population};
+use tsuya::brdf::{Brdf, Population};
+use tsuya::{Error, brdf};
 
 /// A plan of 40 components has 160 kB.
 const MAX_PLAN_BYTES: u64 = 16 << 20;
@@ -77,9 +76,9 @@ impl Plan {
             }
         }
         let method = match self.method {
-            Method::Published => plan::PlanMethod::Published,
-            Method::Uniform => plan::PlanMethod::Uniform,
-            Method::Optimal => plan::PlanMethod::Optimal,
+            Method::Published => brdf::PlanMethod::Published,
+            Method::Uniform => brdf::PlanMethod::Uniform,
+            Method::Optimal => brdf::PlanMethod::Optimal,
         };
         let plan = population.plan(self.samples, method)?;
         drop(busy);
@@ -112,7 +111,7 @@ impl Plan {
 }
 
 /// Reads a plan.
-pub fn read(path: &Path) -> Result<plan::MeasurementPlan> {
+pub fn read(path: &Path) -> Result<brdf::MeasurementPlan> {
     let text = source::read_at_most(path, "sampling plan", MAX_PLAN_BYTES)?;
-    Ok(plan::MeasurementPlan::from_json(&text).map_err(|e| Error::input(path, e.to_string()))?)
+    Ok(brdf::MeasurementPlan::from_json(&text).map_err(|e| Error::input(path, e.to_string()))?)
 }

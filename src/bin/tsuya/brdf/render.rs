@@ -9,7 +9,7 @@ use anyhow::Result;
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
 use tsuya::Error;
-use tsuya::brdf::preview::{POINT_LIGHT, SphereScenes, exposure};
+use tsuya::brdf::{POINT_LIGHT, SphereScenes, sphere_exposure};
 use tsuya::metrics::to_display;
 
 /// Renders a sphere of a material under a point light or in an environment.
@@ -81,7 +81,7 @@ impl Render {
                 .collect()
         };
         let mask = SphereScenes::point_lights(side).mask().clone();
-        let measured = images.iter().map(|image| exposure(image, &mask)).fold(0.0, f64::max);
+        let measured = images.iter().map(|image| sphere_exposure(image, &mask)).fold(0.0, f64::max);
         let white = self.white.unwrap_or(measured);
         let bytes = if extension == "exr" {
             let [image] = images.as_slice() else {

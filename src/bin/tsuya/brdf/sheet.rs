@@ -2,8 +2,7 @@
 
 use super::font;
 use crate::pictures::beside;
-use tsuya::brdf::Brdf;
-use tsuya::brdf::preview::{SpherePair, SphereScenes, exposure};
+use tsuya::brdf::{Brdf, SpherePair, SphereScenes, sphere_exposure};
 use tsuya::image::{Grid, RgbImage};
 use tsuya::metrics::{DisplayImage, difference, to_display};
 
@@ -43,7 +42,7 @@ pub fn tile(
                 |material: &dyn Fn([f64; 3]) -> RgbImage| lights.iter().map(|&l| material(l)).collect::<Vec<_>>();
             let first = rows(&|light| scenes.render_point_light(measured, light));
             let second = rows(&|light| scenes.render_point_light(fitted, light));
-            let white = first.iter().map(|image| exposure(image, scenes.mask())).fold(0.0, f64::max);
+            let white = first.iter().map(|image| sphere_exposure(image, scenes.mask())).fold(0.0, f64::max);
             let columns: Vec<DisplayImage> = (first.into_iter().zip(second))
                 .map(|(measured, fitted)| below(&three(scenes, &SpherePair { measured, fitted, white })))
                 .collect();

@@ -8,16 +8,14 @@ use anyhow::Result;
 use rayon::prelude::*;
 use serde_json::{Value, json};
 use std::sync::OnceLock;
-use tsuya::asset::Asset;
-use tsuya::brdf::materials::{FittedMaterial, NamedMaterial};
-use tsuya::container::metadata::Metadata;
-use tsuya::encoder::{encode_materials, sum_of_components};
+use tsuya::Asset;
+use tsuya::PaletteEntry;
+use tsuya::brdf::{FittedMaterial, NamedMaterial};
+use tsuya::container::Metadata;
+use tsuya::encoder::{encode_materials, recombine, sum_of_components};
 use tsuya::image::RgbImage;
 use tsuya::metrics::to_display;
-use tsuya::reflectance::palette::PaletteEntry;
-use tsuya::reflectance::torrance_sparrow::sigma_of_level;
-use tsuya::separate::recombine;
-use tsuya::views::{Component, Photograph, View};
+use tsuya::{Component, Photograph, View};
 
 /// The file that is there only when all that it names is there.
 pub const INDEX: &str = "transforms.json";
@@ -147,7 +145,7 @@ impl CaptureFolder {
 
 /// An entry of a palette as a material, called by the width that it stands for.
 fn palette_material(entry: &PaletteEntry) -> NamedMaterial {
-    let name = format!("sigma {:.4}", sigma_of_level(entry.level.into()));
+    let name = format!("sigma {:.4}", entry.sigma());
     NamedMaterial { name, material: FittedMaterial::Dsbrdf(entry.lobes.clone()) }
 }
 

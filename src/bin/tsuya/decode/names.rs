@@ -2,7 +2,7 @@
 
 use crate::values::stem;
 use std::collections::HashSet;
-use tsuya::views::View;
+use tsuya::View;
 use unicode_normalization::UnicodeNormalization;
 
 /// Names in the folder that are not views'.

@@ -4,7 +4,7 @@
 use std::time::Instant;
 use tsuya::Limits;
 use tsuya::container::Poll;
-use tsuya::decoder::arriving::{IncrementalDecoder, PhotographCoding, ViewStatus};
+use tsuya::decoder::{IncrementalDecoder, PhotographCoding, ViewStatus};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let path = std::env::args().nth(1).ok_or("usage: native FILE")?;

@@ -1,10 +1,9 @@
 //! What a file says of itself, as JSON.
 
 use serde_json::{Value, json};
-use tsuya::asset::metres_per_unit;
-use tsuya::container::{Section, VERSION};
-use tsuya::decoder::arriving::{FileHeader, PhotographCoding};
-use tsuya::views::upright;
+use tsuya::View;
+use tsuya::container::{Section, VERSION, metres_per_unit};
+use tsuya::decoder::{FileHeader, PhotographCoding};
 
 /// Facts, views and coding order.
 pub fn opened(opened: &FileHeader) -> Value {
@@ -41,7 +40,7 @@ pub fn opened(opened: &FileHeader) -> Value {
             "statedError": metadata.achieved_error(),
             "components": capture.components,
             "white": capture.white,
-            "upright": upright(&capture.views),
+            "upright": View::upright_rotation(&capture.views),
             "metres_per_unit": metres_per_unit(&metadata.0),
         },
         "views": views,

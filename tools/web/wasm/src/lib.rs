@@ -11,7 +11,7 @@ use operations::Status;
 use output::Output;
 use std::cell::RefCell;
 use tsuya::Limits;
-use tsuya::decoder::arriving::IncrementalDecoder;
+use tsuya::decoder::IncrementalDecoder;
 
 #[derive(Default)]
 struct State {

@@ -3,14 +3,12 @@
 use crate::facts;
 use crate::output::{Output, to_halves};
 use serde_json::{Value, json};
+use tsuya::Component;
+use tsuya::RenderMesh;
 use tsuya::brdf::{Brdf, HalfDifference};
 use tsuya::container::Poll;
-use tsuya::decoder::arriving::{IncrementalDecoder, ViewPhotograph, ViewStatus};
+use tsuya::decoder::{IncrementalDecoder, ViewPhotograph, ViewStatus};
 use tsuya::image::Grid;
-use tsuya::reflectance::palette::without_palette;
-use tsuya::surface::atlas::{fill_unused, rasterise_atlas};
-use tsuya::surface::split;
-use tsuya::views::Component;
 use tsuya::{Error, Result};
 
 /// How an operation ended.
@@ -147,8 +145,8 @@ fn mesh(file: &mut IncrementalDecoder) -> Result<Answer> {
     };
     Ok(found(file.charts()?, |charts| {
         let vertices = match charts {
-            Some(charts) if charts.width > 0 && charts.height > 0 => split::render_mesh_with_atlas(&mesh, &charts),
-            _ => split::render_mesh(&mesh),
+            Some(charts) if charts.width > 0 && charts.height > 0 => RenderMesh::with_atlas(&mesh, &charts),
+            _ => RenderMesh::without_atlas(&mesh),
         };
         let description = json!({
             "sourceVertexCount": mesh.positions.len(),
@@ -178,12 +176,12 @@ fn reflectance(file: &mut IncrementalDecoder) -> Result<Answer> {
         _ => return Ok((Status::Ready, vec![Output::Text("null".into())])),
     };
     // Shaders know one shape of highlights. Photographs stay as they are: the residual is what this model misses.
-    let maps = without_palette(&maps);
-    let mask = rasterise_atlas(&mesh, &charts)?.mask();
+    let maps = maps.without_palette();
+    let mask = charts.atlas_mask(&mesh)?;
     let texels = mask.data.len();
     let filled = |map: &Grid<[f32; 3]>| {
         let mut whole = map.clone();
-        fill_unused(&mut whole, &mask);
+        whole.fill_outside(&mask);
         // What is black on a chart is black.
         let texel = |((&filled, &own), &used): ((&[f32; 3], &[f32; 3]), &bool)| if used { own } else { filled };
         whole.data.iter().zip(&map.data).zip(&mask.data).map(texel).collect::<Vec<_>>()
