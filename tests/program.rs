@@ -338,3 +338,20 @@ fn a_mesh_is_aligned_by_marked_points() {
         assert!(coverage["coverage"].as_f64().unwrap() > 0.94, "{coverage}");
     }
 }
+
+#[test]
+fn check_tells_what_does_not_agree() {
+    let found = json(&["check", text(&sample()), "--json"]);
+    assert!(found["agrees"].as_bool().unwrap() && found["agreement"]["silhouette_iou"].as_f64().unwrap() > 0.9);
+    let capture = sample();
+    let inverted = ["check", text(&capture), "--json", "--invert-masks"];
+    let found: Value = serde_json::from_slice(&tsuya(&inverted).code(4).get_output().stdout).unwrap();
+    assert_eq!(found["agrees"], false);
+    assert!(found["agreement"]["cause"]["sentence"].as_str().unwrap().contains("the masks are inverted"), "{found}");
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("a.tsuya");
+    let said = complaint(3, &["encode", text(&sample()), "-o", text(&file), "--invert-masks"]);
+    assert!(said.contains("the masks are inverted") && said.contains("unchecked"), "{said}");
+    assert!(!file.exists());
+    tsuya(&["encode", text(&sample()), "-o", text(&file), "--invert-masks", "--unchecked", "--quality", "30"]).code(0);
+}

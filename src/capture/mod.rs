@@ -11,6 +11,7 @@
 //! - `color_space`: of integer pictures, see [`ColorSpace::from_name`];
 //! - per frame `cross_file_path` (polarised: specular blocked) and `mask_path`.
 
+mod agreement;
 pub(crate) mod align;
 #[cfg(feature = "ar")]
 pub(crate) mod calibration;
@@ -26,6 +27,7 @@ mod transforms;
 mod view_names;
 mod white;
 
+pub use agreement::{Agreement, Cause, agreement};
 pub use align::{Alignment, Correspondence, align, apply_pose, read_correspondences};
 #[cfg(feature = "ar")]
 pub use calibration::{Calibration, read_calibration};
@@ -95,6 +97,11 @@ pub struct CaptureReadOptions {
     /// Factor of the mesh's coordinates, before its pose. Default: 1, and an error where the mesh is so large or so small for the
     /// cameras that its unit must be another than theirs.
     pub mesh_scale: Option<f64>,
+    /// Whether the masks show the background, not the object.
+    pub invert_masks: bool,
+    /// Takes mesh, cameras and masks as they are, whether they agree or not, and the mesh's winding. Default: a mesh that is wound inwards is
+    /// turned, and an error where the mesh's silhouette and the masks have nothing to do with each other, see [`agreement`].
+    pub unchecked: bool,
     /// What everything that is read may use, together.
     pub limits: Limits,
     /// Whether files that the capture names may be hidden, or lie outside its folder.
@@ -157,11 +164,12 @@ pub fn read_with_progress(
     let beta = options.beta.or(measured_beta);
     check_beta(&description, beta, crossed > 0)?;
 
+    let settings = FrameSettings { space, invert_masks: options.invert_masks };
     let mut missing_pixels = 0;
     let mut frames = Vec::with_capacity(described.len());
     let mut faults = Vec::new();
     for (outcome, frame) in
-        read_frames(&description.path, &described, &access, &space, progress)?.into_iter().zip(&described)
+        read_frames(&description.path, &described, &access, &settings, progress)?.into_iter().zip(&described)
     {
         match outcome {
             Ok((frame, missing)) => {
@@ -190,18 +198,22 @@ pub fn read_with_progress(
     if missing_pixels > 0 {
         warnings.push(format!("{missing_pixels} pixels are NaN or infinite and are taken as missing"));
     }
-    let CaptureDescription { name, .. } = description;
-    Ok(Capture {
+    let CaptureDescription { name, path, .. } = description;
+    let mut capture = Capture {
         name,
         frames,
         mesh,
         white,
         beta,
-        color_space: space.linear_name,
+        color_space: settings.space.linear_name,
         warnings,
         skipped_frames: skipped,
         missing_pixels,
-    })
+    };
+    if !options.unchecked {
+        agreement::settle(&path, &mut capture)?;
+    }
+    Ok(capture)
 }
 
 fn check_beta(description: &CaptureDescription, beta: Option<[f64; 3]>, crossed: bool) -> Result<()> {
@@ -230,7 +242,7 @@ fn read_frames(
     path: &Path,
     described: &[FrameDescription],
     access: &FileAccess,
-    space: &ColorSpace,
+    settings: &FrameSettings,
     progress: &(dyn Fn(usize, usize) + Sync),
 ) -> Result<Vec<FrameOutcome>> {
     // What stays of each frame is known from its camera, as no picture of another size is taken.
@@ -250,7 +262,7 @@ fn read_frames(
     let at_once = (access.budget().left() / reading).max(1) as usize;
     let done = AtomicUsize::new(0);
     let one = |frame: &FrameDescription| {
-        let outcome = read_frame(frame, access, space);
+        let outcome = read_frame(frame, access, settings);
         progress(done.fetch_add(1, Ordering::Relaxed) + 1, described.len());
         outcome
     };
@@ -267,13 +279,20 @@ fn read_frames(
     // Some need more than their size tells, such as those of many channels: alone they may have it.
     for (outcome, frame) in outcomes.iter_mut().zip(described) {
         if matches!(outcome, Err(ImageFault::Wrong(Error::InputMemory { .. }))) {
-            *outcome = read_frame(frame, access, space);
+            *outcome = read_frame(frame, access, settings);
         }
     }
     Ok(outcomes)
 }
 
-fn read_frame(described: &FrameDescription, access: &FileAccess, space: &ColorSpace) -> FrameOutcome {
+/// How the photographs and masks of a capture are read.
+struct FrameSettings {
+    space: ColorSpace,
+    invert_masks: bool,
+}
+
+fn read_frame(described: &FrameDescription, access: &FileAccess, settings: &FrameSettings) -> FrameOutcome {
+    let FrameSettings { space, invert_masks } = settings;
     let camera = &described.view.camera;
     let size = (camera.width, camera.height);
     let picture = read_radiance_image(&described.photograph, access, space, Some(size))?;
@@ -286,6 +305,9 @@ fn read_frame(described: &FrameDescription, access: &FileAccess, space: &ColorSp
         Some(path) => (Some(read_mask(path, access, size)?), path),
         None => (picture.alpha, &described.photograph),
     };
+    if *invert_masks {
+        mask.iter_mut().flat_map(|mask| &mut mask.data).for_each(|shown| *shown = !*shown);
+    }
     // A pixel missing in one of the pair is missing in both, so that both components miss the same ones.
     let mut missing = 0;
     for index in 0..photograph.data.len() {

@@ -4,6 +4,7 @@ mod align;
 mod ar;
 mod bake;
 mod brdf;
+mod check;
 mod compare;
 mod comparison;
 mod composite;
@@ -62,6 +63,7 @@ enum Command {
     Render(render::Render),
     Composite(composite::Composite),
     Align(align::Align),
+    Check(check::Check),
     Ar(Box<ar::Ar>),
     Brdf(brdf::Brdf),
     Bake(bake::Bake),
@@ -85,6 +87,7 @@ impl Command {
             Command::Render(render) => render.run(),
             Command::Composite(composite) => composite.run(),
             Command::Align(align) => align.run(),
+            Command::Check(check) => check.run(),
             Command::Ar(ar) => ar.run(),
             Command::Brdf(brdf) => brdf.run(),
             Command::Bake(bake) => bake.run(),

@@ -58,6 +58,12 @@ pub struct CaptureArguments {
     /// however large.
     #[arg(long, value_name = "FACTOR")]
     pub mesh_scale: Option<f64>,
+    /// The masks show the background, not the object.
+    #[arg(long)]
+    pub invert_masks: bool,
+    /// Takes mesh, cameras and masks as they are, whether they agree or not.
+    #[arg(long)]
+    pub unchecked: bool,
     #[command(flatten)]
     pub outside: OutsideArgument,
 }
@@ -91,6 +97,8 @@ impl CaptureArguments {
             beta: self.beta,
             color_space: self.color_space.clone(),
             mesh_scale: self.mesh_scale,
+            invert_masks: self.invert_masks,
+            unchecked: self.unchecked,
             limits: source::limits(),
             allow_outside: self.outside.allow_outside,
         })

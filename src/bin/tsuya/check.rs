@@ -1,0 +1,57 @@
+//! `tsuya check`: whether a capture's mesh, cameras and masks belong together.
+
+use crate::values::CaptureArguments;
+use crate::{Failed, output, progress};
+use anyhow::Result;
+use clap::Args;
+use serde_json::json;
+use std::path::PathBuf;
+use tsuya::capture::{CaptureReadOptions, agreement};
+
+/// Reads a capture and checks that its mesh, cameras and masks agree; writes nothing.
+///
+/// Exit code 4 where mesh and masks have nothing to do with each other.
+#[derive(Args)]
+pub struct Check {
+    /// The capture: a folder, its transforms.json, or a COLMAP model.
+    capture: PathBuf,
+    #[command(flatten)]
+    reading: CaptureArguments,
+    /// Prints figures as JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+impl Check {
+    pub fn run(self) -> Result<()> {
+        // As it is: what the check finds is told, not mended.
+        let options = CaptureReadOptions { unchecked: true, ..self.reading.read_options()? };
+        let capture = progress::read_capture(&self.capture, &options)?;
+        let found = agreement(&capture);
+        if self.json {
+            output::print_json(&json!({
+                "frames": capture.frames.len(),
+                "skipped_frames": capture.skipped_frames,
+                "vertices": capture.mesh.positions.len(),
+                "triangles": capture.mesh.triangles.len(),
+                "agrees": !found.is_refused(),
+                "agreement": found,
+                "warnings": capture.warnings,
+            }))?;
+        } else {
+            capture.warnings.iter().for_each(|warning| output::eprint_line(&format!("warning: {warning}")));
+            let (frames, triangles) = (capture.frames.len(), capture.mesh.triangles.len());
+            output::print(&format!("{frames} frames, {triangles} triangles; {} views looked at\n", found.views))?;
+            let share = |share: Option<f64>| share.map_or("-".into(), |share| format!("{:.1} %", 100.0 * share));
+            let iou = found.silhouette_iou.map_or("- (no masks)".into(), |iou| format!("{iou:.3}"));
+            output::print(&format!("silhouette against masks, intersection over union: {iou}\n"))?;
+            output::print(&format!("masks covered by the mesh: {}\n", share(found.mask_coverage)))?;
+            output::print(&format!("fronts of triangles, of the mesh as it is seen: {}\n", share(found.front_facing)))?;
+            found.sentences().iter().try_for_each(|sentence| output::print(&format!("{sentence}\n")))?;
+        }
+        match found.is_refused() {
+            true => Err(Failed("mesh, cameras and masks of the capture do not agree".into()).into()),
+            false => Ok(()),
+        }
+    }
+}
