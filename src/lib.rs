@@ -2,8 +2,9 @@
 //!
 //! The way of the data is told by the conductors, [`encoder`] and [`decoder`]; every other module is one stage of it.
 
-// A decoder alone leaves the encoder's direction of each stage unused.
-#![cfg_attr(not(feature = "encode"), allow(dead_code, unused_imports))]
+// A decoder alone leaves the encoder's direction of each stage unused; some parts are called by tests and benchmarks only.
+#![cfg_attr(not(all(feature = "encode", feature = "internals")), allow(dead_code, unused_imports))]
+#![cfg_attr(feature = "internals", warn(unreachable_pub))]
 
 #[cfg(feature = "ar")]
 pub mod ar;

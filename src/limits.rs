@@ -99,6 +99,6 @@ impl Drop for Reservation<'_> {
 }
 
 /// Checks a count that the file claims against its limit.
-pub fn check(what: &'static str, asked: u64, allowed: u64) -> Result<()> {
+pub(crate) fn check(what: &'static str, asked: u64, allowed: u64) -> Result<()> {
     if asked > allowed { Err(Error::Limits { what, asked, allowed }) } else { Ok(()) }
 }

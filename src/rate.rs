@@ -5,7 +5,7 @@ use crate::options::EncodeTarget;
 
 /// What an encoding reaches.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Distortion {
+pub(crate) struct Distortion {
     /// Image PSNR of the sum, dB.
     pub psnr_db: f64,
     /// Largest difference of the signal on a covered pixel.
@@ -14,7 +14,7 @@ pub struct Distortion {
 
 /// One encoding.
 #[derive(Debug)]
-pub struct Candidate<T> {
+pub(crate) struct Candidate<T> {
     /// What it reaches.
     pub distortion: Distortion,
     /// Bytes of the file.
@@ -36,7 +36,7 @@ fn step_of_quality(quality: f64) -> f64 {
 }
 
 /// Searches the quantiser step of profile `tuned`.
-pub fn search_step<T>(target: EncodeTarget, mut encode: impl FnMut(f32) -> Result<Candidate<T>>) -> Result<T> {
+pub(crate) fn search_step<T>(target: EncodeTarget, mut encode: impl FnMut(f32) -> Result<Candidate<T>>) -> Result<T> {
     match target {
         EncodeTarget::Quality(quality) if (0.0..=100.0).contains(&quality) => {
             Ok(encode(step_of_quality(quality) as f32)?.content)
@@ -48,7 +48,10 @@ pub fn search_step<T>(target: EncodeTarget, mut encode: impl FnMut(f32) -> Resul
 }
 
 /// Searches the share of kept coefficients of profile `paper`, in per cent.
-pub fn search_keep_percent<T>(target: EncodeTarget, mut encode: impl FnMut(f64) -> Result<Candidate<T>>) -> Result<T> {
+pub(crate) fn search_keep_percent<T>(
+    target: EncodeTarget,
+    mut encode: impl FnMut(f64) -> Result<Candidate<T>>,
+) -> Result<T> {
     match target {
         EncodeTarget::KeepPercent(percent) if (0.0..=100.0).contains(&percent) => Ok(encode(percent)?.content),
         EncodeTarget::KeepPercent(_) => {

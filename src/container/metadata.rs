@@ -83,7 +83,7 @@ impl Metadata {
 }
 
 /// Views of a repaired file whose photographs are lost: numbers, in key `repaired` of the object.
-pub fn lost_views(metadata: &Map<String, Value>) -> Vec<usize> {
+pub(crate) fn lost_views(metadata: &Map<String, Value>) -> Vec<usize> {
     let numbers = metadata.get("repaired").and_then(|repaired| repaired.get("lost_views")?.as_array());
     numbers.into_iter().flatten().filter_map(|number| usize::try_from(number.as_u64()?).ok()).collect()
 }

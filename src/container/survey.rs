@@ -3,7 +3,7 @@
 //! Sections are looked for by their headers wherever these are, and by the directory where that is whole; a section counts as whole
 //! only when its checksum is right.
 
-use super::section::{Section, SectionCodec, read_number};
+use super::section::{Section, read_number};
 use super::{
     DIRECTORY_TAG, END_SIGNATURE, FILE_HEADER_BYTES, MAX_SECTIONS, SIGNATURE, Tag, check_file_header, file_header,
     known_rule,
@@ -16,7 +16,7 @@ const MAX_WORK: u64 = 16;
 
 /// What was found in a file.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Survey {
+pub(crate) struct Survey {
     /// Sections whose checksums are right, in file order; `offset` is where their headers are or would be.
     pub whole: Vec<WholeSection>,
     /// Sections that are not whole, with the bytes of the file that may hold what is left of their contents.
@@ -31,7 +31,7 @@ pub struct Survey {
 
 /// A whole section.
 #[derive(Debug, Clone, PartialEq)]
-pub struct WholeSection {
+pub(crate) struct WholeSection {
     /// Its header.
     pub section: Section,
     /// Where its stored bytes are.
@@ -41,7 +41,7 @@ pub struct WholeSection {
 /// Looks for all sections of a file.
 /// # Errors
 /// [`Error::Unsupported`] for the head of another version.
-pub fn survey(bytes: &[u8]) -> Result<Survey> {
+pub(crate) fn survey(bytes: &[u8]) -> Result<Survey> {
     let mut faults = Vec::new();
     let directory = find_directory(bytes);
     match bytes.first_chunk::<FILE_HEADER_BYTES>() {
@@ -100,7 +100,7 @@ pub fn survey(bytes: &[u8]) -> Result<Survey> {
 }
 
 /// Undoes a transfer in text mode that put a carriage return before every line feed; `None` where none did.
-pub fn without_carriage_returns(bytes: &[u8]) -> Option<Vec<u8>> {
+pub(crate) fn without_carriage_returns(bytes: &[u8]) -> Option<Vec<u8>> {
     // The signature E8 TSY 0D 0A 1A 0A after such a transfer.
     if !bytes.starts_with(&[0xe8, b'T', b'S', b'Y', b'\r', b'\r', b'\n', 0x1a, b'\r', b'\n']) {
         return None;
@@ -268,11 +268,7 @@ impl SectionSearch<'_> {
 
 impl WholeSection {
     /// The section's stored bytes in the file.
-    pub fn bytes<'a>(&self, file: &'a [u8]) -> &'a [u8] {
+    pub(crate) fn bytes<'a>(&self, file: &'a [u8]) -> &'a [u8] {
         &file[self.stored.clone()]
-    }
-    /// Whether parts of the section can be read alone.
-    pub fn is_stored_plainly(&self) -> bool {
-        self.section.codec != SectionCodec::Zstd
     }
 }

@@ -4,7 +4,7 @@ use super::Tag;
 use crate::{Error, Result};
 
 /// Largest width and height in pixels. Part of the format.
-pub const MAX_SIDE: u32 = 1024;
+pub(crate) const MAX_SIDE: u32 = 1024;
 const PNG_HEAD: [u8; 16] = *b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR";
 
 /// A small picture of the object.

@@ -34,7 +34,7 @@ mod by_zstd {
     use super::{ZstdRefusal, reserved};
 
     /// The content of exactly one frame that decompresses to exactly `length` bytes.
-    pub fn decompress(stored: &[u8], length: usize) -> Result<Vec<u8>, ZstdRefusal> {
+    pub(crate) fn decompress(stored: &[u8], length: usize) -> Result<Vec<u8>, ZstdRefusal> {
         match zstd::zstd_safe::find_frame_compressed_size(stored) {
             Ok(size) if size == stored.len() => {}
             _ => return Err(ZstdRefusal::NotOneFrame),
@@ -56,7 +56,7 @@ mod by_ruzstd {
     use std::io::Read;
 
     /// The content of exactly one frame that decompresses to exactly `length` bytes.
-    pub fn decompress(stored: &[u8], length: usize) -> Result<Vec<u8>, ZstdRefusal> {
+    pub(crate) fn decompress(stored: &[u8], length: usize) -> Result<Vec<u8>, ZstdRefusal> {
         let damaged = |error: FrameDecoderError| ZstdRefusal::Damaged(error.to_string());
         let mut rest = stored;
         let mut decoder = FrameDecoder::new();

@@ -46,9 +46,9 @@ static TABLES: LazyLock<MixerTables> = LazyLock::new(|| {
 });
 
 /// Number of predictions that are mixed. Part of the format.
-pub const INPUTS: usize = 8;
+pub(crate) const INPUTS: usize = 8;
 /// Number of weight vectors, each chosen by a context of its own, whose results are averaged.
-pub const SELECTORS: usize = 2;
+pub(crate) const SELECTORS: usize = 2;
 /// See [`ProbabilitySlot::update`].
 const SLOWEST: u32 = 250;
 
@@ -144,7 +144,7 @@ fn squash(tables: &MixerTables, odds: f32) -> u32 {
 }
 
 /// What a bit costs, in 1/256 bit, given the probability of a 1 in 1/65536. Only the encoder's choices use it.
-pub fn bit_cost(probability_of_one: u32, bit: bool) -> f32 {
+pub(crate) fn bit_cost(probability_of_one: u32, bit: bool) -> f32 {
     let p = if bit { probability_of_one } else { 65536 - probability_of_one };
     COSTS[(p >> 4).min(4095) as usize]
 }

@@ -8,7 +8,8 @@ pub(crate) mod rans;
 mod slot;
 pub(crate) mod symbol;
 
-pub use model::{BitModel, NumberModel, code_end, code_raw};
+pub(crate) use model::code_raw;
+pub use model::{BitModel, NumberModel, code_end};
 pub use range_coder::{RangeDecoder, RangeEncoder};
 pub use rans::{RansDecoder, RansEncoder};
 

@@ -87,7 +87,7 @@ impl NumberModel {
 }
 
 /// Codes the lowest `count` (at most 32) bits of a number as equiprobable bits, the highest first.
-pub fn code_raw<C: BitCoder>(coder: &mut C, count: u32, value: u32) -> u32 {
+pub(crate) fn code_raw<C: BitCoder>(coder: &mut C, count: u32, value: u32) -> u32 {
     (0..count).rev().fold(0, |result, k| result << 1 | coder.bit(1 << 15, value >> k & 1 == 1) as u32)
 }
 

@@ -6,10 +6,10 @@ use super::SymbolCoder;
 use wide::i16x16;
 
 /// Number of values.
-pub const SYMBOL_VALUES: usize = 16;
+pub(crate) const SYMBOL_VALUES: usize = 16;
 
 /// Where the values' intervals start, out of 65536, less 32768: the first one's lies at -32768.
-pub type SymbolStarts = [i16; SYMBOL_VALUES];
+pub(crate) type SymbolStarts = [i16; SYMBOL_VALUES];
 
 /// A distribution's total.
 const TOTAL: usize = 1 << 15;
@@ -102,7 +102,7 @@ impl SymbolModel {
 
 /// A value's interval out of 65536: where it starts, and its size.
 #[inline(always)]
-pub fn interval(starts: &SymbolStarts, value: usize) -> [u16; 2] {
+pub(crate) fn interval(starts: &SymbolStarts, value: usize) -> [u16; 2] {
     // Behind the last value comes 65536, which is 0 here.
     let [start, end] = [value, value + 1].map(|k| starts[k & 15] as u16);
     [start ^ 0x8000, end.wrapping_sub(start)]

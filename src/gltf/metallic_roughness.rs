@@ -87,7 +87,7 @@ pub fn equivalent_lobe(sigma: f64) -> (f64, f64) {
 /// How metallic it is follows from both brightnesses, as Khronos' conversion from specular-glossiness does it: a dark diffuse
 /// reflection below a specular one much brighter than 4 % is a metal's; below 0.7 it is none. What that leaves open of a dielectric's reflection goes into its
 /// specular colour, so that viewers which know `KHR_materials_specular` show both as they were measured, and others come near.
-pub fn material(diffuse: [f64; 3], specular: [f64; 3], roughness: f64) -> Microfacets {
+pub(crate) fn material(diffuse: [f64; 3], specular: [f64; 3], roughness: f64) -> Microfacets {
     let (diffuse, specular) = (diffuse.map(|x| x.clamp(0.0, 1.0)), specular.map(|x| x.clamp(0.0, 1.0)));
     let most = specular.iter().fold(0.0f64, |a, &b| a.max(b));
     let brightness = |c: [f64; 3]| (0.299 * c[0] * c[0] + 0.587 * c[1] * c[1] + 0.114 * c[2] * c[2]).sqrt();

@@ -25,7 +25,7 @@ pub struct CleanedPixels {
 }
 
 /// Cleans a picture: see [`CleanedPixels`].
-pub fn clean(image: &mut RgbImage) -> CleanedPixels {
+pub(crate) fn clean(image: &mut RgbImage) -> CleanedPixels {
     let mut cleaned = CleanedPixels::default();
     let finite = |p: &[f32; 3]| p.iter().all(|c| c.is_finite());
     let holes: Vec<usize> = (0..image.data.len()).filter(|&k| !finite(&image.data[k])).collect();
@@ -206,7 +206,7 @@ pub fn turn_y(direction: [f64; 3], degrees: f64) -> [f64; 3] {
 }
 
 /// Direction of a place, in pixels, of a latitude-longitude picture.
-pub fn direction_at(width: usize, height: usize, x: f64, y: f64) -> [f64; 3] {
+pub(crate) fn direction_at(width: usize, height: usize, x: f64, y: f64) -> [f64; 3] {
     let (phi, theta) = (2.0 * PI * x / width as f64, PI * y / height as f64);
     let (sine, cosine) = theta.sin_cos();
     [phi.sin() * sine, cosine, -phi.cos() * sine]

@@ -25,7 +25,7 @@ impl Default for LobeFitOptions {
 }
 
 /// Most lobes of a light.
-pub const MAX_LOBES: usize = 64;
+pub(crate) const MAX_LOBES: usize = 64;
 /// Sharpness of the test lobes and their number.
 const TEST_SHARPNESS: f64 = 8.0;
 const TESTS: usize = 160;
@@ -302,7 +302,7 @@ fn cluster(cells: &[EnvironmentCell], count: usize) -> Vec<SphericalGaussian> {
 }
 
 /// Irradiance of an environment on a surface, by summing all its pixels.
-pub fn irradiance(environment: &EnvironmentMap, normal: [f64; 3]) -> [f64; 3] {
+pub(crate) fn irradiance(environment: &EnvironmentMap, normal: [f64; 3]) -> [f64; 3] {
     let image = environment.image();
     let mut sum = [0.0; 3];
     for y in 0..image.height {

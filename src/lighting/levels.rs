@@ -16,7 +16,7 @@ const REACH: f64 = 7.0;
 const LANES: usize = 8;
 
 /// Cells along a side of the level of a sharpness: some three for a standard deviation, `largest` at most.
-pub fn map_size(sharpness: f64, largest: usize) -> usize {
+pub(crate) fn map_size(sharpness: f64, largest: usize) -> usize {
     let wanted = 10.1 * sharpness.sqrt();
     (wanted.min(8192.0) as usize).next_multiple_of(8).min(largest.max(8))
 }

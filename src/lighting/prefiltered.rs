@@ -5,7 +5,7 @@ use super::environment::turn_y;
 use crate::sphere::octahedral::{OctahedralTaps, directions, solid_angles, taps};
 
 /// Sharpness of the levels that the encoder makes, from a mirror's to nearly diffuse (Sonoda 2011, section 4.2).
-pub const SHARPNESS: [f64; 7] = [21_000.0, 5_250.0, 1_312.0, 328.0, 82.0, 20.0, 5.0];
+pub(crate) const SHARPNESS: [f64; 7] = [21_000.0, 5_250.0, 1_312.0, 328.0, 82.0, 20.0, 5.0];
 
 /// The light of an environment. What a file's section `lIGt` holds.
 #[derive(Debug, Clone, PartialEq, Default)]

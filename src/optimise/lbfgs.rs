@@ -11,7 +11,7 @@ const SUFFICIENT: f64 = 1e-4;
 
 /// Where to stop.
 #[derive(Debug, Clone, Copy)]
-pub struct StopCriterion {
+pub(crate) struct StopCriterion {
     /// Most evaluations of the function.
     pub evaluations: usize,
     /// Relative decrease of the value below which five steps in a row end the search.
@@ -20,7 +20,7 @@ pub struct StopCriterion {
 
 /// Minimises `function`, which gives the value and writes the gradient, starting from `x`, with `lower <= x <= upper`.
 /// Returns the least value found and leaves its place in `x`.
-pub fn minimise(
+pub(crate) fn minimise(
     x: &mut [f64],
     lower: &[f64],
     upper: &[f64],

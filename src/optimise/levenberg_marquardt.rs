@@ -2,7 +2,7 @@
 
 /// Normal equations `J^T W J` and `J^T W r` of a sum of weighted squares, gathered one residual at a time.
 #[derive(Debug, Clone, Copy)]
-pub struct NormalEquations<const P: usize> {
+pub(crate) struct NormalEquations<const P: usize> {
     matrix: [[f64; P]; P],
     gradient: [f64; P],
     cost: f64,
@@ -15,13 +15,13 @@ impl<const P: usize> NormalEquations<P> {
 
     /// Adds one residual `r` (model minus measured), its derivatives by the parameters and its weight.
     #[inline]
-    pub fn add(&mut self, residual: f64, derivatives: &[f64; P], weight: f64) {
+    pub(crate) fn add(&mut self, residual: f64, derivatives: &[f64; P], weight: f64) {
         self.add_sparse(residual, std::array::from_fn(|i| i), derivatives, weight);
     }
 
     /// The same where it depends on some parameters alone, whose numbers rise.
     #[inline]
-    pub fn add_sparse<const S: usize>(
+    pub(crate) fn add_sparse<const S: usize>(
         &mut self,
         residual: f64,
         which: [usize; S],
@@ -70,7 +70,7 @@ impl<const P: usize> NormalEquations<P> {
 
 /// What [`minimise`] found.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Minimum<const P: usize> {
+pub(crate) struct Minimum<const P: usize> {
     /// The parameters, within their bounds.
     pub parameters: [f64; P],
     /// The sum of weighted squares there.
@@ -82,7 +82,7 @@ pub struct Minimum<const P: usize> {
 /// Minimises a sum of weighted squares from `start`, every parameter kept in its `bounds` (lowest, highest).
 ///
 /// `residuals` adds every residual with its derivatives at the given parameters. At most `evaluations` calls.
-pub fn minimise<const P: usize>(
+pub(crate) fn minimise<const P: usize>(
     start: [f64; P],
     bounds: &[(f64, f64); P],
     evaluations: u32,

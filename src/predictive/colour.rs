@@ -4,7 +4,7 @@ use crate::transform::colour::principal_axes;
 
 /// Sums over pixels for the covariance of their colours.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct ColourSums {
+pub(crate) struct ColourSums {
     count: f64,
     sum: [f64; 3],
     product: [[f64; 3]; 3],
@@ -12,7 +12,7 @@ pub struct ColourSums {
 
 impl ColourSums {
     /// Adds a pixel.
-    pub fn add(&mut self, colour: [f32; 3]) {
+    pub(crate) fn add(&mut self, colour: [f32; 3]) {
         let c = colour.map(f64::from);
         self.count += 1.0;
         for i in 0..3 {
@@ -24,7 +24,7 @@ impl ColourSums {
     }
 
     /// Orthonormal rotation to the principal axes, strongest first, rows in 1/16384. Each axis points to brighter colours.
-    pub fn rotation(&self) -> [[i16; 3]; 3] {
+    pub(crate) fn rotation(&self) -> [[i16; 3]; 3] {
         let n = self.count.max(1.0);
         let covariance = std::array::from_fn(|i| {
             std::array::from_fn(|j| self.product[i][j] / n - self.sum[i] * self.sum[j] / (n * n))

@@ -24,7 +24,7 @@ pub(super) struct PlaneDecoder<'a> {
 
 impl PlaneDecoder<'_> {
     /// Compares the checksum of a step's streams.
-    pub fn check(&self, index: usize, streams: &[u8]) -> Result<()> {
+    pub(crate) fn check(&self, index: usize, streams: &[u8]) -> Result<()> {
         let coded = &self.header.entries[index];
         if crc32fast::hash(streams) == coded.checksum {
             return Ok(());
@@ -35,7 +35,7 @@ impl PlaneDecoder<'_> {
     }
 
     /// Decodes a step of the order from its streams, one after the other; `decoded` holds what it needs.
-    pub fn decode(
+    pub(crate) fn decode(
         &self,
         index: usize,
         streams: &[u8],
@@ -65,7 +65,7 @@ impl PlaneDecoder<'_> {
 /// # Errors
 /// [`Error::Format`] where the streams are damaged; [`Error::Limits`] where the memory for one view and those it is predicted from is
 /// not there, or drawing it is too much work; those of `read` and `done`.
-pub fn for_each_view(
+pub(crate) fn for_each_view(
     header: &PlaneHeader,
     mesh: &Mesh,
     capture: (&[View], [f64; 3]),

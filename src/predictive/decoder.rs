@@ -19,7 +19,7 @@ use std::sync::Arc;
 /// Whoever calls asks for the steps that a view still takes ([`ViewDecoder::missing_entries`]), gets their streams, and has them
 /// decoded in that order. Decoded views that others need stay, within the budget; those used longest ago go first.
 #[derive(Debug)]
-pub struct ViewDecoder<'a> {
+pub(crate) struct ViewDecoder<'a> {
     pictures: PlaneDecoder<'a>,
     order: Vec<OrderEntry>,
     /// Whether a later step needs the view.
@@ -33,7 +33,7 @@ pub struct ViewDecoder<'a> {
 
 impl<'a> ViewDecoder<'a> {
     /// A decoder of the views of `header`, none of them decoded. `white` is the white board's radiance.
-    pub fn new(
+    pub(crate) fn new(
         header: Cow<'a, PlaneHeader>,
         mesh: Cow<'a, Mesh>,
         views: Cow<'a, [View]>,
@@ -60,16 +60,11 @@ impl<'a> ViewDecoder<'a> {
         }
     }
 
-    /// The head of the section.
-    pub fn header(&self) -> &PlaneHeader {
-        &self.pictures.header
-    }
-
     /// The steps that `view` still takes, in coding order, its own last; none where it is kept. What it is predicted from
     /// is not given up before another view is asked for.
     /// # Errors
     /// [`Error::Parameter`] for a view that there is not.
-    pub fn missing_entries(&mut self, view: usize) -> Result<Vec<usize>> {
+    pub(crate) fn missing_entries(&mut self, view: usize) -> Result<Vec<usize>> {
         if view >= self.decoded.len() {
             let count = self.decoded.len();
             return Err(Error::parameter(format!("view {view} does not exist: the file has {count} views")));
@@ -83,12 +78,12 @@ impl<'a> ViewDecoder<'a> {
     }
 
     /// Where a step's streams lie.
-    pub fn entry(&self, step: usize) -> Option<&CodedEntry> {
+    pub(crate) fn entry(&self, step: usize) -> Option<&CodedEntry> {
         self.pictures.header.entries.get(step)
     }
 
     /// A view that is kept with its pictures.
-    pub fn kept(&self, view: usize) -> Option<DecodedPhotograph<'_>> {
+    pub(crate) fn kept(&self, view: usize) -> Option<DecodedPhotograph<'_>> {
         let kept = self.decoded.get(view)?.as_ref().filter(|kept| kept.has_signals())?;
         Some(DecodedPhotograph::new(&self.pictures.header, self.pictures.white, kept))
     }
@@ -98,7 +93,12 @@ impl<'a> ViewDecoder<'a> {
     /// # Errors
     /// [`Error::Format`] where the streams are damaged; [`Error::Limits`] where the memory for the view and those it is predicted
     /// from is not there; [`Error::Parameter`] where a view it needs is not decoded.
-    pub fn decode<T>(&mut self, step: usize, streams: &[u8], take: impl FnOnce(DecodedPhotograph) -> T) -> Result<T> {
+    pub(crate) fn decode<T>(
+        &mut self,
+        step: usize,
+        streams: &[u8],
+        take: impl FnOnce(DecodedPhotograph) -> T,
+    ) -> Result<T> {
         let Some(OrderEntry { view, .. }) = self.order.get(step) else {
             return Err(Error::parameter(format!("step {step} does not exist")));
         };

@@ -123,7 +123,7 @@ pub struct PlaneCoding {
 
 /// The mesh and the views that every picture is predicted with.
 #[derive(Debug)]
-pub struct PredictionScene<'a> {
+pub(crate) struct PredictionScene<'a> {
     surface: ViewedMesh<'a>,
     views: Cow<'a, [View]>,
 }
@@ -152,7 +152,7 @@ impl PreparedView {
 
 /// Adaptive state that one view hands to those coded after it.
 #[derive(Debug, Clone, Default)]
-pub struct ViewModels {
+pub(crate) struct ViewModels {
     mask: MaskModels,
     /// Per component.
     components: Vec<CoefficientModels>,
@@ -160,7 +160,7 @@ pub struct ViewModels {
 
 /// A decoded view.
 #[derive(Debug)]
-pub struct DecodedView {
+pub(crate) struct DecodedView {
     mask: Mask,
     /// The part of the picture that the signals hold.
     frame: Window,
@@ -208,7 +208,7 @@ impl DecodedView {
 
 impl<'a> PredictionScene<'a> {
     /// A mesh seen by views.
-    pub fn new(mesh: Cow<'a, Mesh>, views: Cow<'a, [View]>) -> Self {
+    pub(crate) fn new(mesh: Cow<'a, Mesh>, views: Cow<'a, [View]>) -> Self {
         PredictionScene { surface: ViewedMesh::new(mesh), views }
     }
 

@@ -21,7 +21,7 @@ impl OrderEntry {
 /// Most references of a view. Part of the format.
 pub const MAX_REFERENCES: usize = 2;
 #[cfg(feature = "encode")]
-pub use planning::coarse_to_fine;
+pub(crate) use planning::coarse_to_fine;
 
 #[cfg(feature = "encode")]
 mod planning {
@@ -63,7 +63,7 @@ mod planning {
     /// nearest of those and a second one, near and on another side. `centre` is the object's.
     ///
     /// A prefix of the order covers the object evenly, and a view depends on few others.
-    pub fn coarse_to_fine(views: &[View], centre: [f64; 3]) -> Vec<OrderEntry> {
+    pub(crate) fn coarse_to_fine(views: &[View], centre: [f64; 3]) -> Vec<OrderEntry> {
         let places: Vec<ViewDirections> = views
             .iter()
             .map(|view| ViewDirections {
@@ -120,7 +120,7 @@ mod planning {
 
 /// Which of `steps` may run side by side: wave `n + 1` needs only what waves `0..=n` have coded. `steps` are indices into
 /// `order`, ascending, and hold all that they need ([`closure`]).
-pub fn waves(order: &[OrderEntry], steps: &[usize]) -> Vec<Vec<usize>> {
+pub(crate) fn waves(order: &[OrderEntry], steps: &[usize]) -> Vec<Vec<usize>> {
     let mut wave_of_view = std::collections::HashMap::new();
     let mut waves: Vec<Vec<usize>> = Vec::new();
     for &index in steps {
@@ -136,12 +136,12 @@ pub fn waves(order: &[OrderEntry], steps: &[usize]) -> Vec<Vec<usize>> {
 }
 
 /// The steps that decoding `wanted` views takes, in coding order. Indices into `order`.
-pub fn closure(order: &[OrderEntry], wanted: impl Fn(usize) -> bool) -> Vec<usize> {
+pub(crate) fn closure(order: &[OrderEntry], wanted: impl Fn(usize) -> bool) -> Vec<usize> {
     closure_beyond(order, wanted, |_| false)
 }
 
 /// [`closure`] where some views are `known` already.
-pub fn closure_beyond(
+pub(crate) fn closure_beyond(
     order: &[OrderEntry],
     wanted: impl Fn(usize) -> bool,
     known: impl Fn(usize) -> bool,

@@ -25,7 +25,7 @@ use crate::transform::shape_adaptive::TransformScratch;
 /// One view's streams.
 #[cfg(feature = "encode")]
 #[derive(Debug, Clone, Default)]
-pub struct ViewStreams {
+pub(crate) struct ViewStreams {
     /// The mask; empty where masks are not coded.
     pub mask: Vec<u8>,
     /// Each component.
@@ -35,7 +35,7 @@ pub struct ViewStreams {
 /// Codes a view: its streams, and the view as the decoder has it. `signals` gives a component's signal in a frame;
 /// `lambda` is the value of a bit in squared steps.
 #[cfg(feature = "encode")]
-pub fn encode(
+pub(crate) fn encode(
     scene: &PredictionScene,
     (step, scale): (&OrderEntry, u8),
     coding: &PlaneCoding,
@@ -64,7 +64,7 @@ pub fn encode(
 /// Decodes a view from its streams, the mask's and each component's; `is_reference` keeps what later views need of it.
 /// # Errors
 /// [`Error::Format`] where a stream does not end with what it tells, [`Error::Limits`] where the memory is not there.
-pub fn decode(
+pub(crate) fn decode(
     scene: &PredictionScene,
     (step, scale): (&OrderEntry, u8),
     coding: &PlaneCoding,

@@ -28,7 +28,7 @@ const PLAIN_SCALE: u8 = 64;
 
 /// Why a view is lost.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum ViewLoss {
+pub(crate) enum ViewLoss {
     /// Its own streams are damaged or missing.
     Streams,
     /// It is predicted from this view, which is lost.
@@ -37,7 +37,7 @@ pub enum ViewLoss {
 
 /// What was made of a damaged section.
 #[derive(Debug, Clone, PartialEq)]
-pub struct RepairedPlanes {
+pub(crate) struct RepairedPlanes {
     /// The new section.
     pub bytes: Vec<u8>,
     /// Views whose photographs are lost, in coding order.
@@ -45,7 +45,7 @@ pub struct RepairedPlanes {
 }
 
 /// Where a whole head of the section begins in one of `ranges` of a file: at their starts, or anywhere in them.
-pub fn find_head(
+pub(crate) fn find_head(
     file: &[u8],
     ranges: &[Range<usize>],
     views: usize,
@@ -76,7 +76,7 @@ pub fn find_head(
 /// Makes a section of what is left of the one whose head begins at `start` and whose streams end before `end`.
 /// # Errors
 /// [`Error::Format`] where not even the head is whole, [`Error::Limits`] where drawing the lost views takes too much.
-pub fn repair(
+pub(crate) fn repair(
     file: &[u8],
     (start, end): (usize, usize),
     mesh: &Mesh,

@@ -11,14 +11,14 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// Memory that a component's picture is worked on in, for the next one to use again.
 #[derive(Debug, Default)]
-pub struct PlaneWorkspace {
+pub(crate) struct PlaneWorkspace {
     pub coefficients: Coefficients,
     pub transform: TransformScratch,
 }
 
 /// Memory that is not in use.
 #[derive(Debug, Default)]
-pub struct PlaneWorkspaces(Mutex<FreeWorkspaces>);
+pub(crate) struct PlaneWorkspaces(Mutex<FreeWorkspaces>);
 
 #[derive(Debug, Default)]
 struct FreeWorkspaces {
@@ -31,7 +31,7 @@ impl PlaneWorkspaces {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
     /// Runs `work` with a workspace of its own.
-    pub fn with<T>(&self, work: impl FnOnce(&mut PlaneWorkspace) -> T) -> T {
+    pub(crate) fn with<T>(&self, work: impl FnOnce(&mut PlaneWorkspace) -> T) -> T {
         let mut free = self.free();
         let mut workspace = free.workspaces.pop().unwrap_or_default();
         workspace.transform.recycle(0, free.signals.pop().unwrap_or_default());
@@ -41,11 +41,11 @@ impl PlaneWorkspaces {
         result
     }
     /// Takes a view's signals, which nobody will look at any more.
-    pub fn recycle(&self, view: &mut DecodedView) {
+    pub(crate) fn recycle(&self, view: &mut DecodedView) {
         self.free().signals.extend(view.signals.drain(..).map(MaskedPixels::into_scratch));
     }
     /// Frees what is kept for the next view, unless that and `bytes` more are left of the budget.
-    pub fn free_for(&self, budget: &Budget, bytes: u64) {
+    pub(crate) fn free_for(&self, budget: &Budget, bytes: u64) {
         let mut free = self.free();
         let workspaces = free.workspaces.iter().map(|w| w.coefficients.bytes() + w.transform.bytes());
         let kept: u64 = workspaces.chain(free.signals.iter().map(PixelScratch::bytes)).sum();
@@ -60,7 +60,7 @@ const DRAWING_BYTES: u64 = 64;
 /// Bytes for each pixel of a view's frame, and for each of these and component, while it is decoded.
 const CODING_BYTES: [u64; 2] = [48, 152];
 /// Adaptive state of a component.
-pub const MODEL_BYTES: u64 = 300_000;
+pub(crate) const MODEL_BYTES: u64 = 300_000;
 /// Bytes for each pixel of a photograph that is handed out: its mask, and each component.
 const PHOTOGRAPH_BYTES: [u64; 2] = [1, 12];
 
@@ -69,23 +69,23 @@ fn pixels(camera: &Camera) -> u64 {
 }
 
 /// Bytes that a view takes while it is drawn.
-pub fn drawing_bytes(camera: &Camera) -> u64 {
+pub(crate) fn drawing_bytes(camera: &Camera) -> u64 {
     pixels(camera).saturating_mul(DRAWING_BYTES)
 }
 
 /// Bytes that a view takes while it is decoded, from the number of its frame's pixels.
-pub fn coding_bytes(frame_pixels: u64, coding: &PlaneCoding) -> u64 {
+pub(crate) fn coding_bytes(frame_pixels: u64, coding: &PlaneCoding) -> u64 {
     let components = coding.components.len() as u64;
     frame_pixels.saturating_mul(CODING_BYTES[0] + CODING_BYTES[1] * components).saturating_add(MODEL_BYTES * components)
 }
 
 /// Bytes of a photograph.
-pub fn photograph_bytes(camera: &Camera, components: usize) -> u64 {
+pub(crate) fn photograph_bytes(camera: &Camera, components: usize) -> u64 {
     pixels(camera).saturating_mul(PHOTOGRAPH_BYTES[0] + PHOTOGRAPH_BYTES[1] * components as u64)
 }
 
 /// The most that decoding a view and handing it out may take: what is charged is less where its frame is smaller than the picture.
-pub fn peak_bytes(camera: &Camera, coding: &PlaneCoding) -> u64 {
+pub(crate) fn peak_bytes(camera: &Camera, coding: &PlaneCoding) -> u64 {
     (drawing_bytes(camera).saturating_add(coding_bytes(pixels(camera), coding)))
         .saturating_add(photograph_bytes(camera, coding.components.len()))
 }
@@ -94,7 +94,7 @@ pub fn peak_bytes(camera: &Camera, coding: &PlaneCoding) -> u64 {
 const MAX_PARALLEL_VIEWS: usize = 8;
 
 /// What decides how many views are worked on side by side.
-pub struct ParallelBudget<'a> {
+pub(crate) struct ParallelBudget<'a> {
     pub views: &'a [View],
     pub coding: &'a PlaneCoding,
     pub budget: &'a Budget,
@@ -104,7 +104,7 @@ pub struct ParallelBudget<'a> {
 impl ParallelBudget<'_> {
     /// How many of the first of these steps the budget has room for, whatever their masks, and one at least: what that one
     /// really takes is charged when its mask is known.
-    pub fn parallel_views(&self, order: &[OrderEntry], steps: &[usize]) -> usize {
+    pub(crate) fn parallel_views(&self, order: &[OrderEntry], steps: &[usize]) -> usize {
         let (mut count, mut bytes) = (0, 0u64);
         for &step in steps.iter().take(MAX_PARALLEL_VIEWS) {
             let more = bytes.saturating_add(peak_bytes(&self.views[order[step].view].camera, self.coding));
@@ -119,4 +119,4 @@ impl ParallelBudget<'_> {
 }
 
 /// A picture's signal: the sqrt domain, rotated, row-major in the view's frame.
-pub type PlaneSignal = Vec<ColourLanes>;
+pub(crate) type PlaneSignal = Vec<ColourLanes>;

@@ -5,7 +5,7 @@
 use crate::transform::shape_adaptive::{Orientation, Subband};
 
 /// Largest magnitude of a quantised coefficient.
-pub const MAX_MAGNITUDE: u32 = 1 << 20;
+pub(crate) const MAX_MAGNITUDE: u32 = 1 << 20;
 
 /// Quantiser of one picture.
 #[derive(Debug, Clone, Copy)]
@@ -43,13 +43,13 @@ pub struct RateDistortion {
 }
 
 /// Magnitudes to choose from for a coefficient of `magnitude` steps: the nearest, and one or two nearer to zero.
-pub fn candidate_magnitudes(magnitude: f32) -> std::ops::RangeInclusive<u32> {
+pub(crate) fn candidate_magnitudes(magnitude: f32) -> std::ops::RangeInclusive<u32> {
     let nearest = (magnitude + 0.5) as u32;
     nearest.saturating_sub(if nearest <= 2 { 2 } else { 1 })..=nearest
 }
 
 /// Whether what coding a block takes off its squared error is worth the bits, as far as can be told before it is coded.
-pub fn saves_cost(wanted: impl Iterator<Item = [f32; 3]>, choice: RateDistortion) -> bool {
+pub(crate) fn saves_cost(wanted: impl Iterator<Item = [f32; 3]>, choice: RateDistortion) -> bool {
     let (mut gain, mut bits) = (0.0, 2.0);
     for wanted in wanted.flatten().map(f32::abs).filter(|wanted| *wanted >= 0.5) {
         let left = wanted - (wanted + 0.5).floor();

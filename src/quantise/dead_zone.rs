@@ -2,7 +2,7 @@
 
 /// Magnitudes below `threshold` become 0; above it the levels 1, 2, ... are `step` wide.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct DeadZone {
+pub(crate) struct DeadZone {
     /// Smallest magnitude that is kept.
     pub threshold: f32,
     /// Width of a level.
@@ -10,11 +10,11 @@ pub struct DeadZone {
 }
 
 /// Largest level that a file may hold.
-pub const MAX_INDEX: i32 = 1 << 24;
+pub(crate) const MAX_INDEX: i32 = 1 << 24;
 
 impl DeadZone {
     /// Level of a value, with its sign.
-    pub fn quantise(&self, value: f32) -> i32 {
+    pub(crate) fn quantise(&self, value: f32) -> i32 {
         let over = value.abs() - self.threshold;
         // A value that is not a number is not kept.
         if over.is_nan() || over < 0.0 || value == 0.0 {
@@ -24,7 +24,7 @@ impl DeadZone {
         if value < 0.0 { -level } else { level }
     }
     /// The middle of a level.
-    pub fn dequantise(&self, level: i32) -> f32 {
+    pub(crate) fn dequantise(&self, level: i32) -> f32 {
         if level == 0 {
             return 0.0;
         }

@@ -5,7 +5,7 @@ use crate::vector::dot;
 use crate::views::PointLight;
 
 /// Smallest `cos(theta_r)` that the specular model divides by: beyond it (87 degrees) the model is cut off.
-pub const MIN_COS_VIEW: f32 = 0.05;
+pub(crate) const MIN_COS_VIEW: f32 = 0.05;
 
 /// Light and view seen from a surface point.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]

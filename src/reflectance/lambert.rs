@@ -6,7 +6,7 @@ use super::ReflectionGeometry;
 ///
 /// Minimises `sum_n w_n (I_n - K_d s_n)^2` per colour, `s_n = E_n cos(theta_i,n)`, `w_n = cos(normal, view)`.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct LambertSums {
+pub(crate) struct LambertSums {
     numerator: [f64; 3],
     denominator: [f64; 3],
     /// Sum of the weights.
@@ -16,14 +16,14 @@ pub struct LambertSums {
 impl LambertSums {
     /// Adds the diffuse radiance seen in one view under a known light. Unlit or unseen points, and values that are not
     /// finite, are left out.
-    pub fn add(&mut self, radiance: [f32; 3], geometry: &ReflectionGeometry) {
+    pub(crate) fn add(&mut self, radiance: [f32; 3], geometry: &ReflectionGeometry) {
         if geometry.cos_light > 0.0 {
             let shading = geometry.irradiance.map(|e| e * geometry.cos_light);
             self.add_shaded(radiance, shading, geometry.cos_view);
         }
     }
     /// Adds the radiance seen in one view where the lights are unknown: [`LambertSums::solve`] is then the weighted mean.
-    pub fn add_unlit(&mut self, radiance: [f32; 3], cos_view: f32) {
+    pub(crate) fn add_unlit(&mut self, radiance: [f32; 3], cos_view: f32) {
         self.add_shaded(radiance, [1.0; 3], cos_view);
     }
     fn add_shaded(&mut self, radiance: [f32; 3], shading: [f32; 3], weight: f32) {
@@ -39,11 +39,11 @@ impl LambertSums {
         self.weight += weight;
     }
     /// Sum of the weights (cosines) added so far: how well the point was seen.
-    pub fn weight(&self) -> f64 {
+    pub(crate) fn weight(&self) -> f64 {
         self.weight
     }
     /// `K_d` (the mean radiance where lights are unknown), not negative; `None` where nothing was seen.
-    pub fn solve(&self) -> Option<[f32; 3]> {
+    pub(crate) fn solve(&self) -> Option<[f32; 3]> {
         let solved = |c: usize| {
             if self.denominator[c] > 0.0 { (self.numerator[c] / self.denominator[c]).max(0.0) as f32 } else { 0.0 }
         };
@@ -52,7 +52,7 @@ impl LambertSums {
 }
 
 /// Diffuse radiance `K_d E cos(theta_i)`; zero where the light is behind the surface.
-pub fn evaluate(diffuse: [f32; 3], geometry: &ReflectionGeometry) -> [f32; 3] {
+pub(crate) fn evaluate(diffuse: [f32; 3], geometry: &ReflectionGeometry) -> [f32; 3] {
     let cos = geometry.cos_light.max(0.0);
     std::array::from_fn(|c| diffuse[c] * geometry.irradiance[c] * cos)
 }

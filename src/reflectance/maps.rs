@@ -70,11 +70,11 @@ pub fn evaluate(
 }
 
 /// Largest value of a colour plane: `round(sqrt(x / scale) * COLOUR_LEVELS)`. Part of the format.
-pub const COLOUR_LEVELS: i32 = 1023;
+pub(crate) const COLOUR_LEVELS: i32 = 1023;
 
 /// Reflectance maps as integers.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct ReflectancePlanes {
+pub(crate) struct ReflectancePlanes {
     /// See [`ReflectanceMaps::relightable`].
     pub relightable: bool,
     /// Reflectance at level [`COLOUR_LEVELS`] of the diffuse and the specular planes.
@@ -88,7 +88,7 @@ pub struct ReflectancePlanes {
 
 /// Quantises maps. Texels outside `mask` become 0. The scale is the largest value, of the specular map that which one texel in 2000
 /// exceeds: single wild fits must not cost the others their resolution.
-pub fn to_planes(maps: &ReflectanceMaps, mask: &Mask) -> ReflectancePlanes {
+pub(crate) fn to_planes(maps: &ReflectanceMaps, mask: &Mask) -> ReflectancePlanes {
     let mut result = ReflectancePlanes { relightable: maps.relightable, ..ReflectancePlanes::default() };
     result.palette.clone_from(&maps.palette);
     for (k, map) in [&maps.diffuse, &maps.specular].into_iter().enumerate() {
@@ -129,7 +129,7 @@ pub fn to_planes(maps: &ReflectanceMaps, mask: &Mask) -> ReflectancePlanes {
 }
 
 /// Maps of planes. Levels out of range (a lossy coder overshoots) are clamped.
-pub fn from_planes(planes: &ReflectancePlanes) -> Result<ReflectanceMaps> {
+pub(crate) fn from_planes(planes: &ReflectancePlanes) -> Result<ReflectanceMaps> {
     let wrong = |message: &str| Error::format("RFLC", 0u64, message);
     let first = planes.planes.first().ok_or_else(|| wrong("no planes; 3 or 7 expected"))?;
     let count = planes.planes.len();

@@ -11,4 +11,4 @@ pub(crate) mod gather;
 pub(crate) mod torrance_sparrow;
 
 pub use geometry::ReflectionGeometry;
-pub use torrance_sparrow::TorranceSparrowLobe;
+pub(crate) use torrance_sparrow::TorranceSparrowLobe;

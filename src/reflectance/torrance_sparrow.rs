@@ -18,10 +18,10 @@ pub struct TorranceSparrowLobe {
 }
 
 /// Range of `sigma` that fits are kept in, radians.
-pub const SIGMA_RANGE: (f32, f32) = (0.02, 0.8);
+pub(crate) const SIGMA_RANGE: (f32, f32) = (0.02, 0.8);
 
 /// Specular radiance; zero where the light or the camera is behind the surface.
-pub fn evaluate(lobe: &TorranceSparrowLobe, geometry: &ReflectionGeometry) -> [f32; 3] {
+pub(crate) fn evaluate(lobe: &TorranceSparrowLobe, geometry: &ReflectionGeometry) -> [f32; 3] {
     if geometry.cos_light <= 0.0 || geometry.cos_view <= 0.0 || lobe.sigma <= 0.0 {
         return [0.0; 3];
     }
@@ -32,7 +32,7 @@ pub fn evaluate(lobe: &TorranceSparrowLobe, geometry: &ReflectionGeometry) -> [f
 
 /// Specular radiance seen in one view, and how the point lay there.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct SpecularSighting {
+pub(crate) struct SpecularSighting {
     /// Specular radiance, red, green, blue; signed.
     pub radiance: [f32; 3],
     /// Light and view at the point.
@@ -43,7 +43,7 @@ pub struct SpecularSighting {
 /// weight `cos(normal, view)`. `None` where no highlight was seen: no sighting within two `sigma` of the mirror
 /// direction, or nothing bright there. Such points are filled by [`fill_from_neighbours`].
 #[cfg(feature = "encode")]
-pub fn fit(sightings: &[SpecularSighting]) -> Option<TorranceSparrowLobe> {
+pub(crate) fn fit(sightings: &[SpecularSighting]) -> Option<TorranceSparrowLobe> {
     let usable = |s: &&SpecularSighting| {
         s.geometry.cos_light > 0.0 && s.geometry.cos_view > 0.0 && s.radiance.iter().all(|x| x.is_finite())
     };
@@ -118,7 +118,7 @@ fn weight_and_shape(geometry: &ReflectionGeometry, sigma: f64) -> (f64, f64) {
 /// points that have one. `neighbours(i)` lists the points next to `i`. Points that no lobe reaches take the mean of all,
 /// or a black lobe where there is none.
 #[cfg(feature = "encode")]
-pub fn fill_from_neighbours<I: IntoIterator<Item = usize>>(
+pub(crate) fn fill_from_neighbours<I: IntoIterator<Item = usize>>(
     lobes: &[Option<TorranceSparrowLobe>],
     neighbours: impl Fn(usize) -> I,
 ) -> Vec<TorranceSparrowLobe> {
@@ -241,13 +241,13 @@ mod tests {
 
 /// Largest value of the plane of `sigma`: `round(ln(sigma / least) / ln(most / least) * SIGMA_LEVELS)`, with
 /// [`SIGMA_RANGE`]. Part of the format.
-pub const SIGMA_LEVELS: i32 = 255;
+pub(crate) const SIGMA_LEVELS: i32 = 255;
 
 /// `ln 40`, of the largest `sigma` over the smallest: 0x406C169A. Part of the format.
 const LOG_RANGE: f32 = 3.688_879_5;
 
 /// `sigma` of a level, radians.
-pub fn sigma_of_level(level: i32) -> f32 {
+pub(crate) fn sigma_of_level(level: i32) -> f32 {
     let share = level.clamp(0, SIGMA_LEVELS) as f32 / SIGMA_LEVELS as f32;
     SIGMA_RANGE.0 * elementary::exp((share * LOG_RANGE) as f64) as f32
 }

@@ -111,7 +111,7 @@ pub(super) struct ShadingPoint {
 impl ShadingPoint {
     /// Tangent frame of the shading normal, see [`crate::sphere::gaussian::tangents`].
     #[inline]
-    pub fn basis(&self) -> Mat3 {
+    pub(crate) fn basis(&self) -> Mat3 {
         let normal = self.normal;
         let sign = 1f32.copysign(normal.z);
         let a = -1.0 / (sign + normal.z);

@@ -7,7 +7,7 @@ use crate::views::{Camera, Photograph};
 use std::path::{Path, PathBuf};
 
 /// Folder of a capture: of the test data, or the bundled sample.
-pub fn folder(name: &str) -> Option<PathBuf> {
+pub(crate) fn folder(name: &str) -> Option<PathBuf> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let data = std::env::var_os("TSUYA_DATA").map_or_else(|| root.join("../shared/data"), PathBuf::from);
     let found = [root.join("tests/data").join(name), data.join("captures").join(name)];
@@ -19,7 +19,7 @@ pub fn folder(name: &str) -> Option<PathBuf> {
 }
 
 /// A capture as an asset without charts and reflectance.
-pub fn load(name: &str) -> Option<Asset> {
+pub(crate) fn load(name: &str) -> Option<Asset> {
     let mut capture = crate::capture::read(folder(name)?, &Default::default()).unwrap();
     let mesh = std::mem::take(&mut capture.mesh);
     let observations = crate::separate::separate(&mut capture).unwrap();
@@ -34,7 +34,7 @@ pub fn load(name: &str) -> Option<Asset> {
 }
 
 /// Adds charts and fitted reflectance.
-pub fn fit_reflectance(asset: &mut Asset, density: f64) -> AtlasRaster {
+pub(crate) fn fit_reflectance(asset: &mut Asset, density: f64) -> AtlasRaster {
     let cameras: Vec<Camera> = asset.views.iter().map(|v| v.camera).collect();
     let charts = layout(&asset.mesh, texels_per_unit(&asset.mesh, &cameras, density)).unwrap();
     let raster = rasterise_atlas(&asset.mesh, &charts).unwrap();

@@ -109,7 +109,7 @@ pub fn decode(
 }
 
 /// Codes the coefficients of a picture without a prediction, by fresh models, among what else a coder takes. `target` is for encoding.
-pub fn code_alone<C: BitCoder>(
+pub(crate) fn code_alone<C: BitCoder>(
     coder: &mut C,
     plan: &WaveletPlan,
     quantiser: &Quantiser,

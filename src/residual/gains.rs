@@ -7,16 +7,16 @@ use crate::entropy::{BitCoder, NumberModel};
 use crate::transform::shape_adaptive::{Orientation, Subband};
 
 /// Classes of magnitude of a predicted coefficient, in quantiser steps.
-pub const BUCKETS: usize = 3;
+pub(crate) const BUCKETS: usize = 3;
 /// Classes of bands: horizontal and vertical together, diagonal, for each level, and the low band.
-pub const BAND_CLASSES: usize = 11;
+pub(crate) const BAND_CLASSES: usize = 11;
 /// A gain is this many times smaller than its stored number.
-pub const UNITY: i32 = 16;
+pub(crate) const UNITY: i32 = 16;
 /// Largest stored gain.
 const MAX_GAIN: i32 = 24;
 
 /// Class of a band among [`BAND_CLASSES`].
-pub fn band_class(band: &Subband) -> usize {
+pub(crate) fn band_class(band: &Subband) -> usize {
     match band.orientation {
         Orientation::Low => 10,
         Orientation::Horizontal | Orientation::Vertical => 2 * (band.level - 1),
@@ -26,16 +26,16 @@ pub fn band_class(band: &Subband) -> usize {
 
 /// Bucket of a predicted coefficient of `steps` quantiser steps (absolute).
 #[inline(always)]
-pub fn bucket(steps: f32) -> usize {
+pub(crate) fn bucket(steps: f32) -> usize {
     (steps > 0.75) as usize + (steps > 2.5) as usize
 }
 
 /// Gains of one picture: `[band class][colour][bucket]`, in 1/[`UNITY`].
-pub type PredictionGains = [[[i32; BUCKETS]; 3]; BAND_CLASSES];
+pub(crate) type PredictionGains = [[[i32; BUCKETS]; 3]; BAND_CLASSES];
 
 /// What the next picture's gains are coded from.
 #[derive(Debug, Clone)]
-pub struct GainModels {
+pub(crate) struct GainModels {
     last: PredictionGains,
     difference: [NumberModel; BUCKETS],
 }
@@ -50,11 +50,16 @@ impl Default for GainModels {
 
 impl GainModels {
     /// The gains of the picture before, which the encoder falls back to.
-    pub fn last(&self) -> &PredictionGains {
+    pub(crate) fn last(&self) -> &PredictionGains {
         &self.last
     }
     /// Codes the gains of the classes that `used` says.
-    pub fn code<C: BitCoder>(&mut self, coder: &mut C, gains: &mut PredictionGains, used: &[bool; BAND_CLASSES]) {
+    pub(crate) fn code<C: BitCoder>(
+        &mut self,
+        coder: &mut C,
+        gains: &mut PredictionGains,
+        used: &[bool; BAND_CLASSES],
+    ) {
         for class in (0..BAND_CLASSES).filter(|&c| used[c]) {
             for colour in 0..3 {
                 for bucket in 0..BUCKETS {
@@ -71,7 +76,7 @@ impl GainModels {
 
 /// Sums over one class's coefficients, for the least-squares gain.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct GainSums {
+pub(crate) struct GainSums {
     /// Sum of target times prediction.
     pub cross: f64,
     /// Sum of squared predictions.
@@ -81,7 +86,7 @@ pub struct GainSums {
 impl GainSums {
     /// The stored gain of least squares; `last` where it gains less than about the bits of a change, valued at `lambda`
     /// (squared error a bit).
-    pub fn choose(&self, last: i32, lambda: f64) -> i32 {
+    pub(crate) fn choose(&self, last: i32, lambda: f64) -> i32 {
         if self.square <= 0.0 {
             return last;
         }

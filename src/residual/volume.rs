@@ -7,7 +7,7 @@ use crate::transform::daubechies::{self, VolumeShape};
 /// Working memory for volumes of `L` interleaved planes.
 #[derive(Debug)]
 #[cfg_attr(not(feature = "encode"), allow(dead_code))]
-pub struct VolumeScratch<const L: usize> {
+pub(crate) struct VolumeScratch<const L: usize> {
     scratch: Vec<[f32; L]>,
     filled: Vec<[f32; L]>,
     kept: Vec<[f32; L]>,
@@ -45,7 +45,7 @@ impl Default for FillEffort {
 /// that the shape pads are free, as are samples that are not visible. Alternating projections: transform, keep the large
 /// coefficients, put the visible samples back.
 #[cfg(feature = "encode")]
-pub fn truncate<const L: usize>(
+pub(crate) fn truncate<const L: usize>(
     residual: &[[f32; L]],
     visible: &[bool],
     shape: VolumeShape,
@@ -91,7 +91,7 @@ pub fn truncate<const L: usize>(
 }
 
 /// The samples of the captured views from quantised coefficients, `L` volumes at once.
-pub fn restore<const L: usize>(
+pub(crate) fn restore<const L: usize>(
     mut coefficients: Vec<[f32; L]>,
     shape: VolumeShape,
     views: usize,

@@ -18,10 +18,10 @@ pub struct SphericalGaussian {
 }
 
 /// Sharpness and amplitude of the clamped cosine as one lobe (Wang 2009).
-pub const CLAMPED_COSINE: (f64, f64) = (2.133, 1.170);
+pub(crate) const CLAMPED_COSINE: (f64, f64) = (2.133, 1.170);
 
 /// Sub-lobes of [`SphericalGaussian::split`].
-pub const SPLIT: usize = 7;
+pub(crate) const SPLIT: usize = 7;
 
 impl SphericalGaussian {
     /// One with the same amplitude in all colours.
@@ -124,12 +124,12 @@ const COSINE_SHARPNESS: f64 = 0.000_845_608_722_414_801_2;
 const COSINE_AMPLITUDE: f64 = 1_182.246_733_967_815_3;
 
 /// Integral of `exp(l (v.p - 1))` over the sphere, `2 pi / l (1 - exp(-2 l))`.
-pub fn sphere_integral(sharpness: f64) -> f64 {
+pub(crate) fn sphere_integral(sharpness: f64) -> f64 {
     4.0 * PI * falling(2.0 * sharpness)
 }
 
 /// The same over the hemisphere around the axis, `2 pi / l (1 - exp(-l))`.
-pub fn hemisphere_integral(sharpness: f64) -> f64 {
+pub(crate) fn hemisphere_integral(sharpness: f64) -> f64 {
     2.0 * PI * falling(sharpness)
 }
 
@@ -140,7 +140,7 @@ fn falling(x: f64) -> f64 {
 
 /// Integral of `exp(l (v.p - 1))` over a half-space, by the sine of the signed angle of its boundary from the axis, that is the
 /// cosine between the axis and the half-space's normal (Tokuyoshi 2022).
-pub fn half_space(sharpness: f64, sine: f64) -> f64 {
+pub(crate) fn half_space(sharpness: f64, sine: f64) -> f64 {
     let l = sharpness;
     let steep = l * ((0.5 * l + 0.651_732_88) / ((l + 1.341_828_00) * l + 7.221_668_78)).sqrt();
     let ratio = if steep > 1e-9 { erf(steep * sine) / erf(steep) } else { sine };
@@ -150,21 +150,21 @@ pub fn half_space(sharpness: f64, sine: f64) -> f64 {
 }
 
 /// The same by the signed angle and Wang's fit.
-pub fn half_space_wang(sharpness: f64, distance: f64) -> f64 {
+pub(crate) fn half_space_wang(sharpness: f64, distance: f64) -> f64 {
     half_space_share_wang(sharpness.max(1e-3).ln() as f32, distance as f32) as f64 * hemisphere_integral(sharpness)
 }
 
 /// [`half_space_wang`] over the hemisphere's integral, by the natural logarithm of the sharpness: a logistic function of the angle, its
 /// steepness a polynomial of the logarithm.
 #[inline]
-pub fn half_space_share_wang(log: f32, distance: f32) -> f32 {
+pub(crate) fn half_space_share_wang(log: f32, distance: f32) -> f32 {
     let steep = ((0.204 * log - 0.892) * log + 2.995) * log + 0.067;
     // Overflow and underflow are slow.
     1.05 / (1.0 + (-steep * distance).clamp(-80.0, 80.0).exp()) - 0.025
 }
 
 /// Share of the lobe that a half-space at a signed angle leaves, 0 to 1.
-pub fn visible_share(sharpness: f64, distance: f64) -> f64 {
+pub(crate) fn visible_share(sharpness: f64, distance: f64) -> f64 {
     half_space(sharpness, distance.clamp(-PI / 2.0, PI / 2.0).sin()) / sphere_integral(sharpness)
 }
 
@@ -185,7 +185,7 @@ fn product(axis_a: [f64; 3], a: f64, axis_b: [f64; 3], b: f64) -> ([f64; 3], f64
 }
 
 /// Two unit vectors across a unit vector and each other, right-handed with it as the third (Duff et al. 2017).
-pub fn tangents(z: [f64; 3]) -> ([f64; 3], [f64; 3]) {
+pub(crate) fn tangents(z: [f64; 3]) -> ([f64; 3], [f64; 3]) {
     let sign = 1f64.copysign(z[2]);
     let a = -1.0 / (sign + z[2]);
     let b = z[0] * z[1] * a;

@@ -5,7 +5,7 @@
 //! `v = (row + 0.5) 2 / N - 1` along z. Cells keep areas within a factor of 5.2.
 
 /// Direction (unit) of a place of the square, both coordinates -1 to 1.
-pub fn direction(u: f64, v: f64) -> [f64; 3] {
+pub(crate) fn direction(u: f64, v: f64) -> [f64; 3] {
     let y = 1.0 - u.abs() - v.abs();
     let fold = (-y).max(0.0);
     let (x, z) = (u - fold.copysign(u), v - fold.copysign(v));
@@ -15,7 +15,7 @@ pub fn direction(u: f64, v: f64) -> [f64; 3] {
 
 /// Place of a direction (of any length but 0) on the square, both coordinates -1 to 1.
 #[inline]
-pub fn square_position(direction: [f64; 3]) -> [f64; 2] {
+pub(crate) fn square_position(direction: [f64; 3]) -> [f64; 2] {
     let [x, y, z] = direction;
     let sum = x.abs() + y.abs() + z.abs();
     let (u, v) = (x / sum, z / sum);
@@ -24,7 +24,7 @@ pub fn square_position(direction: [f64; 3]) -> [f64; 2] {
 
 /// Four cells around a direction and their bilinear weights.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct OctahedralTaps {
+pub(crate) struct OctahedralTaps {
     /// Indices of cells, `row * size + column`.
     pub cells: [u32; 4],
     /// Weights, which sum to 1.
@@ -33,7 +33,7 @@ pub struct OctahedralTaps {
 
 /// The four cells around a direction in a grid of `size * size` cells (`size` at least 1).
 #[inline]
-pub fn taps(direction: [f64; 3], size: usize) -> OctahedralTaps {
+pub(crate) fn taps(direction: [f64; 3], size: usize) -> OctahedralTaps {
     let n = size as f64;
     let [u, v] = square_position(direction).map(|x| {
         let at = (x + 1.0) * 0.5 * n - 0.5;
@@ -52,7 +52,7 @@ pub fn taps(direction: [f64; 3], size: usize) -> OctahedralTaps {
 
 /// Index of a cell that may lie one step beyond the square, where the sphere goes on at the mirrored place of the same edge.
 #[inline]
-pub fn wrap(column: isize, row: isize, size: usize) -> usize {
+pub(crate) fn wrap(column: isize, row: isize, size: usize) -> usize {
     let last = size as isize - 1;
     let (mut c, mut r) = (column, row);
     if !(0..=last).contains(&c) {

@@ -9,7 +9,9 @@ use crate::mesh::Mesh;
 use glam::{DVec2, DVec3};
 
 #[cfg(feature = "encode")]
-pub use super::layout::{layout, layout_within, texels_per_unit};
+pub use super::layout::layout;
+#[cfg(feature = "encode")]
+pub(crate) use super::layout::{layout_within, texels_per_unit};
 
 /// The surface point of every texel that bilinear reading anywhere on the surface may touch.
 ///
@@ -46,25 +48,12 @@ impl AtlasRaster {
 }
 
 /// Normal between a triangle's corners.
-pub fn smooth_normal(corners: [u32; 3], weights: [f64; 3], normals: &[[f64; 3]]) -> DVec3 {
+pub(crate) fn smooth_normal(corners: [u32; 3], weights: [f64; 3], normals: &[[f64; 3]]) -> DVec3 {
     (0..3).map(|k| weights[k] * DVec3::from_array(normals[corners[k] as usize])).sum::<DVec3>().normalize_or_zero()
 }
 
-/// Weights of a triangle's corners at a point of its plane (or the projection onto it).
-pub fn barycentric(mesh: &Mesh, triangle: usize, point: DVec3) -> [f64; 3] {
-    let [a, b, c] = mesh.triangles[triangle].map(|v| DVec3::from_array(mesh.positions[v as usize].map(f64::from)));
-    let (e, f, p) = (b - a, c - a, point - a);
-    let (ee, ef, ff, pe, pf) = (e.dot(e), e.dot(f), f.dot(f), p.dot(e), p.dot(f));
-    let scale = ee * ff - ef * ef;
-    if scale <= 0.0 {
-        return [1.0, 0.0, 0.0];
-    }
-    let (v, w) = ((ff * pe - ef * pf) / scale, (ee * pf - ef * pe) / scale);
-    [1.0 - v - w, v, w]
-}
-
 /// Atlas position, in texels, of a surface point on a triangle.
-pub fn atlas_position(charts: &Charts, triangle: usize, point: DVec3) -> [f64; 2] {
+pub(crate) fn atlas_position(charts: &Charts, triangle: usize, point: DVec3) -> [f64; 2] {
     let chart = charts.charts[charts.chart_of_triangle[triangle] as usize];
     let (u, v) = match chart.facing / 2 {
         0 => (point.y, point.z),
@@ -77,7 +66,7 @@ pub fn atlas_position(charts: &Charts, triangle: usize, point: DVec3) -> [f64; 2
 }
 
 /// The four texels around an atlas position, `(index, weight)`; positions outside are moved to the border.
-pub fn bilinear_taps(width: usize, height: usize, at: [f64; 2]) -> [(usize, f64); 4] {
+pub(crate) fn bilinear_taps(width: usize, height: usize, at: [f64; 2]) -> [(usize, f64); 4] {
     let x = (at[0] - 0.5).clamp(0.0, (width - 1) as f64);
     let y = (at[1] - 0.5).clamp(0.0, (height - 1) as f64);
     let (x0, y0) = ((x as usize).min(width.saturating_sub(2)), (y as usize).min(height.saturating_sub(2)));
@@ -92,7 +81,7 @@ pub fn bilinear_taps(width: usize, height: usize, at: [f64; 2]) -> [(usize, f64)
 }
 
 /// Bilinear reading of colours.
-pub fn sample_colour(grid: &Grid<[f32; 3]>, at: [f64; 2]) -> [f64; 3] {
+pub(crate) fn sample_colour(grid: &Grid<[f32; 3]>, at: [f64; 2]) -> [f64; 3] {
     let mut sum = [0.0; 3];
     for (index, weight) in bilinear_taps(grid.width, grid.height, at) {
         for c in 0..3 {
@@ -103,7 +92,7 @@ pub fn sample_colour(grid: &Grid<[f32; 3]>, at: [f64; 2]) -> [f64; 3] {
 }
 
 /// Bilinear reading of numbers.
-pub fn sample_number(grid: &Grid<f32>, at: [f64; 2]) -> f64 {
+pub(crate) fn sample_number(grid: &Grid<f32>, at: [f64; 2]) -> f64 {
     bilinear_taps(grid.width, grid.height, at).iter().map(|&(index, weight)| weight * grid.data[index] as f64).sum()
 }
 
@@ -222,7 +211,7 @@ pub(crate) mod tests {
     use super::*;
 
     /// A closed sphere of radius about 1 with bumps, `2 n (n - 1)` triangles.
-    pub fn bumpy_sphere(n: usize) -> Mesh {
+    pub(crate) fn bumpy_sphere(n: usize) -> Mesh {
         let mut mesh = Mesh::default();
         mesh.positions.push([0.0, 1.0, 0.0]);
         for i in 1..n {

@@ -56,14 +56,14 @@ impl Charts {
 }
 
 /// No triangle, no chart.
-pub const NONE: u32 = u32::MAX;
+pub(crate) const NONE: u32 = u32::MAX;
 
 /// Section tag, for errors.
 const SECTION: &str = "CHRT";
 
 /// For each triangle the triangles on the other side of its edges (corners 0-1, 1-2, 2-0), or [`NONE`]. Of an edge with more than two
 /// triangles the first two in mesh order are neighbours, then the next two, and so on. Part of the format.
-pub fn neighbours(mesh: &Mesh) -> Vec<[u32; 3]> {
+pub(crate) fn neighbours(mesh: &Mesh) -> Vec<[u32; 3]> {
     let mut edges: Vec<(u32, u32, u32)> = Vec::with_capacity(mesh.triangles.len() * 3);
     for (t, corners) in mesh.triangles.iter().enumerate() {
         for side in 0..3 {
@@ -89,7 +89,7 @@ pub fn neighbours(mesh: &Mesh) -> Vec<[u32; 3]> {
 }
 
 /// The order in which triangles are coded: breadth first over the neighbours, from the first triangle not yet visited.
-pub fn visiting_order(neighbours: &[[u32; 3]]) -> Vec<u32> {
+pub(crate) fn visiting_order(neighbours: &[[u32; 3]]) -> Vec<u32> {
     let mut order = Vec::with_capacity(neighbours.len());
     let mut seen = vec![false; neighbours.len()];
     let mut next = 0;
@@ -114,20 +114,20 @@ pub fn visiting_order(neighbours: &[[u32; 3]]) -> Vec<u32> {
 }
 
 /// Twice the triangle's area times its normal. `+ - *` in double only, so that it is the same everywhere.
-pub fn area_normal(mesh: &Mesh, triangle: usize) -> [f64; 3] {
+pub(crate) fn area_normal(mesh: &Mesh, triangle: usize) -> [f64; 3] {
     let [a, b, c] = mesh.triangles[triangle].map(|v| mesh.positions[v as usize].map(f64::from));
     let (e, f) = ([b[0] - a[0], b[1] - a[1], b[2] - a[2]], [c[0] - a[0], c[1] - a[1], c[2] - a[2]]);
     cross(e, f)
 }
 
 /// Component of a vector along a facing direction (0 +x, 1 -x, 2 +y, 3 -y, 4 +z, 5 -z).
-pub fn along(vector: [f64; 3], facing: u8) -> f64 {
+pub(crate) fn along(vector: [f64; 3], facing: u8) -> f64 {
     let value = vector[(facing / 2) as usize % 3];
     if facing.is_multiple_of(2) { value } else { -value }
 }
 
 /// The direction of which a normal has most; the first one of equals.
-pub fn dominant(normal: [f64; 3]) -> u8 {
+pub(crate) fn dominant(normal: [f64; 3]) -> u8 {
     (1..6).fold(0, |best, f| if along(normal, f) > along(normal, best) { f } else { best })
 }
 

@@ -19,7 +19,7 @@ const MANY_STEPS: i64 = 1 << 31;
 const GUTTER: i64 = 1;
 
 /// Texels per unit of world length so that there are `density` texels (each way) for one pixel of the median view.
-pub fn texels_per_unit(mesh: &Mesh, cameras: &[Camera], density: f64) -> f64 {
+pub(crate) fn texels_per_unit(mesh: &Mesh, cameras: &[Camera], density: f64) -> f64 {
     let mut low = [f64::INFINITY; 3];
     let mut high = [f64::NEG_INFINITY; 3];
     for p in &mesh.positions {
@@ -50,7 +50,7 @@ pub fn layout(mesh: &Mesh, texels_per_unit: f64) -> Result<Charts> {
 }
 
 /// As [`layout`]; an error, before any work, where the surface has more than `max_texels`.
-pub fn layout_within(mesh: &Mesh, texels_per_unit: f64, max_texels: f64) -> Result<Charts> {
+pub(crate) fn layout_within(mesh: &Mesh, texels_per_unit: f64, max_texels: f64) -> Result<Charts> {
     let texels_per_unit = texels_per_unit as f32 as f64;
     if !(texels_per_unit.is_finite() && texels_per_unit > 0.0) {
         return Err(Error::parameter("the texel density must be a positive number"));

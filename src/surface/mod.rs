@@ -12,6 +12,5 @@ pub(crate) mod raster;
 pub(crate) mod reproject;
 pub(crate) mod samples;
 pub(crate) mod split;
-pub(crate) mod texels;
 pub(crate) mod view_geometry;
 pub(crate) mod warp;

@@ -10,7 +10,7 @@ use obvhs::ray::{Ray, RayHit};
 use obvhs::triangle::Triangle;
 
 /// A mesh made ready for ray casting.
-pub struct Occluders {
+pub(crate) struct Occluders {
     hierarchy: CwBvh,
     /// In the order of the hierarchy's leaves.
     triangles: Vec<Triangle>,
@@ -20,7 +20,7 @@ pub struct Occluders {
 
 /// Where a ray meets the mesh first.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct SurfaceHit {
+pub(crate) struct SurfaceHit {
     /// Index of the triangle.
     pub triangle: u32,
     /// Weights of its three vertices.
@@ -31,7 +31,7 @@ pub struct SurfaceHit {
 
 impl Occluders {
     /// Builds the hierarchy. Triangles with coordinates that are not finite are left out of it.
-    pub fn new(mesh: &Mesh) -> Self {
+    pub(crate) fn new(mesh: &Mesh) -> Self {
         let vertex = |v: u32| -> [f32; 3] {
             let p = mesh.positions[v as usize];
             if p.iter().all(|x| x.is_finite()) { p } else { [0.0; 3] }
@@ -46,7 +46,7 @@ impl Occluders {
         Occluders { hierarchy, triangles, bias: 2e-4 * diagonal(mesh) }
     }
     /// Whether the segment between a surface point and a camera is free. The point's own surroundings do not block it.
-    pub fn is_visible(&self, point: [f64; 3], camera_centre: [f64; 3]) -> bool {
+    pub(crate) fn is_visible(&self, point: [f64; 3], camera_centre: [f64; 3]) -> bool {
         let (direction, squared) = crate::vector::direction(point, camera_centre);
         let distance = squared.sqrt();
         if self.triangles.is_empty() || distance.is_nan() || distance <= self.bias {
@@ -55,12 +55,12 @@ impl Occluders {
         ray(point, direction, distance as f32).is_none_or(|ray| self.misses(ray, self.bias as f32))
     }
     /// Whether a ray from a surface point leaves the object. The point's own surroundings do not block it.
-    pub fn is_free(&self, point: [f32; 3], direction: [f32; 3]) -> bool {
+    pub(crate) fn is_free(&self, point: [f32; 3], direction: [f32; 3]) -> bool {
         self.is_free_beyond(self.bias as f32, point, direction)
     }
     /// Whether a ray leaves the object, whatever it meets nearer than `bias`.
     #[inline]
-    pub fn is_free_beyond(&self, bias: f32, point: [f32; 3], direction: [f32; 3]) -> bool {
+    pub(crate) fn is_free_beyond(&self, bias: f32, point: [f32; 3], direction: [f32; 3]) -> bool {
         self.triangles.is_empty() || self.misses(Ray::new_inf(point.into(), direction.into()), bias)
     }
     /// The bias applies in the intersection: the hierarchy's `t` starts at zero.
@@ -72,7 +72,7 @@ impl Occluders {
         })
     }
     /// What the ray through an image position meets first.
-    pub fn first_hit(&self, camera: &Camera, pixel: [f64; 2]) -> Option<SurfaceHit> {
+    pub(crate) fn first_hit(&self, camera: &Camera, pixel: [f64; 2]) -> Option<SurfaceHit> {
         if self.triangles.is_empty() {
             return None;
         }
@@ -90,7 +90,7 @@ impl Occluders {
         Some(SurfaceHit { triangle, barycentric, depth })
     }
     /// Depth of every pixel's central ray; infinite where it misses the mesh.
-    pub fn depth_map(&self, camera: &Camera) -> Grid<f32> {
+    pub(crate) fn depth_map(&self, camera: &Camera) -> Grid<f32> {
         let (width, height) = (camera.width as usize, camera.height as usize);
         let depth = |x: usize, y: usize| {
             self.first_hit(camera, [x as f64 + 0.5, y as f64 + 0.5]).map_or(f32::INFINITY, |hit| hit.depth as f32)
@@ -124,7 +124,7 @@ fn intersect(corners: [[f64; 3]; 3], origin: [f64; 3], direction: [f64; 3]) -> (
 }
 
 /// Diagonal of the mesh's bounding box.
-pub fn diagonal(mesh: &Mesh) -> f64 {
+pub(crate) fn diagonal(mesh: &Mesh) -> f64 {
     let (mut low, mut high) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
     for p in mesh.positions.iter().filter(|p| p.iter().all(|x| x.is_finite())) {
         for axis in 0..3 {
@@ -137,7 +137,7 @@ pub fn diagonal(mesh: &Mesh) -> f64 {
 }
 
 /// Where a photograph may be read: pixels that show the object, hold finite values and lie on one surface.
-pub struct Footprint {
+pub(crate) struct Footprint {
     camera: Camera,
     usable: Mask,
     depth: Grid<f32>,
@@ -147,7 +147,13 @@ pub struct Footprint {
 
 impl Footprint {
     /// Gathers mask, missing pixels and depth of one frame. All images have the camera's size.
-    pub fn new(occluders: &Occluders, mesh: &Mesh, camera: &Camera, mask: Option<&Mask>, images: &[RgbImage]) -> Self {
+    pub(crate) fn new(
+        occluders: &Occluders,
+        mesh: &Mesh,
+        camera: &Camera,
+        mask: Option<&Mask>,
+        images: &[RgbImage],
+    ) -> Self {
         let (width, height) = (camera.width as usize, camera.height as usize);
         let depth = occluders.depth_map(camera);
         let mut usable = Mask::filled(width, height, true);
@@ -159,12 +165,12 @@ impl Footprint {
         Footprint { camera: *camera, usable, depth, margin: 0.02 * diagonal(mesh) as f32 }
     }
     /// Pixels that are shown and finite.
-    pub fn usable(&self) -> &Mask {
+    pub(crate) fn usable(&self) -> &Mask {
         &self.usable
     }
     /// The image position of a point, if its pixel is usable and does not lie on a surface in front of or behind it by
     /// more than the margin. Occlusion is [`Occluders::is_visible`]'s business.
-    pub fn project(&self, point: [f64; 3]) -> Option<[f64; 2]> {
+    pub(crate) fn project(&self, point: [f64; 3]) -> Option<[f64; 2]> {
         let (at, depth) = self.camera.project(point)?;
         let inside = at[0] >= 0.0 && at[1] >= 0.0;
         let (x, y) = (at[0] as usize, at[1] as usize);

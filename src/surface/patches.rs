@@ -9,7 +9,7 @@ use crate::vector::{cross, dot};
 use std::collections::BTreeSet;
 
 /// Largest binary logarithm of a patch's side: 16 samples.
-pub const MAX_SIDE_LOG2: u8 = 4;
+pub(crate) const MAX_SIDE_LOG2: u8 = 4;
 
 /// One or two triangles on the unit square.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -68,7 +68,7 @@ impl SurfacePatch {
 
 /// Pairs the triangles of a mesh whose indices are valid: those with the fewest free neighbours first, each with the free
 /// neighbour whose common edge comes nearest to a hypotenuse. Patches are in the order of their first triangles.
-pub fn pair_triangles(mesh: &Mesh) -> Vec<SurfacePatch> {
+pub(crate) fn pair_triangles(mesh: &Mesh) -> Vec<SurfacePatch> {
     let neighbours = neighbours(mesh);
     let count = mesh.triangles.len();
     let mut partner: Vec<Option<(u32, u8)>> = vec![None; count];
@@ -131,7 +131,7 @@ pub fn pair_triangles(mesh: &Mesh) -> Vec<SurfacePatch> {
 
 /// For each triangle and each of its edges (edge `e` joins its vertices `e` and `e + 1`) the one other triangle that
 /// shares it; `None` on borders and where more than two meet.
-pub fn neighbours(mesh: &Mesh) -> Vec<[Option<u32>; 3]> {
+pub(crate) fn neighbours(mesh: &Mesh) -> Vec<[Option<u32>; 3]> {
     let mut edges: Vec<(u32, u32, u32, u8)> = Vec::with_capacity(mesh.triangles.len() * 3);
     for (t, v) in (0u32..).zip(&mesh.triangles) {
         for e in 0..3 {
@@ -172,7 +172,7 @@ fn hypotenuse_score(mesh: &Mesh, triangle: u32, edge: u8, other: u32) -> f64 {
 }
 
 /// Unit normals of the vertices: the sum of the adjacent triangles' normals, weighted by their areas.
-pub fn vertex_normals(mesh: &Mesh) -> Vec<[f64; 3]> {
+pub(crate) fn vertex_normals(mesh: &Mesh) -> Vec<[f64; 3]> {
     let mut normals = vec![[0.0f64; 3]; mesh.positions.len()];
     for v in &mesh.triangles {
         let normal = area_normal(mesh, *v);
@@ -187,7 +187,7 @@ pub fn vertex_normals(mesh: &Mesh) -> Vec<[f64; 3]> {
 }
 
 /// Normal of a triangle, twice its area long.
-pub fn area_normal(mesh: &Mesh, vertices: [u32; 3]) -> [f64; 3] {
+pub(crate) fn area_normal(mesh: &Mesh, vertices: [u32; 3]) -> [f64; 3] {
     let p = vertices.map(|v| mesh.positions[v as usize].map(|x| x as f64));
     let a: [f64; 3] = std::array::from_fn(|i| p[1][i] - p[0][i]);
     let b: [f64; 3] = std::array::from_fn(|i| p[2][i] - p[0][i]);
@@ -195,7 +195,7 @@ pub fn area_normal(mesh: &Mesh, vertices: [u32; 3]) -> [f64; 3] {
 }
 
 /// The vector over its length; zero stays zero.
-pub fn unit(v: [f64; 3]) -> [f64; 3] {
+pub(crate) fn unit(v: [f64; 3]) -> [f64; 3] {
     let length = dot(v, v).sqrt();
     if length > 0.0 { v.map(|x| x / length) } else { v }
 }

@@ -12,7 +12,7 @@ use crate::vector::cross;
 use crate::views::{Camera, View};
 
 /// No triangle at a pixel.
-pub const NO_TRIANGLE: u32 = u32::MAX;
+pub(crate) const NO_TRIANGLE: u32 = u32::MAX;
 
 /// What each pixel's central ray meets first.
 #[derive(Debug, Clone, PartialEq)]
@@ -177,7 +177,7 @@ pub fn rasterise(mesh: &Mesh, camera: &Camera) -> Raster {
 const MAX_LAYERS: f64 = 4096.0;
 
 /// Refuses a mesh and camera whose drawing would take unreasonably long: thousands of triangles that each fill the picture.
-pub fn check_work(mesh: &Mesh, camera: &Camera) -> Result<()> {
+pub(crate) fn check_work(mesh: &Mesh, camera: &Camera) -> Result<()> {
     let size = [camera.width as f64, camera.height as f64];
     let pixels = size[0] * size[1];
     let projected = project(mesh, camera);

@@ -16,7 +16,7 @@ const MIN_COSINE: f64 = 0.05;
 
 /// Where a target pixel is found in a reference view.
 #[derive(Debug, Clone, Copy)]
-pub struct Reprojection {
+pub(crate) struct Reprojection {
     /// Position in the reference in pixels (centres at +0.5).
     pub(super) position: [f32; 2],
     /// Share of this reference in a blend: the squared cosine between normal and reference, 0 where it is hidden.
@@ -27,7 +27,7 @@ pub struct Reprojection {
 
 /// What a decoded view is asked for by those predicted from it.
 #[derive(Debug, Clone)]
-pub struct ReferenceView {
+pub(crate) struct ReferenceView {
     view: View,
     width: usize,
     height: usize,
@@ -37,7 +37,7 @@ pub struct ReferenceView {
 
 impl ReferenceView {
     /// What later views ask of a decoded one.
-    pub fn new(geometry: ViewGeometry) -> Self {
+    pub(crate) fn new(geometry: ViewGeometry) -> Self {
         let Raster { width, height, depth, .. } = geometry.raster;
         // The farthest of the nine pixels around: along rows, then along columns.
         let farther = |a: f64, b: f64| if b > a { b } else { a };
@@ -64,7 +64,7 @@ impl ReferenceView {
     }
 
     /// Bytes of memory that it takes.
-    pub fn bytes(&self) -> u64 {
+    pub(crate) fn bytes(&self) -> u64 {
         size_of_val(&self.farthest[..]) as u64
     }
 
@@ -120,7 +120,7 @@ struct ReprojectionTarget<'a> {
 
 /// Finds every mask pixel of `target` (`rows` of a frame, to which its geometry is extended) in each reference; pixels in
 /// the rows' order.
-pub fn reproject(
+pub(crate) fn reproject(
     target: &ViewGeometry,
     references: &[&ReferenceView],
     frame: &Window,

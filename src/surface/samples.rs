@@ -8,7 +8,7 @@ use std::borrow::Cow;
 use std::collections::HashMap;
 
 /// Most parts of an edge. Part of the format.
-pub const MAX_PARTS: u8 = 32;
+pub(crate) const MAX_PARTS: u8 = 32;
 
 /// The places of a mesh: its vertices first, then those on edges and within triangles, in the order in which the triangles name them.
 #[derive(Debug, Clone, PartialEq)]

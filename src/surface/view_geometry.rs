@@ -10,25 +10,25 @@ use std::borrow::Cow;
 
 /// A mesh with what every view needs of it.
 #[derive(Debug)]
-pub struct ViewedMesh<'a> {
+pub(crate) struct ViewedMesh<'a> {
     mesh: Cow<'a, Mesh>,
     normals: Vec<[f64; 3]>,
 }
 
 impl<'a> ViewedMesh<'a> {
     /// Prepares a mesh.
-    pub fn new(mesh: Cow<'a, Mesh>) -> Self {
+    pub(crate) fn new(mesh: Cow<'a, Mesh>) -> Self {
         ViewedMesh { normals: raster::vertex_normals(&mesh), mesh }
     }
     /// The mesh.
-    pub fn mesh(&self) -> &Mesh {
+    pub(crate) fn mesh(&self) -> &Mesh {
         &self.mesh
     }
 }
 
 /// What a view sees of the surface.
 #[derive(Debug, Clone)]
-pub struct ViewGeometry {
+pub(crate) struct ViewGeometry {
     /// The view.
     pub view: View,
     /// Nearest triangle, depth and barycentrics of each pixel.
@@ -42,7 +42,7 @@ const DEPTH_RINGS: usize = 8;
 
 impl ViewGeometry {
     /// Draws the surface into a view.
-    pub fn new(surface: &ViewedMesh, view: View) -> Self {
+    pub(crate) fn new(surface: &ViewedMesh, view: View) -> Self {
         let raster = raster::rasterise(&surface.mesh, &view.camera);
         let normals = (raster.triangle.iter().zip(&raster.barycentric))
             .map(|(&triangle, b)| {
@@ -62,7 +62,7 @@ impl ViewGeometry {
 
     /// Gives the mask's pixels (`rows` of a frame) that miss the mesh the mean depth and normal of their neighbours, ring by
     /// ring.
-    pub fn extend(&mut self, frame: &Window, rows: &[PixelRun]) {
+    pub(crate) fn extend(&mut self, frame: &Window, rows: &[PixelRun]) {
         let (width, height) = (self.raster.width, self.raster.height);
         let mut missing = Vec::new();
         for run in rows {

@@ -13,7 +13,7 @@ use glam::Vec4;
 
 /// A decoded picture in the sqrt domain, filled beyond its mask so that interpolation may read anywhere.
 #[derive(Debug, Clone)]
-pub struct ReferenceImage {
+pub(crate) struct ReferenceImage {
     /// Size of the picture, of which the pixels are the part in the frame.
     size: [usize; 2],
     frame: Window,
@@ -23,14 +23,14 @@ pub struct ReferenceImage {
 }
 
 /// Rings of pixels that are filled beyond the mask of a reference.
-pub const REFERENCE_RINGS: usize = 4;
+pub(crate) const REFERENCE_RINGS: usize = 4;
 /// Rings of pixels that are filled where no reference shows the target.
 const HOLE_RINGS: usize = 64;
 
 impl ReferenceImage {
     /// Fills a few rings beyond the mask with the mean of the neighbours inside, what lies beyond them with 0. The frame leaves
     /// room for the rings wherever the picture does.
-    pub fn new(picture: MaskedPixels, size: [usize; 2], frame: Window) -> Self {
+    pub(crate) fn new(picture: MaskedPixels, size: [usize; 2], frame: Window) -> Self {
         let Window { width, height, .. } = frame;
         let rows = picture.rows().clone();
         let mut pixels = picture.zero_outside();
@@ -62,11 +62,11 @@ impl ReferenceImage {
     }
 
     /// Bytes of memory that it takes.
-    pub fn bytes(&self) -> u64 {
+    pub(crate) fn bytes(&self) -> u64 {
         (size_of_val(&self.pixels[..]) + size_of_val(&self.rows[..])) as u64
     }
     /// The mask's runs with their pixels.
-    pub fn runs(&self) -> impl Iterator<Item = (&PixelRun, &[ColourLanes])> {
+    pub(crate) fn runs(&self) -> impl Iterator<Item = (&PixelRun, &[ColourLanes])> {
         masked::runs(&self.rows, self.frame.width, &self.pixels)
     }
 
@@ -178,7 +178,7 @@ fn catmull_rom(t: f32) -> [f32; 4] {
 ///
 /// Holes are filled from their surroundings. `shaded` scales by the ratio of the irradiances (diffuse light follows the
 /// lamp, highlights do not). The result covers the frame, 0 outside the mask.
-pub fn predict(
+pub(crate) fn predict(
     [width, height]: [usize; 2],
     rows: &[PixelRun],
     references: &[(&ReferenceImage, &[Reprojection], f32)],

@@ -1,25 +1,25 @@
 //! Orthonormal rotation of colours, chosen for a file.
 
 /// Rows are the axes, strongest first.
-pub type ColourRotation = [[f32; 3]; 3];
+pub(crate) type ColourRotation = [[f32; 3]; 3];
 
 /// No rotation.
-pub const IDENTITY: ColourRotation = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+pub(crate) const IDENTITY: ColourRotation = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 
 /// Colour to axes.
 #[inline(always)]
-pub fn forward(rotation: &ColourRotation, x: [f32; 3]) -> [f32; 3] {
+pub(crate) fn forward(rotation: &ColourRotation, x: [f32; 3]) -> [f32; 3] {
     rotation.map(|axis| axis[0] * x[0] + axis[1] * x[1] + axis[2] * x[2])
 }
 
 /// Axes to colour: the transpose.
 #[inline(always)]
-pub fn inverse(rotation: &ColourRotation, y: [f32; 3]) -> [f32; 3] {
+pub(crate) fn inverse(rotation: &ColourRotation, y: [f32; 3]) -> [f32; 3] {
     std::array::from_fn(|c| rotation[0][c] * y[0] + rotation[1][c] * y[1] + rotation[2][c] * y[2])
 }
 
 /// The axes of the largest second moments: eigenvectors of `sum x x^T` by Jacobi rotations.
-pub fn principal_axes(moments: [[f64; 3]; 3]) -> ColourRotation {
+pub(crate) fn principal_axes(moments: [[f64; 3]; 3]) -> ColourRotation {
     let mut a = moments;
     let mut axes = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0f64]];
     if !moments.iter().flatten().all(|x| x.is_finite()) {

@@ -2,13 +2,13 @@
 //! dimensions. Forward and inverse use only additions and multiplications in a fixed order: the same everywhere.
 
 /// `(1 + s, 3 + s, 3 - s, 1 - s) / (4 sqrt 2)` with `s = sqrt 3`, rounded to 32-bit floating point.
-pub const LOW: [f32; 4] = [0.482_962_9, 0.836_516_3, 0.224_143_86, -0.129_409_52];
+pub(crate) const LOW: [f32; 4] = [0.482_962_9, 0.836_516_3, 0.224_143_86, -0.129_409_52];
 
 /// The shape of a patch's volume: `side x side` samples in each of `views` views, `view_levels` and `log2 side` levels.
 ///
 /// Samples are stored view by view, row by row.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct VolumeShape {
+pub(crate) struct VolumeShape {
     /// Binary logarithm of the side.
     pub side_log2: u8,
     /// Length of the view axis, a multiple of `1 << view_levels`.
@@ -19,30 +19,26 @@ pub struct VolumeShape {
 
 impl VolumeShape {
     /// The shape for so many views: as many levels as asked, the axis padded to a multiple of `1 << levels`.
-    pub fn padded(side_log2: u8, views: usize, view_levels: u8) -> Self {
+    pub(crate) fn padded(side_log2: u8, views: usize, view_levels: u8) -> Self {
         VolumeShape { side_log2, views: views.next_multiple_of(1 << view_levels), view_levels }
     }
     /// Samples along a side.
-    pub fn side(&self) -> usize {
+    pub(crate) fn side(&self) -> usize {
         1 << self.side_log2
     }
     /// Samples of one view.
-    pub fn area(&self) -> usize {
+    pub(crate) fn area(&self) -> usize {
         1 << (2 * self.side_log2)
     }
     /// Samples in all.
-    pub fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.area() * self.views
-    }
-    /// True without any sample.
-    pub fn is_empty(&self) -> bool {
-        self.views == 0
     }
 }
 
 /// Transforms `L` volumes at once in place, their samples interleaved: multi-level along the views, then multi-level in each
 /// resulting picture (rows and columns in turn). `scratch` grows as needed.
-pub fn forward<const L: usize>(volume: &mut [[f32; L]], shape: VolumeShape, scratch: &mut Vec<[f32; L]>) {
+pub(crate) fn forward<const L: usize>(volume: &mut [[f32; L]], shape: VolumeShape, scratch: &mut Vec<[f32; L]>) {
     scratch.resize(shape.len().max(scratch.len()), [0.0; L]);
     let (side, area) = (shape.side(), shape.area());
     for level in 0..shape.view_levels {
@@ -61,7 +57,7 @@ pub fn forward<const L: usize>(volume: &mut [[f32; L]], shape: VolumeShape, scra
 }
 
 /// Undoes [`forward`].
-pub fn inverse<const L: usize>(volume: &mut [[f32; L]], shape: VolumeShape, scratch: &mut Vec<[f32; L]>) {
+pub(crate) fn inverse<const L: usize>(volume: &mut [[f32; L]], shape: VolumeShape, scratch: &mut Vec<[f32; L]>) {
     scratch.resize(shape.len().max(scratch.len()), [0.0; L]);
     let (side, area) = (shape.side(), shape.area());
     for picture in volume.chunks_exact_mut(area) {

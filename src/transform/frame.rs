@@ -5,7 +5,7 @@ use crate::image::Mask;
 
 /// The part of a picture that holds its mask: what lies around takes neither time nor memory.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Window {
+pub(crate) struct Window {
     /// First column; a multiple of `2^MAX_LEVELS`, so that parities stay at every level.
     pub left: usize,
     /// First row; likewise.
@@ -18,7 +18,7 @@ pub struct Window {
 
 impl Window {
     /// The smallest frame that holds a mask and `margin` pixels around it, as far as the picture goes.
-    pub fn around_mask(mask: &Mask, margin: usize) -> Self {
+    pub(crate) fn around_mask(mask: &Mask, margin: usize) -> Self {
         let mut rows = (0..mask.height).filter(|&y| mask.row(y).contains(&true));
         let Some(first) = rows.next() else { return Window::default() };
         let last = rows.next_back().unwrap_or(first);
@@ -35,17 +35,17 @@ impl Window {
         Window { left, top, width: right - left, height: bottom - top }
     }
     /// Number of its pixels.
-    pub fn pixel_count(&self) -> u64 {
+    pub(crate) fn pixel_count(&self) -> u64 {
         self.width as u64 * self.height as u64
     }
     /// The frame of the low band after some levels.
-    pub fn low_band(&self, levels: usize) -> Self {
+    pub(crate) fn low_band(&self, levels: usize) -> Self {
         let size = |size: usize| size.div_ceil(1 << levels);
         let (width, height) = (size(self.width), size(self.height));
         Window { left: self.left >> levels, top: self.top >> levels, width, height }
     }
     /// The part of a picture of `width` columns that lies in the frame.
-    pub fn crop<T: Copy>(&self, picture: &[T], width: usize) -> Vec<T> {
+    pub(crate) fn crop<T: Copy>(&self, picture: &[T], width: usize) -> Vec<T> {
         let mut part = Vec::with_capacity(self.width * self.height);
         for y in self.top..self.top + self.height {
             part.extend_from_slice(&picture[y * width + self.left..][..self.width]);

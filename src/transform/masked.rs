@@ -49,7 +49,7 @@ impl From<Vec<ColourLanes>> for PixelScratch {
 }
 
 /// Runs of a mask along rows, from top to bottom and from left to right.
-pub type RowRuns = Arc<[PixelRun]>;
+pub(crate) type RowRuns = Arc<[PixelRun]>;
 
 /// A picture of which only the pixels of a mask can be read.
 #[derive(Debug, Clone)]
@@ -94,7 +94,7 @@ impl MaskedPixels {
 }
 
 /// Runs of a picture of `width` columns with their pixels.
-pub fn runs<'a>(
+pub(crate) fn runs<'a>(
     rows: &'a [PixelRun],
     width: usize,
     pixels: &'a [ColourLanes],

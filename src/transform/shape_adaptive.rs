@@ -5,13 +5,14 @@
 //! together, one in each lane. `f32` with `+ *` only, in the order written: the same on every platform (normative,
 //! `spec/planes.md`).
 
-pub use super::lifting::{ColourLanes, PixelRun};
+pub use super::lifting::ColourLanes;
+pub(crate) use super::lifting::PixelRun;
 use super::lifting::{Synthesiser, analyse, scatter};
 use super::masked::{Coefficients, MaskedPixels, PixelScratch, RowRuns};
 use crate::image::Mask;
 
 /// Most levels of a transform.
-pub const MAX_LEVELS: usize = 5;
+pub(crate) const MAX_LEVELS: usize = 5;
 
 /// Which coefficients of one subband exist.
 #[derive(Debug, Clone, PartialEq)]
@@ -55,7 +56,7 @@ struct PlanLevel {
 }
 
 /// Number of levels for a picture: the largest up to [`MAX_LEVELS`] that leaves at least 4 rows and columns.
-pub fn level_count(width: usize, height: usize) -> usize {
+pub(crate) fn level_count(width: usize, height: usize) -> usize {
     let side = width.min(height);
     (0..=MAX_LEVELS).rev().find(|&levels| side >> levels >= 4).unwrap_or(0)
 }

@@ -50,7 +50,7 @@ pub(super) struct VisibilityContent {
 
 impl VisibilityContent {
     /// With numbers in place of integers.
-    pub fn visibility(self) -> Visibility {
+    pub(crate) fn visibility(self) -> Visibility {
         let cells = self.size * self.size;
         let mut bases = Vec::with_capacity(cells * (self.bases.len() + 1));
         for cell in 0..cells {
@@ -81,7 +81,7 @@ pub(super) struct QuantisedValues {
 #[cfg(feature = "encode")]
 impl QuantisedValues {
     /// The values again.
-    pub fn values(&self) -> Vec<f32> {
+    pub(crate) fn values(&self) -> Vec<f32> {
         self.integers.iter().map(|&q| (q as f64 * self.step as f64) as f32).collect()
     }
 }

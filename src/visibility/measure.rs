@@ -10,7 +10,7 @@ const PLACES: usize = 96;
 const SIZE: usize = 90;
 
 /// Compares with rays in 8,100 directions from up to 96 places spread over the list; each direction counts by its solid angle.
-pub fn measure(surroundings: &MeshRays, visibility: &Visibility) -> VisibilityError {
+pub(crate) fn measure(surroundings: &MeshRays, visibility: &Visibility) -> VisibilityError {
     let grid = DirectionGrid::new(SIZE);
     let angles = octahedral::solid_angles(SIZE);
     let directions = octahedral::directions(SIZE);

@@ -12,7 +12,7 @@ const ITERATIONS: usize = 8;
 
 /// Mean and principal components of `rows.len() / columns` functions of `columns` values, `count` components at most (fewer where
 /// the functions span fewer dimensions; the others are 0). Components are orthonormal, the one of largest variance first.
-pub fn components(rows: &[f32], columns: usize, count: usize) -> (Vec<f32>, Vec<Vec<f32>>) {
+pub(crate) fn components(rows: &[f32], columns: usize, count: usize) -> (Vec<f32>, Vec<Vec<f32>>) {
     let samples = rows.len() / columns;
     let mut sums = vec![0.0f64; columns];
     for row in rows.chunks_exact(columns) {
@@ -102,7 +102,7 @@ fn multiply_any(left: MatRef<'_, f32>, right: MatRef<'_, f32>) -> Mat<f32> {
 }
 
 /// The rows of `left` (of `columns` values) times a matrix of `columns` rows, row by row.
-pub fn project(left: &[f32], columns: usize, right: MatRef<'_, f32>) -> Vec<f32> {
+pub(crate) fn project(left: &[f32], columns: usize, right: MatRef<'_, f32>) -> Vec<f32> {
     let rows = MatRef::from_row_major_slice(left, left.len() / columns, columns);
     let product = on_own_thread(|| multiply_any(rows, right));
     (0..product.nrows()).flat_map(|i| (0..product.ncols()).map(move |j| (i, j))).map(|at| product[at]).collect()
@@ -110,7 +110,7 @@ pub fn project(left: &[f32], columns: usize, right: MatRef<'_, f32>) -> Vec<f32>
 
 /// The matrix that gives the least-squares weights of a function from its values: `bases (bases^T bases)^-1`, one column a base.
 /// Bases that are 0 have weights of 0.
-pub fn least_squares(bases: &[Vec<f32>]) -> Mat<f32> {
+pub(crate) fn least_squares(bases: &[Vec<f32>]) -> Mat<f32> {
     let columns = bases.first().map_or(0, Vec::len);
     let count = bases.len();
     let dot = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(x, y)| *x as f64 * *y as f64).sum::<f64>();

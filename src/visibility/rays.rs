@@ -258,7 +258,7 @@ mod tests {
     use super::*;
 
     /// A square floor of four triangles about the origin, and a wall along x = 1 that is very high and wide.
-    pub fn floor_and_wall() -> Mesh {
+    pub(crate) fn floor_and_wall() -> Mesh {
         let mut positions = vec![[0.0, 0.0, 0.0]];
         positions.extend([[1.0, 0.0, -1.0], [-1.0, 0.0, -1.0], [-1.0, 0.0, 1.0], [1.0, 0.0, 1.0]]);
         positions.extend([[1.0, 0.0, -1e3], [1.0, 0.0, 1e3], [1.0, 1e3, 1e3], [1.0, 1e3, -1e3]]);

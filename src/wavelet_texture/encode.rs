@@ -34,7 +34,7 @@ impl Default for WaveletOptions {
 }
 
 /// Step of `sqrt(K_d / max K_d)` that [`fit_model`] quantises with.
-pub const DIFFUSE_STEP: f32 = 1.0 / 128.0;
+pub(crate) const DIFFUSE_STEP: f32 = 1.0 / 128.0;
 
 /// A written section.
 #[derive(Debug, Clone, PartialEq)]

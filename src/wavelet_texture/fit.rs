@@ -12,7 +12,7 @@ const MAX_SIGHTINGS: usize = 384;
 
 /// Fits `K_d` at each sample and a lobe at each vertex (to all samples of the triangles around it that lie nearer to it
 /// than to their other corners). Without known lights: the mean radiance, and no lobes.
-pub fn fit(samples: &WaveletSamples, components: &[Component]) -> ReflectionModel {
+pub(crate) fn fit(samples: &WaveletSamples, components: &[Component]) -> ReflectionModel {
     let relightable = samples.views.iter().all(|v| v.light.is_some());
     let diffuse_component = components.iter().position(|c| *c != Component::Specular);
     let specular_component = components.iter().position(|c| *c == Component::Specular);

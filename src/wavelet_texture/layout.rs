@@ -87,7 +87,7 @@ impl PatchLayout {
 
 /// Reads a patch's grid (in rows) at `(u, v)` by cubic convolution (Catmull-Rom); beyond the outermost samples the grid is
 /// continued linearly.
-pub fn interpolate_grid(side_log2: u8, [u, v]: [f64; 2], grid: &[[f32; 3]]) -> [f32; 3] {
+pub(crate) fn interpolate_grid(side_log2: u8, [u, v]: [f64; 2], grid: &[[f32; 3]]) -> [f32; 3] {
     let side = 1usize << side_log2;
     let (columns, rows) = (taps(u, side), taps(v, side));
     let mut sum = [0.0f32; 3];

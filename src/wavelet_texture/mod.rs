@@ -14,9 +14,12 @@ pub(crate) mod model;
 pub(crate) mod samples;
 mod stream;
 
-pub use decode::{DecodedWaveletTexture, decode};
+pub(crate) use decode::DecodedWaveletTexture;
+pub use decode::decode;
 #[cfg(feature = "encode")]
-pub use encode::{EncodedWaveletTexture, WaveletOptions, WaveletSampleError, encode};
+pub(crate) use encode::WaveletSampleError;
+#[cfg(feature = "encode")]
+pub use encode::{EncodedWaveletTexture, WaveletOptions, encode};
 #[cfg(feature = "encode")]
 pub use samples::{PosedPhotograph, WaveletSamples};
 
@@ -24,7 +27,7 @@ use crate::quantise::dead_zone::DeadZone;
 use crate::transform::colour::{ColourRotation, IDENTITY};
 
 /// The section's four letters.
-pub const TAG: &str = "PAPR";
+pub(crate) const TAG: &str = "PAPR";
 /// Version of the section; 0 is experimental.
 const VERSION: u8 = 0;
 /// Bytes before the range coded part.

@@ -33,9 +33,9 @@ impl DsbrdfLobe {
 }
 
 /// Most lobes of a material.
-pub const MAX_LOBES: usize = 5;
+pub(crate) const MAX_LOBES: usize = 5;
 /// Most slices of a material.
-pub const MAX_SLICES: usize = 90;
+pub(crate) const MAX_SLICES: usize = 90;
 /// Parameters are kept in this part of their natural logarithm. Part of the format.
 const STEP: f64 = 1.0 / 64.0;
 /// Least and greatest quantised logarithm: `e^-16` to `e^16`. Part of the format.

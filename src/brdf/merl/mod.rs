@@ -20,9 +20,9 @@ pub const THETA_D_BINS: usize = 90;
 /// Bins of `phi_d`, one degree each, 0 to 180.
 pub const PHI_D_BINS: usize = 180;
 /// Cells of a table.
-pub const MERL_CELLS: usize = THETA_H_BINS * THETA_D_BINS * PHI_D_BINS;
+pub(crate) const MERL_CELLS: usize = THETA_H_BINS * THETA_D_BINS * PHI_D_BINS;
 /// What a stored red, green, blue value is multiplied by to be a BRDF per steradian.
-pub const MERL_SCALES: [f64; 3] = [1.0 / 1500.0, 1.15 / 1500.0, 1.66 / 1500.0];
+pub(crate) const MERL_SCALES: [f64; 3] = [1.0 / 1500.0, 1.15 / 1500.0, 1.66 / 1500.0];
 
 /// A measured isotropic material: 90 x 90 x 180 cells of red, green and blue.
 ///

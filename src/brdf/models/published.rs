@@ -30,7 +30,7 @@ pub fn read_published(path: impl AsRef<Path>, access: &FileAccess) -> Result<Vec
 }
 
 /// The text of a list; `path` is how errors call it.
-pub fn parse(text: &str, path: &Path) -> Result<Vec<PublishedFit>> {
+pub(crate) fn parse(text: &str, path: &Path) -> Result<Vec<PublishedFit>> {
     let lines = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty() && !line.starts_with('#'));
     lines
         .map(|(number, line)| {

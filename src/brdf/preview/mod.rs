@@ -16,7 +16,8 @@ mod environment;
 mod psnr;
 
 pub use environment::{PreviewEnvironment, studio_environment};
-pub use psnr::{psnr_db, sphere_exposure};
+pub(crate) use psnr::psnr_db;
+pub use psnr::sphere_exposure;
 
 use super::Brdf;
 use crate::image::{Grid, Mask, RgbImage};

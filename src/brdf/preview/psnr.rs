@@ -13,7 +13,7 @@ pub fn sphere_exposure(picture: &RgbImage, mask: &Mask) -> f64 {
 }
 
 /// PSNR in dB of sRGB-encoded values over the mask, colours together; 100 where nothing differs.
-pub fn psnr_db(measured: &RgbImage, fitted: &RgbImage, mask: &Mask, white: f64) -> f64 {
+pub(crate) fn psnr_db(measured: &RgbImage, fitted: &RgbImage, mask: &Mask, white: f64) -> f64 {
     let signal = |x: f32| to_srgb((f64::from(x) / white).clamp(0.0, 1.0));
     let (mut squares, mut count) = (0.0, 0.0);
     for k in (0..mask.data.len()).filter(|&k| mask.data[k]) {

@@ -12,7 +12,7 @@ const FLOAT32: u8 = 10;
 const FLOAT64: u8 = 11;
 
 /// The fields of a file.
-pub struct TensorFile<'a> {
+pub(crate) struct TensorFile<'a> {
     path: &'a Path,
     fields: Vec<TensorField<'a>>,
 }
@@ -25,7 +25,7 @@ struct TensorField<'a> {
 }
 
 /// An array of numbers, all finite.
-pub struct TensorFloats {
+pub(crate) struct TensorFloats {
     /// Lengths, slowest first.
     pub shape: Vec<usize>,
     /// As many as the shape says.
@@ -34,7 +34,7 @@ pub struct TensorFloats {
 
 impl<'a> TensorFile<'a> {
     /// Checks the whole directory.
-    pub fn parse(bytes: &'a [u8], path: &'a Path) -> Result<Self> {
+    pub(crate) fn parse(bytes: &'a [u8], path: &'a Path) -> Result<Self> {
         let wrong = |message: String| Error::input(path, message);
         let cut = |what: &str| wrong(format!("the file is cut off in {what}; it has {} bytes", bytes.len()));
         let mut reader = TensorReader { bytes, at: 0 };
@@ -102,17 +102,17 @@ impl<'a> TensorFile<'a> {
     }
 
     /// Whether there is such a field.
-    pub fn has(&self, name: &str) -> bool {
+    pub(crate) fn has(&self, name: &str) -> bool {
         self.fields.iter().any(|field| field.name == name)
     }
 
     /// A field's bytes.
-    pub fn bytes(&self, name: &str) -> Result<&'a [u8]> {
+    pub(crate) fn bytes(&self, name: &str) -> Result<&'a [u8]> {
         self.field(name).map(|field| field.bytes)
     }
 
     /// A field of `dimensions` whose numbers are floats.
-    pub fn floats(&self, name: &str, dimensions: usize) -> Result<TensorFloats> {
+    pub(crate) fn floats(&self, name: &str, dimensions: usize) -> Result<TensorFloats> {
         let field = self.field(name)?;
         let wrong = |message: String| Error::input(self.path, format!("field {name}: {message}"));
         if field.shape.len() != dimensions {

@@ -5,7 +5,7 @@
 
 /// Slices of `rows * columns` values at the corners of equal patches; between two slices, everything is linear.
 #[derive(Debug, Clone)]
-pub struct MarginalWarp {
+pub(crate) struct MarginalWarp {
     columns: usize,
     rows: usize,
     values: Vec<f64>,
@@ -17,7 +17,7 @@ pub struct MarginalWarp {
 
 impl MarginalWarp {
     /// Checks sizes; with `normalised`, makes the integral of each slice 1.
-    pub fn new(
+    pub(crate) fn new(
         mut values: Vec<f64>,
         columns: usize,
         rows: usize,
@@ -63,12 +63,12 @@ impl MarginalWarp {
     }
 
     /// The largest value.
-    pub fn max_value(&self) -> f64 {
+    pub(crate) fn max_value(&self) -> f64 {
         self.values.iter().copied().fold(f64::NEG_INFINITY, f64::max)
     }
 
     /// The value at a place (along columns, along rows), `part` of the way between two slices.
-    pub fn evaluate(&self, place: [f64; 2], slices: [usize; 2], part: f64) -> f64 {
+    pub(crate) fn evaluate(&self, place: [f64; 2], slices: [usize; 2], part: f64) -> f64 {
         let patch = self.cell_at(place);
         let [first, second] = slices.map(|slice| {
             let [top, bottom] = self.corners(&patch, slice);
@@ -78,7 +78,7 @@ impl MarginalWarp {
     }
 
     /// The sample that is warped to a place. Only for normalised functions.
-    pub fn invert(&self, place: [f64; 2], slices: [usize; 2], part: f64) -> [f64; 2] {
+    pub(crate) fn invert(&self, place: [f64; 2], slices: [usize; 2], part: f64) -> [f64; 2] {
         let patch = self.cell_at(place);
         let (mut corners, mut before, mut totals, mut above) = ([[0.0; 2]; 2], [0.0; 2], [0.0; 2], 0.0);
         for (slice, weight) in [(slices[0], 1.0 - part), (slices[1], part)] {

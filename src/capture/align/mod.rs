@@ -28,7 +28,7 @@ use std::ffi::OsStr;
 use std::path::Path;
 
 /// Fewest correspondences that determine a pose linearly.
-pub const MIN_POINTS: usize = 6;
+pub(crate) const MIN_POINTS: usize = 6;
 /// Most correspondences that a file may hold; people mark some dozens.
 const MAX_POINTS: usize = 4096;
 

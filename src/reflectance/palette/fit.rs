@@ -28,7 +28,7 @@ const MIN_COS_LIGHT: f32 = 0.1;
 const MAX_COLOUR: f64 = 20.0;
 
 /// Fits a palette to the blocks that have a lobe, and changes their colours to suit it. Empty where there are none.
-pub fn fit(lobes: &mut [Option<TorranceSparrowLobe>], sightings: &[Vec<SpecularSighting>]) -> Vec<PaletteEntry> {
+pub(crate) fn fit(lobes: &mut [Option<TorranceSparrowLobe>], sightings: &[Vec<SpecularSighting>]) -> Vec<PaletteEntry> {
     let levels = classes(lobes);
     let mut palette = Vec::new();
     for _ in 0..ROUNDS {

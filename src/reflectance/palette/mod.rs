@@ -22,7 +22,7 @@ use crate::limits::Budget;
 use std::f64::consts::FRAC_PI_2;
 
 /// Most entries of a palette. Part of the format.
-pub const MAX_ENTRIES: usize = 8;
+pub(crate) const MAX_ENTRIES: usize = 8;
 /// Values from here on count as 0. Part of the format.
 const VALUE_LIMIT: f64 = 1e6;
 /// Memory that decoding takes for an entry: three curves for each of 90 slices, 5 lobes and 3 colours.
@@ -46,7 +46,11 @@ impl PaletteEntry {
 
 /// Specular radiance, `K_s E cos(theta_i) f`; zero where the light or the camera is behind the surface. `palette` is not empty, its
 /// levels rise.
-pub fn evaluate(palette: &[PaletteEntry], lobe: &TorranceSparrowLobe, geometry: &ReflectionGeometry) -> [f32; 3] {
+pub(crate) fn evaluate(
+    palette: &[PaletteEntry],
+    lobe: &TorranceSparrowLobe,
+    geometry: &ReflectionGeometry,
+) -> [f32; 3] {
     if geometry.cos_light <= 0.0 || geometry.cos_view <= 0.0 || lobe.sigma <= 0.0 {
         return [0.0; 3];
     }
@@ -73,7 +77,7 @@ fn around(palette: &[PaletteEntry], sigma: f32) -> ([Option<usize>; 2], f64) {
 
 /// `f` per unit of specular colour, at the angle `alpha` between normal and half vector and the difference angle, radians: both entries
 /// around the `sigma`, each stretched to it. 0 without entries, and where lobes give a million or more.
-pub fn shape(palette: &[PaletteEntry], sigma: f32, alpha: f64, difference: f64) -> [f64; 3] {
+pub(crate) fn shape(palette: &[PaletteEntry], sigma: f32, alpha: f64, difference: f64) -> [f64; 3] {
     mix(palette, sigma, alpha, |entry, theta_h| palette[entry].lobes.value_at(theta_h, difference))
 }
 

@@ -1,0 +1,64 @@
+//! The library's door stays narrow: few public modules, and a type's name that stands for one type only.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+const MAX_PUBLIC_MODULES: usize = 15;
+/// Share of type definitions whose name another type has as well, private ones counted.
+const MAX_REUSED_NAMES: f64 = 0.05;
+
+/// The library's files, the program's left out.
+fn sources() -> Vec<(PathBuf, String)> {
+    fn visit(folder: &Path, files: &mut Vec<PathBuf>) {
+        for entry in std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()) {
+            if entry.is_dir() && !entry.ends_with("bin") {
+                visit(&entry, files);
+            } else if entry.extension().is_some_and(|extension| extension == "rs") {
+                files.push(entry);
+            }
+        }
+    }
+    let mut files = Vec::new();
+    visit(&Path::new(env!("CARGO_MANIFEST_DIR")).join("src"), &mut files);
+    files.into_iter().map(|path| (path.clone(), std::fs::read_to_string(path).unwrap())).collect()
+}
+
+#[test]
+fn few_modules_are_public() {
+    let mut modules: Vec<String> = Vec::new();
+    for (path, text) in sources().iter().filter(|(path, _)| !path.ends_with("internals.rs")) {
+        let names = text.lines().filter_map(|line| line.trim_start().strip_prefix("pub mod "));
+        modules.extend(names.map(|name| format!("{}: {name}", path.display())));
+    }
+    modules.retain(|module| !module.ends_with(": internals;"));
+    assert!(
+        !modules.is_empty() && modules.len() <= MAX_PUBLIC_MODULES,
+        "{} public modules: {modules:#?}",
+        modules.len()
+    );
+}
+
+#[test]
+fn a_type_has_a_name_of_its_own() {
+    let mut places: BTreeMap<String, Vec<(bool, String)>> = BTreeMap::new();
+    for (path, text) in sources() {
+        let text = &text[..text.find("#[cfg(test)]\nmod tests {").unwrap_or(text.len())];
+        // Associated types and those of a function's body are indented.
+        for line in text.lines().filter(|line| !line.starts_with(' ')) {
+            let is_public = line.starts_with("pub ");
+            let item =
+                line.strip_prefix("pub").map_or(line, |rest| rest.trim_start_matches(|c: char| c != ' ').trim_start());
+            let kinds = ["struct ", "enum ", "trait ", "type ", "union "];
+            let Some(name) = kinds.iter().find_map(|kind| item.strip_prefix(kind)) else { continue };
+            let name: String = name.chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect();
+            places.entry(name).or_default().push((is_public, path.display().to_string()));
+        }
+    }
+    let total: usize = places.values().map(Vec::len).sum();
+    places.retain(|_, definitions| definitions.len() > 1);
+    let public =
+        places.iter().find(|(_, definitions)| definitions.iter().filter(|(is_public, _)| *is_public).count() > 1);
+    assert!(public.is_none(), "public twice: {public:?}");
+    let reused: usize = places.values().map(Vec::len).sum();
+    assert!(total > 300 && reused as f64 <= MAX_REUSED_NAMES * total as f64, "{reused} of {total}: {places:#?}");
+}
