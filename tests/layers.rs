@@ -30,7 +30,8 @@ fn files() -> Vec<(PathBuf, Vec<String>, String)> {
             let name = entry.file_name().unwrap().to_str().unwrap();
             if entry.is_dir() && name != "bin" {
                 visit(&entry, files);
-            } else if name.ends_with(".rs") && !["lib.rs", "internals.rs"].contains(&name) && !name.starts_with("test") {
+            } else if name.ends_with(".rs") && !["lib.rs", "internals.rs"].contains(&name) && !name.starts_with("test")
+            {
                 files.push(entry);
             }
         }
