@@ -181,6 +181,20 @@ fn the_program_puts_an_object_on_the_marker() {
             before.pixels().zip(after.pixels()).filter(|(a, b)| (0..3).any(|c| a[c].abs_diff(b[c]) > 20)).count();
         assert!((1500..40_000).contains(&changed), "{changed}");
     }
+    // Options go by their older names, too.
+    let options = |names: [&str; 4]| {
+        let mut arguments = common("frames/1.png", "sky.png", "named.png");
+        let [translate, rotate, offline, no_match] = names.map(str::to_owned);
+        arguments.extend([translate, "0.02,0,0.01".into(), rotate, "40".into(), offline, no_match, "--force".into()]);
+        run(&arguments);
+        std::fs::read(at("named.png")).unwrap()
+    };
+    let named = options(["--translate", "--rotate-y", "--offline", "--no-exposure-match"]);
+    assert!(named == options(["--at", "--turn", "--still", "--no-match"]));
+    let help = support::output(&["ar", "--help"]);
+    assert!(
+        ["Light:", "Placement:", "Rendering:"].iter().all(|heading| help.contains(heading)) && !help.contains("--turn")
+    );
     // One photograph, all of it behind something.
     image::GrayImage::from_pixel(640, 480, image::Luma([255])).save(at("mask.png")).unwrap();
     let mut masked = common("frames/1.png", "sky.png", "one.png");

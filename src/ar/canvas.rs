@@ -1,4 +1,4 @@
-//! What is drawn, as the lens shows it: the object and its shadow are drawn for a pinhole camera and read at the place where each pixel's ray meets
+//! Lens distortion of what is drawn: object and shadow are drawn for a pinhole camera and read where each pixel's ray meets
 //! that camera's picture.
 
 use super::plate::{Plate, SrgbCurve};
@@ -22,7 +22,7 @@ pub(super) type CanvasWindow = [usize; 4];
 pub(super) struct LensCanvas {
     pub(super) camera: Camera,
     size: [usize; 2],
-    /// Of each pixel of the frame; `None` for a pinhole, whose pixels are the canvas's. Not a number where the lens has no ray.
+    /// Position of each pixel of the frame on the canvas; `None` for a pinhole, whose pixels are the canvas's. Not a number where the lens has no ray.
     places: Option<Vec<[f32; 2]>>,
 }
 
@@ -179,7 +179,7 @@ impl LensCanvas {
     }
 }
 
-/// What becomes of a pixel: `pixel * factor + colour`, and the noise that is added, in display values.
+/// Change of a pixel: `pixel * factor + colour`, and the noise that is added, in display values.
 struct PixelChange {
     factor: f32,
     colour: [f32; 3],

@@ -1,4 +1,4 @@
-//! Where the object stands: local to world to rig to camera, see [the chain of frames](super).
+//! Placement of the object: local to world to rig to camera, see [the chain of frames](super).
 
 use crate::error::{Error, Result};
 use crate::marker::Pose;
@@ -7,7 +7,7 @@ use crate::relight::Ground;
 use crate::views::Camera;
 use glam::{DMat3, DQuat, DVec3};
 
-/// How the world's ground lies to the rig.
+/// Position of the world's ground relative to the rig.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum RigMount {
     /// The markers lie on the ground: the world's +Y is the rig's z, its +X the rig's x, its +Z points to the print's lower edge.

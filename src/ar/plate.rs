@@ -11,7 +11,7 @@ use std::path::Path;
 /// A camera's picture, which an object is put into: 8 bits, sRGB, or linear radiance. Pixels that nothing is put over stay as they are.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Plate {
-    /// As displayed.
+    /// 8-bit sRGB values.
     Display(DisplayImage),
     /// Linear; 1 is white.
     Linear(RgbImage),
@@ -44,7 +44,7 @@ impl Plate {
         Ok(Plate::Display(Grid { width, height, data: data.to_vec() }))
     }
 
-    /// As displayed.
+    /// 8-bit sRGB values.
     pub fn to_display(&self) -> DisplayImage {
         match self {
             Plate::Display(picture) => picture.clone(),
@@ -52,7 +52,7 @@ impl Plate {
         }
     }
 
-    /// As linear radiance.
+    /// Returns linear radiance.
     pub fn to_linear(&self) -> RgbImage {
         match self {
             Plate::Display(picture) => {

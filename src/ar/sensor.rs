@@ -1,4 +1,4 @@
-//! What the camera adds to what it sees: its noise, and the gain of exposure and white balance, read off the marker's paper.
+//! The camera's noise, and the gain of exposure and white balance, read off the marker's paper.
 
 use super::plate::{Plate, SrgbCurve};
 use crate::image::Grid;

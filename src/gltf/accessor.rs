@@ -3,6 +3,7 @@
 use super::document::{ExternalFiles, GltfDocument};
 use crate::error::Result;
 use crate::limits::Budget;
+use byteorder::{ByteOrder, LittleEndian};
 use serde_json::Value;
 
 /// The elements of an accessor with `N` components; `None` where it is sparse, compressed, or of a type that is not read here.
@@ -88,14 +89,16 @@ impl ComponentType {
 
     /// The first number of `bytes`; 0 where they end early.
     fn value(self, bytes: &[u8], normalized: bool) -> f64 {
-        let two = || bytes.first_chunk().copied().unwrap_or_default();
-        let (value, most) = match self {
-            ComponentType::I8 => (bytes.first().map_or(0, |&b| b as i8) as f64, 127.0),
-            ComponentType::U8 => (bytes.first().copied().unwrap_or(0) as f64, 255.0),
-            ComponentType::I16 => (i16::from_le_bytes(two()) as f64, 32767.0),
-            ComponentType::U16 => (u16::from_le_bytes(two()) as f64, 65535.0),
-            ComponentType::F32 => return f32::from_le_bytes(bytes.first_chunk().copied().unwrap_or_default()) as f64,
+        if bytes.len() < self.bytes() {
+            return 0.0;
+        }
+        let (value, max) = match self {
+            ComponentType::I8 => (bytes[0] as i8 as f64, 127.0),
+            ComponentType::U8 => (bytes[0] as f64, 255.0),
+            ComponentType::I16 => (LittleEndian::read_i16(bytes) as f64, 32767.0),
+            ComponentType::U16 => (LittleEndian::read_u16(bytes) as f64, 65535.0),
+            ComponentType::F32 => return LittleEndian::read_f32(bytes) as f64,
         };
-        if normalized { (value / most).max(-1.0) } else { value }
+        if normalized { (value / max).max(-1.0) } else { value }
     }
 }

@@ -9,7 +9,7 @@ use serde_json::{Map, Value, json};
 /// Appearances that a document may have.
 const MAX_APPEARANCES: u64 = 1024;
 
-/// Where a stream lies.
+/// Location of a stream.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum StreamSource {
     /// In a bufferView.
@@ -23,7 +23,7 @@ pub enum StreamSource {
 /// One entry of the root's array.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Appearance {
-    /// Where the stream lies.
+    /// Location of the stream.
     pub source: StreamSource,
     /// Lengths of decodable prefixes of the stream, ascending; the last is the whole. Empty where nothing is said.
     pub levels: Vec<u64>,

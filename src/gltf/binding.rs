@@ -19,10 +19,10 @@ const TOLERANCE: f64 = 0.02;
 /// Smallest share of vertices whose texture coordinates lie on the surface's atlas.
 const MIN_ON_ATLAS: f64 = 0.95;
 
-/// How a document's mesh lies on a stream's.
+/// Agreement of a document's mesh with a stream's.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum MeshFit {
-    /// The same mesh, moved or quantised at most: the root mean square distance as a share of the mesh's size.
+    /// One mesh, moved or quantised at most: the root mean square distance as a share of the mesh's size.
     Same(f64),
     /// Another mesh.
     Other(f64),
@@ -118,7 +118,7 @@ fn affine_residual(from: &[DVec3], to: &[DVec3]) -> f64 {
     from.iter().zip(to).map(gap).sum()
 }
 
-/// How texture coordinates lead to the atlas: the set and the transform of a `textureInfo` object.
+/// Mapping of texture coordinates to the atlas: the set and the transform of a `textureInfo` object.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct MaterialBinding {
     /// `texCoord` and `extensions.KHR_texture_transform`, as in glTF.

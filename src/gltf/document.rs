@@ -3,6 +3,7 @@
 use crate::error::{Error, Result};
 use crate::input::percent_decoded;
 use crate::limits::Budget;
+use byteorder::{ByteOrder, LittleEndian};
 use serde_json::{Map, Value, json};
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
@@ -10,7 +11,7 @@ use std::path::{Path, PathBuf};
 const MAGIC: [u8; 4] = *b"glTF";
 const JSON_CHUNK: u32 = 0x4e4f_534a;
 const BINARY_CHUNK: u32 = 0x004e_4942;
-/// What a byte of JSON may become in memory at most: `0,` makes a whole value.
+/// Memory that a byte of JSON may take at most: `0,` makes a whole value.
 const MEMORY_PER_BYTE: usize = 128;
 
 /// A glTF document, with its binary chunk where it is a GLB.
@@ -24,11 +25,11 @@ pub struct GltfDocument {
     others: Vec<(u32, Vec<u8>)>,
     is_glb: bool,
     allow_outside: bool,
-    /// How errors call the file.
+    /// Name of the file in errors.
     path: PathBuf,
 }
 
-/// What a document's relative references lead to: the bytes of a file beside it.
+/// Reader of the files that a document's relative references name.
 pub type ExternalFiles<'a> = &'a dyn Fn(&str) -> Result<Vec<u8>>;
 
 impl GltfDocument {
@@ -77,7 +78,7 @@ impl GltfDocument {
 
     /// Splits a GLB; returns the JSON's text.
     fn chunks<'b>(&mut self, bytes: &'b [u8]) -> Result<&'b [u8]> {
-        let number = |at: usize| bytes.get(at..at + 4)?.try_into().ok().map(u32::from_le_bytes);
+        let number = |at: usize| bytes.get(at..at + 4).map(LittleEndian::read_u32);
         let (Some(version), Some(length)) = (number(4), number(8)) else {
             return Err(self.wrong("cut within the first 12 bytes of the GLB"));
         };
@@ -140,7 +141,7 @@ impl GltfDocument {
         let Ok(length) = u32::try_from(bytes.len()) else {
             return Err(Error::parameter("a GLB holds at most 4 GiB; put the stream beside it"));
         };
-        bytes[8..12].copy_from_slice(&length.to_le_bytes());
+        LittleEndian::write_u32(&mut bytes[8..12], length);
         Ok(bytes)
     }
 
@@ -154,7 +155,7 @@ impl GltfDocument {
         Error::input(&self.path, message)
     }
 
-    /// How errors call the file.
+    /// Name of the file in errors.
     pub(super) fn name(&self) -> String {
         self.path.display().to_string()
     }
@@ -164,7 +165,7 @@ impl GltfDocument {
         self.json.get(key).and_then(Value::as_array).map_or(&[], Vec::as_slice)
     }
 
-    /// The same, to edit; the array is made where there is none.
+    /// Returns a list to edit; the array is made where there is none.
     pub(super) fn list_mut(&mut self, key: &str) -> Result<&mut Vec<Value>> {
         let wrong = self.wrong(format!("{key} must be an array"));
         self.json.entry(key).or_insert_with(|| json!([])).as_array_mut().ok_or(wrong)
@@ -202,7 +203,7 @@ impl GltfDocument {
         }
     }
 
-    /// The same, whose references may lead out of its folder where `allowed`.
+    /// Allows references that lead out of the document's folder.
     pub fn allow_outside(self, allowed: bool) -> Self {
         GltfDocument { allow_outside: allowed, ..self }
     }

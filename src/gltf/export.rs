@@ -22,7 +22,7 @@ const U16: u64 = 5123;
 const U32: u64 = 5125;
 const F32: u64 = 5126;
 
-/// Where the stream goes.
+/// Location of the stream.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub enum StreamPlacement {
     /// Into the GLB.
@@ -32,10 +32,10 @@ pub enum StreamPlacement {
     Beside(String),
 }
 
-/// How to export.
+/// Options of [`export`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct ExportOptions {
-    /// Where the stream goes.
+    /// Location of the stream.
     pub placement: StreamPlacement,
     /// Diffuse albedo of the capture's white board.
     pub white_albedo: f64,

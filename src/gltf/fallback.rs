@@ -109,7 +109,7 @@ impl Fallback {
     }
 }
 
-/// What makes BRDFs out of the asset's reflectance, whose lights may be in any unit: the white board, facing the light from the object's
+/// Factors that make BRDFs of the asset's reflectance, whose lights may be in any unit: the white board, facing the light from the object's
 /// place, has `white_albedo / pi`.
 fn unit(asset: &Asset, white_albedo: f64) -> [f64; 3] {
     let middle = asset.mesh.bounding_sphere().0;

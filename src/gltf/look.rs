@@ -1,4 +1,4 @@
-//! What a viewer shows of the fallback, to be set beside photographs.
+//! Images of the fallback as a viewer shows it, to be compared with photographs.
 
 use super::fallback::Fallback;
 use crate::asset::Asset;

@@ -10,6 +10,7 @@ use crate::limits::Budget;
 use crate::quantise::bands::{Quantiser, RateDistortion};
 use crate::residual::coefficients;
 use crate::transform::shape_adaptive::{ColourLanes, WaveletPlan};
+use byteorder::{ByteOrder, LittleEndian};
 
 const VERSION: u8 = 0;
 /// Most lobes and levels. Part of the format.
@@ -29,7 +30,7 @@ const SHRINK: [f32; 2] = [0.08, 0.02];
 /// Memory that decoding takes for a cell.
 const BYTES_A_CELL: usize = 400;
 
-/// How levels are stored.
+/// Options of [`encode`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LightCodingOptions {
     /// Quantiser step, in 1/64 of a doubling: 3 is an error of about 1 %.
@@ -152,8 +153,7 @@ pub fn decode(bytes: &[u8], budget: &Budget) -> Result<EnvironmentLobes> {
 }
 
 fn single(bytes: &[u8], index: usize) -> f32 {
-    let four = bytes.get(4 * index..4 * index + 4).and_then(|four| four.try_into().ok());
-    four.map_or(f32::NAN, f32::from_le_bytes)
+    bytes.get(4 * index..4 * index + 4).map_or(f32::NAN, LittleEndian::read_f32)
 }
 
 fn parse_lobe(bytes: &[u8]) -> Option<SphericalGaussian> {
@@ -167,8 +167,8 @@ fn parse_lobe(bytes: &[u8]) -> Option<SphericalGaussian> {
 }
 
 fn parse_head(bytes: &[u8]) -> Option<LightHeader> {
-    let (size, rest) = bytes.split_first_chunk::<2>()?;
-    let size = u16::from_le_bytes(*size) as usize;
+    let (size, rest) = bytes.split_at_checked(2)?;
+    let size = LittleEndian::read_u16(size) as usize;
     let [sharpness, floor, step] = std::array::from_fn(|k| single(rest, k));
     let right = (4..=MAX_SIZE).contains(&size)
         && (1e-3..=1e6).contains(&sharpness)

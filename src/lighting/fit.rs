@@ -9,7 +9,7 @@ use crate::optimise::lbfgs::{StopCriterion, minimise};
 use crate::sphere::gaussian::sphere_integral;
 use crate::vector::dot;
 
-/// How the fit is done.
+/// Options of [`fit`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct LobeFitOptions {
     /// Lobes, 1 to 64.
@@ -63,7 +63,7 @@ impl TestLobeProjection {
         TestLobeProjection { weights: weights.collect(), directions }
     }
 
-    /// As [`fit`], for an environment of the same size.
+    /// Fits lobes to an environment of the same size.
     pub(super) fn fit(
         &self,
         environment: &EnvironmentMap,
@@ -158,7 +158,7 @@ impl EnvironmentCell {
     fn energy(&self) -> f64 {
         self.flux.iter().sum()
     }
-    /// How much of it a test lobe sees, which is 1 at its axis.
+    /// Returns the weight of a test lobe, 1 at its axis, in the cell's direction.
     fn seen(&self, test: [f64; 3]) -> f64 {
         (TEST_SHARPNESS * (dot(self.direction, test) - 1.0)).exp()
     }

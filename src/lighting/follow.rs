@@ -14,7 +14,7 @@ use crate::image::RgbImage;
 use crate::sphere::octahedral::directions;
 use crate::vector::dot;
 use glam::Vec3A;
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
 /// Columns of the picture at most.
 const COLUMNS: usize = 512;
@@ -31,12 +31,12 @@ const FALLEN: f64 = 7.0;
 /// Samples of a blur end at this many standard deviations.
 const REACH: f64 = 3.3;
 
-/// How often the picture is halved for a sharp level.
+/// Returns how often the image is halved for a sharp map.
 fn halvings(level: usize) -> usize {
     level.saturating_sub(1)
 }
 
-/// The same for a wide level, of a picture whose columns are a multiple of 128.
+/// Returns how often an image, whose columns are a multiple of 128, is halved for a wide map.
 fn wide_halvings(columns: usize, level: usize) -> usize {
     (columns / WIDE_COLUMNS[level - SHARP]).ilog2() as usize
 }
@@ -53,7 +53,7 @@ pub struct LightFollower {
     plans: Vec<BlurPlan>,
     wide: Vec<WideBlur>,
     projection: Option<TestLobeProjection>,
-    light: EnvironmentLobes,
+    light: Arc<EnvironmentLobes>,
 }
 
 /// The sums of a wide level, which depend on the size of the picture alone.
@@ -111,7 +111,7 @@ impl WideBlur {
     }
 }
 
-/// What of a sharp level depends on the size of the picture alone.
+/// Blur of a sharp map, as far as it depends on the size of the image alone.
 struct BlurPlan {
     size: usize,
     width: usize,
@@ -125,7 +125,7 @@ struct BlurPlan {
     polar: Vec<(u32, f32)>,
 }
 
-/// Where a cell's value is found.
+/// Source of a cell's value.
 #[derive(Clone, Copy)]
 enum CellSource {
     /// In the blurred picture, whose rows are one pixel longer: the upper left pixel and the place between that and the next.
@@ -137,27 +137,21 @@ enum CellSource {
 impl LightFollower {
     /// For environments of up to 512 columns (larger ones are reduced) and lights of `lobes` lobes, 1 to 64.
     pub fn new(lobes: usize) -> Self {
-        LightFollower {
-            lobes,
-            plans: Vec::new(),
-            wide: Vec::new(),
-            projection: None,
-            light: EnvironmentLobes::default(),
-        }
+        LightFollower { lobes, plans: Vec::new(), wide: Vec::new(), projection: None, light: Arc::default() }
     }
 
-    /// The last light.
-    pub fn light(&self) -> &EnvironmentLobes {
+    /// Returns the light of the last environment; black before the first.
+    pub fn light(&self) -> &Arc<EnvironmentLobes> {
         &self.light
     }
 
-    /// Starts from a light known from elsewhere.
+    /// Sets the light that the next update starts from.
     pub fn start(&mut self, light: EnvironmentLobes) {
-        self.light = light;
+        self.light = Arc::new(light);
     }
 
-    /// The light of the next environment.
-    pub fn update(&mut self, environment: &EnvironmentMap) -> &EnvironmentLobes {
+    /// Fits and filters the next environment and returns its light.
+    pub fn update(&mut self, environment: &EnvironmentMap) -> &Arc<EnvironmentLobes> {
         let image = environment.image();
         let columns = COLUMNS.min(image.width).next_multiple_of(128);
         let reduced;
@@ -180,19 +174,18 @@ impl LightFollower {
             pictures.push(next);
         }
         let Some(coarse) = pictures[halved(SHARP - 1)].environment() else { return &self.light };
-        let before = std::mem::take(&mut self.light.diffuse);
-        let before = (before.len() == self.lobes).then_some(before);
-        let LightFollower { lobes, plans, wide, projection, .. } = self;
+        let LightFollower { lobes, plans, wide, projection, light } = self;
+        let before = Some(&light.diffuse[..]).filter(|before| before.len() == *lobes);
         let projection = projection.get_or_insert_with(|| TestLobeProjection::new(&coarse));
         let (diffuse, levels) = crate::parallel::join(
-            || projection.fit(&coarse, *lobes, before.as_deref()),
+            || projection.fit(&coarse, *lobes, before),
             || {
                 let sharp = plans.iter().enumerate().filter_map(|(k, plan)| plan.level(&pictures[halved(k)], k));
                 let wide = wide.iter().zip(SHARP..).filter_map(|(sums, k)| sums.level(&pictures[halved(k)], k));
                 sharp.chain(wide).collect::<Vec<PrefilteredMap>>()
             },
         );
-        self.light = EnvironmentLobes { diffuse, prefiltered: levels };
+        self.light = Arc::new(EnvironmentLobes { diffuse, prefiltered: levels });
         &self.light
     }
 }

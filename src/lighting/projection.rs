@@ -1,11 +1,11 @@
-//! How pictures show the sphere: latitude and longitude, cube, mirror ball and fisheye lens, and environments made of them.
+//! Projections of the sphere onto images (latitude and longitude, cube, mirror ball, fisheye), and environments made of such images.
 
 use super::environment::{EnvironmentMap, direction_at};
 use crate::error::{Error, Result};
 use crate::image::RgbImage;
 use std::f64::consts::PI;
 
-/// How a picture shows the sphere.
+/// Projection of the sphere onto an image.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum EnvironmentProjection {
     /// Latitude and longitude, as [`EnvironmentMap`] has them.
@@ -18,11 +18,11 @@ pub enum EnvironmentProjection {
     MirrorBall,
     /// Fisheye whose image circle touches the shorter sides.
     Fisheye {
-        /// How the angle from the axis becomes the distance from the middle.
+        /// Distance from the middle as a function of the angle from the axis.
         model: FisheyeModel,
         /// Angle from edge to edge, degrees, up to 360.
         field_degrees: f64,
-        /// Where the lens looks.
+        /// Direction of the lens's axis.
         looks: FisheyeAxis,
     },
 }
@@ -36,7 +36,7 @@ pub enum FisheyeModel {
     Equisolid,
 }
 
-/// Where a fisheye lens looks.
+/// Direction of a fisheye lens's axis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum FisheyeAxis {
     /// To +Z, the middle of a latitude-longitude picture, with +Y up in the picture.
@@ -170,13 +170,13 @@ impl PixelTap {
 /// A projection onto one picture, in pictures of one size.
 struct ProbeLens {
     size: [usize; 2],
-    /// Of the largest circle in the middle of the picture.
+    /// Middle of the largest circle in the image.
     middle: [f64; 2],
     radius: f64,
     law: ProbeLaw,
 }
 
-/// Where directions are shown.
+/// Projection of a direction onto the image.
 enum ProbeLaw {
     LatLong,
     MirrorBall,
@@ -278,7 +278,7 @@ fn bilinear_within(image: &RgbImage, [left, top, width, height]: [usize; 4], x: 
     std::array::from_fn(|c| (1.0 - b) * ((1.0 - a) * p[c] + a * q[c]) + b * ((1.0 - a) * r[c] + a * s[c]))
 }
 
-/// Where the six squares of a cube lie in a picture.
+/// Layout of a cube's six faces in an image.
 struct CubeFaces {
     side: usize,
     /// Column and row, in squares, of +X, -X, +Y, -Y, +Z, -Z.

@@ -12,7 +12,7 @@ use crate::input::FileAccess;
 use crate::limits::Limits;
 use std::path::Path;
 
-/// How environments are read.
+/// Options of [`read_environment`].
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct EnvironmentReadOptions {
     /// `None`: by the picture's shape, [`EnvironmentProjection::guess`].
@@ -23,7 +23,7 @@ pub struct EnvironmentReadOptions {
     pub color_space: Option<String>,
     /// Exposure (seconds, or any number proportional to the light let in) of each picture; empty for a single picture.
     pub exposures: Vec<f64>,
-    /// What the pictures may use, together.
+    /// Bounds on all images together.
     pub limits: Limits,
 }
 
@@ -71,7 +71,7 @@ pub fn read_environment<P: AsRef<Path>>(
             let (width, height) = (image.width, image.height);
             Error::input(
                 first,
-                format!("{width} x {height} pixels: say how the picture shows the sphere (--projection)"),
+                format!("{width} x {height} pixels are neither 2:1 nor a cube: its projection must be stated"),
             )
         })?,
     };

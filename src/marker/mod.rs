@@ -1,4 +1,4 @@
-//! Where the camera stands, from printed markers in its picture. See `spec/placing.md`.
+//! Camera poses from printed markers in its images. See `spec/placing.md`.
 //!
 //! # The chain of frames
 //!

@@ -90,7 +90,7 @@ impl Rig {
         families
     }
 
-    /// What it is called in messages.
+    /// Returns a name for messages, as in `tag36h11:76`.
     pub fn describe(&self) -> String {
         let name = |m: &RigMarker| match m.id {
             Some(id) => format!("{}:{id}", m.family.name()),

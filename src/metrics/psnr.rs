@@ -46,11 +46,11 @@ impl SquaredError {
 /// The errors of one frame, or of several joined.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct PhotographError {
-    /// Of the diffuse image; nothing compared without polarisers.
+    /// Error of the diffuse image; nothing compared without polarisers.
     pub diffuse: SquaredError,
-    /// Of the specular image; nothing compared without polarisers.
+    /// Error of the specular image; nothing compared without polarisers.
     pub specular: SquaredError,
-    /// Of their sum; of the photograph itself without polarisers.
+    /// Error of their sum; of the photograph itself without polarisers.
     pub sum: SquaredError,
     /// Pixels of the mask.
     pub masked_pixels: u64,
@@ -60,7 +60,7 @@ pub struct PhotographError {
     pub missing_pixels: u64,
 }
 
-/// The published figures. `None` where nothing was compared or nothing differs.
+/// PSNR of each image. `None` where nothing was compared or nothing differs.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct ImagePsnr {
     /// dB, diffuse image.

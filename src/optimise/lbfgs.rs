@@ -9,7 +9,7 @@ const MEMORY: usize = 10;
 /// Decrease that a step must reach, as a share of what the slope promises.
 const SUFFICIENT: f64 = 1e-4;
 
-/// Where to stop.
+/// Criterion that ends the minimisation.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct StopCriterion {
     /// Most evaluations of the function.

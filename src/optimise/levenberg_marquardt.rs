@@ -19,7 +19,7 @@ impl<const P: usize> NormalEquations<P> {
         self.add_sparse(residual, std::array::from_fn(|i| i), derivatives, weight);
     }
 
-    /// The same where it depends on some parameters alone, whose numbers rise.
+    /// Adds a residual that depends on some parameters alone, whose indices ascend.
     #[inline]
     pub(crate) fn add_sparse<const S: usize>(
         &mut self,
@@ -68,7 +68,7 @@ impl<const P: usize> NormalEquations<P> {
     }
 }
 
-/// What [`minimise`] found.
+/// Result of [`minimise`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Minimum<const P: usize> {
     /// The parameters, within their bounds.

@@ -1,4 +1,4 @@
-//! What the surface is made of at each point.
+//! Shading models: reflectance at the points of a surface.
 
 use super::brdf_table::SpecularTable;
 use super::environment_light::level_of;
@@ -21,7 +21,7 @@ pub struct PreparedSpecular {
     pub specular: SpecularPart,
     /// Half vectors, their probability density, and the level of light for a tap seen along its half vector.
     pub(super) taps: Vec<(Vec3, f32, f32)>,
-    /// The part as tables, where they do it justice.
+    /// Tabulated lobe, if the table is accurate enough.
     pub(super) table: Option<SpecularTable>,
     /// Sharpness (the mean of both directions) and amplitude of its lobes, and the sum of the latter.
     pub(super) lobes: Vec<(f32, f32)>,
@@ -35,7 +35,7 @@ impl PreparedSpecular {
         let count = halves.len() as f32;
         let taps = halves.into_iter().map(|half| {
             let density = specular.density(half.to_array()) as f32;
-            // The solid angle of a tap as that of a lobe, see `better`.
+            // The solid angle of a tap as that of a lobe, see `filtered`.
             let sharpness = 2.0 * std::f32::consts::PI * count * density / 4.0;
             (half.as_vec3(), density, level_of(sharpness))
         });
@@ -48,9 +48,9 @@ impl PreparedSpecular {
     }
 }
 
-/// Where appearance comes from.
+/// Source of a surface's reflectance.
 pub trait ShadingModel: Sync {
-    /// Appearance of a point of a triangle, by the weights of its corners.
+    /// Returns the reflectance at a point of a triangle, given by the weights of its corners.
     fn parameters_at(&self, triangle: usize, weights: Vec3, position: Vec3) -> ShadingParameters<'_>;
 }
 

@@ -38,7 +38,7 @@ struct SurfacePoint {
     at: Option<[f64; 2]>,
 }
 
-/// What one pixel shows.
+/// Radiance and coverage of one pixel.
 #[derive(Clone, Copy)]
 struct RenderedPixel {
     components: [[f32; 3]; 2],
@@ -321,7 +321,7 @@ impl ViewScene<'_, '_> {
         pixel
     }
 
-    /// What the captured views that see a surface point show there, with weights that sum to 1 (none if none sees it), and whether
+    /// Returns what the captured views that see a surface point show there, with weights that sum to 1 (none if none sees it), and whether
     /// their masks let the point stand.
     fn sight(&self, surface: &SurfacePoint, centre: [f64; 3]) -> (Vec<([CapturedRadiance; 2], f32)>, bool) {
         let point = DVec3::from_array(surface.point);

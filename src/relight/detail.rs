@@ -1,4 +1,4 @@
-//! What the photographs have beyond the model, where light and view were captured, on a picture under another light.
+//! Transfers the captured residual to an image under another light.
 
 use super::scene::EnvironmentRender;
 use super::{AssetRenderer, RenderLayers, RenderOptions};

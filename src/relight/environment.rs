@@ -1,54 +1,69 @@
-//! An object under light from all around: chooses the evaluator.
+//! An object under light from all around: chooses the evaluator and renders images by it.
 
 use super::appearance::ShadingModel;
 use super::environment_light::PreparedEnvironment;
+use super::evaluator::Evaluator;
+use super::filtered::FilteredEvaluator;
 use super::scene::{
-    EnvironmentOptions, EnvironmentRender, EnvironmentScene, Evaluator, RenderObject, SampledView, ShadingPoint,
-    shade_samples,
+    EnvironmentOptions, EnvironmentRender, EvaluatorKind, RenderObject, SampledView, ShadingPoint, shade_samples,
 };
-use super::shadow::ShadowMap;
-use super::{filtered, spherical_gaussian};
+use super::spherical_gaussian::SgEvaluator;
 use crate::error::{Error, Result};
-use crate::lighting;
+use crate::lighting::EnvironmentLobes;
 use crate::views::Camera;
+use std::sync::Arc;
+
+/// An object under an environment, with all that does not depend on the camera. Renders images one by one; for many a second there is
+/// [`RealtimeRenderer`](super::RealtimeRenderer).
+pub struct EnvironmentScene<'a> {
+    pub(super) object: &'a RenderObject<'a>,
+    pub(super) options: EnvironmentOptions,
+    pub(super) evaluator: Box<dyn Evaluator + 'a>,
+}
 
 impl<'a> EnvironmentScene<'a> {
-    /// Prepares the light on an object.
+    /// Prepares the light on an object. [`EvaluatorKind::SphericalGaussian`] takes it from `light`, [`EvaluatorKind::Filtered`] from
+    /// `environment`.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Parameter`] for spherical Gaussians without `light`, for shadows of an object without an
+    /// [`Occlusion`](super::Occlusion), and for samples or taps out of range.
     pub fn new(
         object: &'a RenderObject<'a>,
-        surround: &'a PreparedEnvironment,
-        light: Option<&'a lighting::EnvironmentLobes>,
+        environment: Arc<PreparedEnvironment>,
+        light: Option<Arc<EnvironmentLobes>>,
         options: EnvironmentOptions,
     ) -> Result<Self> {
-        if options.evaluator == Evaluator::SphericalGaussian && light.is_none() {
-            return Err(Error::parameter("the published evaluator needs light fitted as lobes and levels"));
+        let EnvironmentOptions { evaluator, shadows, samples, taps } = options;
+        if shadows && object.occlusion.is_none() {
+            return Err(Error::parameter("shadows need the mesh's visibility"));
         }
-        if options.shadows && object.occlusion.is_none() {
-            return Err(Error::parameter("shadows need the mesh's visibility: tsuya bake"));
+        if !(1..=8).contains(&samples) || taps == 0 {
+            return Err(Error::parameter("an image needs 1 to 8 samples a side and at least one tap"));
         }
-        if !(1..=8).contains(&options.samples) || options.taps == 0 {
-            return Err(Error::parameter("a picture needs 1 to 8 samples a side and at least one tap"));
-        }
-        let better = options.evaluator == Evaluator::Filtered;
-        let irradiance = if better { filtered::irradiance(object, surround, options.shadows) } else { Vec::new() };
-        let (middle, radius) = object.mesh.bounding_sphere();
-        let shadows = surround.distant.iter().filter(|_| better && options.shadows).map(|light| {
-            let position = std::array::from_fn(|k| middle[k] + 40.0 * radius * light.direction[k] as f64);
-            ShadowMap::for_distant_light(object.mesh, position)
-        });
-        let shadows = shadows.collect();
-        Ok(EnvironmentScene { object, surround, light, options, irradiance, shadows })
+        let evaluator: Box<dyn Evaluator> = match (evaluator, light) {
+            (EvaluatorKind::Filtered, _) => Box::new(FilteredEvaluator::new(object, environment, shadows)),
+            (EvaluatorKind::SphericalGaussian, Some(light)) => {
+                Box::new(SgEvaluator::new(object, environment, light, shadows))
+            }
+            (EvaluatorKind::SphericalGaussian, None) => {
+                return Err(Error::parameter("spherical Gaussians need light fitted as lobes and prefiltered maps"));
+            }
+        };
+        Ok(EnvironmentScene { object, options, evaluator })
     }
 
-    /// Renders one picture.
-    pub fn render(&self, camera: &Camera, look: &dyn ShadingModel) -> Result<EnvironmentRender> {
-        let drawn = SampledView::new(self.object, camera, self.options.samples)?;
-        Ok(shade_samples(self.object, &drawn, |point: &ShadingPoint, _| {
-            let appearance = look.parameters_at(point.triangle, point.weights, point.position);
-            match self.options.evaluator {
-                Evaluator::SphericalGaussian => spherical_gaussian::radiance(self, point, &appearance),
-                Evaluator::Filtered => filtered::radiance(self, point, &appearance),
-            }
+    /// Renders one image.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Limits`] where drawing the mesh at this size is too much work.
+    pub fn render(&self, camera: &Camera, shading: &dyn ShadingModel) -> Result<EnvironmentRender> {
+        let view = SampledView::new(self.object, camera, self.options.samples)?;
+        Ok(shade_samples(self.object, &view, |point: &ShadingPoint, _| {
+            let parameters = shading.parameters_at(point.triangle, point.weights, point.position);
+            self.evaluator.radiance(point, &parameters)
         }))
     }
 }

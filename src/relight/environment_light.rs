@@ -32,7 +32,7 @@ pub struct DistantLight {
     pub radius: f32,
 }
 
-/// How an environment is taken apart.
+/// Options of [`PreparedEnvironment::new`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PreparedEnvironmentOptions {
     /// Distant lights at most, 64 or fewer; 0 leaves all light in the levels.
@@ -117,7 +117,7 @@ impl PreparedEnvironment {
         self.cells_of(0, side)
     }
 
-    /// The same in a grid of [`BLURRED_SIDE`] from a blurred level, which has fewer cells to sum.
+    /// Returns [`Self::cell_flux`] in a grid of [`BLURRED_SIDE`] from a blurred map, which has fewer cells to sum.
     pub(super) fn blurred_cell_flux(&self) -> &[Vec3] {
         self.blurred.get_or_init(|| self.cells_of(BLURRED, BLURRED_SIDE))
     }

@@ -12,14 +12,14 @@ use crate::views::Camera;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
-/// What to render. Paths are relative to the folder of the job's file.
+/// Rendering job. Paths are relative to the folder of the job's file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Job {
     /// The mesh: PLY, OBJ or GLB, or a `.tsuya` file, whose visibility (`tsuya bake`) is used. With `material`, in place of `asset`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mesh: Option<PathBuf>,
-    /// What the mesh is made of.
+    /// Material of the mesh.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub material: Option<JobMaterial>,
     /// A `.tsuya` file in place of mesh and material.
@@ -34,7 +34,7 @@ pub struct Job {
     /// Whether the object shadows itself.
     #[serde(default = "yes")]
     pub shadows: bool,
-    /// How light is summed.
+    /// Method of summing the environment's light.
     #[serde(default)]
     pub evaluator: JobEvaluator,
     /// Samples of a pixel along each side [default: 2].
@@ -46,16 +46,18 @@ fn yes() -> bool {
     true
 }
 
-/// How light is summed; see [`super::Evaluator`].
+/// Method of summing an environment's light; see [`super::EvaluatorKind`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum JobEvaluator {
-    /// As published.
-    Published,
-    /// The better one.
+    /// Spherical Gaussians throughout, `sg`.
+    #[serde(alias = "published")]
+    Sg,
+    /// Filtered importance sampling, `filtered`.
     #[default]
-    Better,
-    /// Brute force.
+    #[serde(alias = "better")]
+    Filtered,
+    /// Brute force, `reference`.
     Reference,
 }
 
@@ -81,9 +83,9 @@ fn one() -> f64 {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct JobCamera {
-    /// Where it stands.
+    /// Position of the camera's centre.
     pub position: [f64; 3],
-    /// What it looks at.
+    /// Point in the middle of the image.
     pub target: [f64; 3],
     /// Upwards in the picture.
     pub up: [f64; 3],
@@ -116,7 +118,7 @@ impl Job {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum JobParameter<T> {
-    /// The same all over.
+    /// One value for the whole surface.
     Constant(T),
     /// Values of a picture at the mesh's texture coordinates, 0 to 1 (linear) times `scale`.
     Texture {
@@ -309,9 +311,13 @@ mod tests {
         let text = r#"{"mesh": "a.obj", "material": {"model": "cook-torrance", "diffuse": 0.2, "specular": [1, 0.5, 0.2],
             "roughness": 0.3, "reflectance": 0.04}, "environment": {"file": "e.exr", "scale": 2, "rotation_y_deg": 30},
             "camera": {"position": [0, 0, 5], "target": [0, 0, 0], "up": [0, 1, 0], "fov_y_deg": 90}, "size": [200, 100],
-            "shadows": false, "evaluator": "published"}"#;
+            "shadows": false, "evaluator": "sg"}"#;
         let job: Job = serde_json::from_str(text).unwrap();
-        assert_eq!(job.evaluator, JobEvaluator::Published);
+        assert_eq!(job.evaluator, JobEvaluator::Sg);
+        for (older, evaluator) in [("published", JobEvaluator::Sg), ("better", JobEvaluator::Filtered)] {
+            let older: Job = serde_json::from_str(&text.replace("\"sg\"", &format!("{older:?}"))).unwrap();
+            assert_eq!(older, Job { evaluator, ..job.clone() });
+        }
         let camera = job.camera().unwrap();
         assert!((camera.focal[1] - 50.0).abs() < 1e-9);
         let material = job.material.as_ref().unwrap();

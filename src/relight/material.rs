@@ -27,7 +27,7 @@ impl HalfLobe {
         2.0 * std::f64::consts::PI * self.amplitude / (self.sharpness[0] * self.sharpness[1]).sqrt()
     }
 
-    /// The lobe over the direction of light for an outgoing direction, as published: isotropic, a quarter of the sharpness over the
+    /// The lobe over the direction of light for an outgoing direction, isotropic (Sonoda 2011): a quarter of the sharpness over the
     /// cosine of half the angle turned (Wang 2009). An anisotropic one becomes a row of lobes along its wider direction, each as sharp
     /// as the narrow one.
     pub fn warp_isotropic(&self, outgoing: [f64; 3]) -> Vec<SphericalGaussian> {
@@ -320,7 +320,7 @@ mod tests {
         let lobes = fit_lobes(&Distribution(ward));
         assert!(error(&lobes, ward) < 0.12, "ward: {}", error(&lobes, ward));
         assert!(lobes.len() < 12);
-        // As rows of isotropic lobes, as published.
+        // As rows of isotropic lobes.
         let row: Vec<_> = lobes.iter().flat_map(|l| l.warp_isotropic([0.0, 0.0, 1.0])).collect();
         let half = |h: DVec3| (2.0 * h.z * h - DVec3::Z).to_array();
         for h in [DVec3::new(0.03, 0.1, 0.9946), DVec3::new(0.0, 0.3, 0.954), DVec3::new(0.1, 0.0, 0.995)] {
@@ -331,14 +331,14 @@ mod tests {
     }
 
     #[test]
-    fn the_anisotropic_warp_is_the_better_one() {
+    fn the_anisotropic_warp_is_nearer_than_the_isotropic_one() {
         let lobe = HalfLobe { sharpness: [100.0; 2], amplitude: 1.0 };
-        for (degrees, worst_published, worst) in [(60.0f64, (0.25, 0.45), 0.12), (75.0, (0.5, 0.75), 0.27)] {
+        for (degrees, worst_isotropic, worst) in [(60.0f64, (0.25, 0.45), 0.12), (75.0, (0.5, 0.75), 0.27)] {
             let (s, c) = degrees.to_radians().sin_cos();
             let outgoing = DVec3::new(s * 0.6, s * 0.8, c);
-            let published = lobe.warp_isotropic(outgoing.to_array())[0];
+            let isotropic = lobe.warp_isotropic(outgoing.to_array())[0];
             let warped = lobe.warp(outgoing.to_array());
-            let (mut all, mut wrong, mut wrong_published) = (0.0, 0.0, 0.0);
+            let (mut all, mut wrong, mut wrong_isotropic) = (0.0, 0.0, 0.0);
             for k in 0..40_000 {
                 let z = (k as f64 + 0.5) / 40_000.0;
                 let (sine, cosine) = (k as f64 * 2.399_963_229_7).sin_cos();
@@ -346,10 +346,10 @@ mod tests {
                 let exact = lobe.evaluate((i + outgoing).normalize().to_array());
                 all += exact * exact;
                 wrong += (exact - warped.evaluate(i.to_array())).powi(2);
-                wrong_published += (exact - published.evaluate(i.to_array())[0]).powi(2);
+                wrong_isotropic += (exact - isotropic.evaluate(i.to_array())[0]).powi(2);
             }
-            let (a, b) = ((wrong_published / all).sqrt(), (wrong / all).sqrt());
-            assert!((worst_published.0..worst_published.1).contains(&a) && b < worst, "{degrees}: {a} {b}");
+            let (a, b) = ((wrong_isotropic / all).sqrt(), (wrong / all).sqrt());
+            assert!((worst_isotropic.0..worst_isotropic.1).contains(&a) && b < worst, "{degrees}: {a} {b}");
         }
     }
 

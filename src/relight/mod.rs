@@ -10,6 +10,7 @@ mod cameras;
 mod detail;
 mod environment;
 mod environment_light;
+mod evaluator;
 mod filtered;
 #[cfg(feature = "encode")]
 mod ground;
@@ -33,6 +34,7 @@ pub use appearance::{PreparedSpecular, ShadingModel, ShadingParameters, UniformM
 pub use asset_renderer::AssetRenderer;
 pub use cameras::{look_at, orbit};
 pub use detail::add_detail;
+pub use environment::EnvironmentScene;
 pub use environment_light::{DistantLight, PreparedEnvironment, PreparedEnvironmentOptions};
 #[cfg(feature = "ar")]
 pub(crate) use ground::RUN;
@@ -46,7 +48,7 @@ pub use occlusion::Occlusion;
 pub use realtime::{RealtimeFrame, RealtimeRenderer};
 #[cfg(feature = "encode")]
 pub use reference::{ReferenceOptions, reference};
-pub use scene::{EnvironmentOptions, EnvironmentRender, EnvironmentScene, Evaluator, RenderObject};
+pub use scene::{EnvironmentOptions, EnvironmentRender, EvaluatorKind, RenderObject};
 pub use textures::{AssetShading, Texture, TexturedShading, Textures};
 
 use crate::asset::Asset;
@@ -73,7 +75,7 @@ pub struct RenderLayers {
     pub specular: bool,
     /// The reflectance model.
     pub model: bool,
-    /// What the photographs have beyond the model.
+    /// Residual: photograph minus model.
     pub residual: bool,
 }
 
@@ -83,7 +85,7 @@ impl Default for RenderLayers {
     }
 }
 
-/// How to render.
+/// Options of [`AssetRenderer::render`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct RenderOptions {
     /// The light.
@@ -114,7 +116,7 @@ impl RenderOptions {
 pub struct ViewRender {
     /// Linear radiance of the layers asked for: the sum of the components, each not below 0. 0 where nothing is hit.
     pub image: RgbImage,
-    /// The same per component, parallel to [`Asset::components`]; may be negative.
+    /// Radiance of each component, parallel to [`Asset::components`]; may be negative.
     pub components: Vec<RgbImage>,
     /// Pixels whose central ray meets the mesh.
     pub hit: Mask,

@@ -11,7 +11,7 @@ const BAND: usize = 8;
 /// Nearest depth drawn, as a share of the mesh's farthest vertex; triangles that reach nearer are dropped.
 const NEAR: f64 = 1e-6;
 
-/// What each sample shows. Kept between pictures, its memory is used again.
+/// Visibility buffer: triangle and barycentric weights of every sample. Its memory is used again for the next image.
 #[derive(Default)]
 pub(super) struct VisibilityBuffer {
     pub(super) width: usize,

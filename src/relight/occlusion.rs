@@ -60,7 +60,7 @@ impl Occlusion {
         })
     }
 
-    /// Where on the mesh distances are known.
+    /// Returns the samples of the surface at which distances are known.
     pub fn places(&self) -> &SurfaceSamples {
         &self.places
     }
@@ -107,7 +107,7 @@ impl Occlusion {
         }
     }
 
-    /// As [`Self::interpolated_distance`], by the direction.
+    /// Returns the signed distance of a direction, radians, interpolated between three samples.
     pub(super) fn distance_towards(&self, places: [u32; 3], shares: Vec3, direction: Vec3) -> f32 {
         self.interpolated_distance(places, shares, to_square(direction))
     }

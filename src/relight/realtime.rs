@@ -1,25 +1,22 @@
-//! Pictures in motion: the sums of [`crate::relight::filtered_radiance`] and [`crate::relight::spherical_gaussian`] in single precision, with everything prepared that stays when
-//! the camera moves.
+//! Images of a moving camera, many a second: the sums of either evaluator with all camera-independent data precomputed.
 //!
-//! What differs from still pictures: reflection functions are read from tables ([`crate::relight::brdf_table`]); specular light of the levels is summed at
-//! one of four pixels and interpolated between like normals; the published evaluator's diffuse light is summed at the places that visibility
-//! is known at; samples of a pixel are shaded together where they show one piece of surface.
+//! What differs from [`EnvironmentScene::render`]: reflection functions are read from tables (`brdf_table`); specular light of the
+//! prefiltered maps is summed at one of four pixels and interpolated between like normals; the diffuse light of spherical Gaussians is summed
+//! at the samples of the surface and interpolated between them; samples of a pixel are shaded together where they show one piece of surface.
 
 use super::appearance::{PreparedSpecular, ShadingModel, ShadingParameters};
-use super::environment_light::{PreparedEnvironment, level_of, log2};
+use super::environment::EnvironmentScene;
+use super::evaluator::ShadowedLight;
+use super::filtered::evaluate_brdf;
 use super::multisample::VisibilityBuffer;
-use super::octahedral_map::to_square;
-use super::scene::{EnvironmentScene, Evaluator, ShadingPoint, supersampled};
-use super::{filtered, spherical_gaussian};
+use super::scene::{ShadingPoint, supersampled};
 use crate::error::Result;
 use crate::image::{Grid, RgbImage};
 use crate::parallel::{for_each_chunk, for_each_chunk_pair};
-use crate::sphere::gaussian::{CLAMPED_COSINE, half_space_share_wang};
 use crate::surface::raster::check_work;
 use crate::views::Camera;
 use glam::Vec3;
-use std::borrow::Cow;
-use std::f32::consts::{LN_2, PI};
+use std::f32::consts::PI;
 
 /// Radiance below which a distant light's reflection is left out; 1 is white.
 const FAINT: f32 = 1e-4;
@@ -48,13 +45,11 @@ pub struct RealtimeFrame {
 }
 
 struct RealtimeScene<'a> {
-    scene: &'a EnvironmentScene<'a>,
+    scene: EnvironmentScene<'a>,
     vertices: Vec<Vertex>,
-    /// Of the places, without the distant lights.
+    /// At each sample of the surface, without the distant lights.
     irradiance: Vec<Vec3>,
     faces: Vec<Face>,
-    /// The published evaluator's levels: those of the scene's surroundings where they are made of the light's.
-    levels: Option<Cow<'a, PreparedEnvironment>>,
 }
 
 struct Vertex {
@@ -96,19 +91,14 @@ struct VisiblePoint {
 
 impl<'a> RealtimeRenderer<'a> {
     /// Prepares the scene.
-    pub fn new(scene: &'a EnvironmentScene<'a>) -> Self {
-        let published = scene.options.evaluator == Evaluator::SphericalGaussian;
-        let irradiance = if published { spherical_gaussian::irradiance(scene) } else { scene.irradiance.clone() };
+    pub fn new(scene: EnvironmentScene<'a>) -> Self {
+        let irradiance = scene.evaluator.sample_irradiance().into_owned();
         let mesh = scene.object.mesh;
         let vertices = mesh.positions.iter().zip(&scene.object.normals);
         let vertex = |(&position, &normal)| Vertex { position: Vec3::from_array(position), normal };
         let vertices = vertices.map(vertex).collect();
-        let faces = crate::parallel::map(mesh.triangles.len(), |triangle| face(scene, triangle));
-        let levels = scene.light.filter(|_| published).map(|light| match scene.surround.is_stored {
-            true => Cow::Borrowed(scene.surround),
-            false => Cow::Owned(PreparedEnvironment::from_prefiltered(&light.prefiltered)),
-        });
-        let stage = RealtimeScene { scene, vertices, irradiance, faces, levels };
+        let faces = crate::parallel::map(mesh.triangles.len(), |triangle| face(&scene, triangle));
+        let stage = RealtimeScene { scene, vertices, irradiance, faces };
         RealtimeRenderer {
             stage,
             samples: VisibilityBuffer::default(),
@@ -168,18 +158,18 @@ fn face(scene: &EnvironmentScene, triangle: usize) -> Face {
     let [p, q, r] = corners.map(Vec3::from_array);
     let normal = (q - p).cross(r - p).normalize_or(Vec3::Y);
     let (mut lit, mut partial) = (0, 0);
-    for (k, light) in scene.surround.distant.iter().enumerate() {
+    for (k, ShadowedLight { light, map }) in scene.evaluator.distant_lights().iter().enumerate() {
         let cosine = normal.dot(Vec3::from_array(light.direction));
         if scene.options.shadows && cosine <= 0.0 {
             continue;
         }
-        match scene.shadows.get(k) {
-            Some(Some(map)) => match map.triangle_visibility(corners.map(|c| c.map(f64::from)), cosine as f64) {
+        match map {
+            Some(map) => match map.triangle_visibility(corners.map(|c| c.map(f64::from)), cosine as f64) {
                 Some(true) => lit |= 1 << k,
                 Some(false) => {}
                 None => partial |= 1 << k,
             },
-            _ => lit |= 1 << k,
+            None => lit |= 1 << k,
         }
     }
     Face { normal, lit, partial }
@@ -254,53 +244,11 @@ impl RealtimeScene<'_> {
         (normal.dot(outgoing) > 0.0).then_some(VisiblePoint { point, turned })
     }
 
-    /// Specular light of the levels; `None` where there is no specular part.
-    fn reflected(&self, point: &ShadingPoint, look: &dyn ShadingModel) -> Option<Vec3> {
-        let appearance = look.parameters_at(point.triangle, point.weights, point.position);
-        let prepared = appearance.specular.filter(|_| appearance.specular_scale.max_element() > 0.0)?;
-        if let Some(levels) = &self.levels {
-            return Some(self.reflected_sg(point, prepared, levels));
-        }
-        Some(filtered::reflected(self.scene, point, prepared, |half, cosine, incoming, outgoing| {
-            match &prepared.table {
-                Some(gloss) => {
-                    let sine = (1.0 - half.z * half.z).max(0.0).sqrt();
-                    let value = gloss.distribution(sine) * gloss.remainder(sine, cosine, incoming.z - outgoing.z);
-                    value / (incoming.z * outgoing.z)
-                }
-                None => filtered::evaluate_brdf(prepared, incoming, outgoing),
-            }
-        }))
-    }
-
-    /// As [`spherical_gaussian::reflected`].
-    fn reflected_sg(&self, point: &ShadingPoint, prepared: &PreparedSpecular, levels: &PreparedEnvironment) -> Vec3 {
-        let Some(gloss) = &prepared.table else { return spherical_gaussian::reflected(self.scene, point, prepared) };
-        let occlusion = self.scene.object.occlusion.filter(|_| self.scene.options.shadows);
-        let cosine = point.normal.dot(point.outgoing).max(1e-4);
-        let axis = 2.0 * cosine * point.normal - point.outgoing;
-        // The mirror's direction, whose half vector is the normal: what is smooth beside the distribution.
-        let smooth = gloss.distribution(0.0) * gloss.remainder(0.0, cosine, 0.0) / (cosine * cosine) / prepared.peak;
-        let (cosine_sharpness, cosine_amplitude) = (CLAMPED_COSINE.0 as f32, CLAMPED_COSINE.1 as f32);
-        let mut sum = 0.0 * smooth;
-        for &(sharpness, amplitude) in &prepared.lobes {
-            let sharpness = sharpness / (4.0 * cosine);
-            // Times the clamped cosine as a lobe.
-            let together = (sharpness * axis + cosine_sharpness * point.normal) / (sharpness + cosine_sharpness);
-            let length = together.length();
-            let exponent = (sharpness + cosine_sharpness) * (length - 1.0);
-            let (axis, sharpness) = (together / length, (sharpness + cosine_sharpness) * length);
-            let whole = 2.0 * PI / sharpness * spherical_gaussian::one_minus_exp(2.0 * sharpness);
-            let square = to_square(axis);
-            let log = log2(sharpness) * LN_2;
-            let seen = occlusion.map_or(1.0, |o| {
-                let distance = o.interpolated_distance(point.places, point.shares, square);
-                half_space_share_wang(log, distance) / half_space_share_wang(log, 0.5 * PI)
-            });
-            let scale = amplitude * cosine_amplitude * exponent.exp() * whole * seen;
-            sum += levels.filtered_radiance(square, level_of(sharpness)) * scale;
-        }
-        sum * smooth
+    /// Specular radiance without the distant lights; `None` where there is no specular part.
+    fn reflected(&self, point: &ShadingPoint, shading: &dyn ShadingModel) -> Option<Vec3> {
+        let parameters = shading.parameters_at(point.triangle, point.weights, point.position);
+        let prepared = parameters.specular.filter(|_| parameters.specular_scale.max_element() > 0.0)?;
+        Some(self.scene.evaluator.tabulated_specular(point, prepared))
     }
 
     #[inline]
@@ -318,9 +266,7 @@ impl RealtimeScene<'_> {
         let [a, b, c] = point.places.map(|place| self.irradiance[place as usize]);
         let mut irradiance = a * point.shares.x + b * point.shares.y + c * point.shares.z;
         let mut shine = specular.and_then(|_| coarse.between(x, y, point.normal)).unwrap_or(Vec3::ZERO);
-        if self.levels.is_none() {
-            self.distant(spot, specular, specular_scale.max_element(), &mut irradiance, &mut shine);
-        }
+        self.distant(spot, specular, specular_scale.max_element(), &mut irradiance, &mut shine);
         albedo * irradiance / PI + specular_scale * shine
     }
 
@@ -334,7 +280,7 @@ impl RealtimeScene<'_> {
         irradiance: &mut Vec3,
         shine: &mut Vec3,
     ) {
-        let lights = &self.scene.surround.distant;
+        let lights = self.scene.evaluator.distant_lights();
         let point = &spot.point;
         let face = &self.faces[point.triangle];
         // From behind every light is tried.
@@ -347,7 +293,7 @@ impl RealtimeScene<'_> {
         while left != 0 {
             let k = left.trailing_zeros() as usize;
             left &= left - 1;
-            let light = &lights[k];
+            let ShadowedLight { light, map } = &lights[k];
             let direction = Vec3::from_array(light.direction);
             let cosine = point.normal.dot(direction);
             if cosine <= 0.0 {
@@ -359,7 +305,7 @@ impl RealtimeScene<'_> {
                 if geometric <= 0.0 {
                     continue;
                 }
-                if let Some(Some(map)) = self.scene.shadows.get(k) {
+                if let Some(map) = map {
                     reach = map.visibility(point.position.as_dvec3().to_array(), geometric as f64) as f32;
                 }
                 if reach <= 0.0 {
@@ -371,7 +317,7 @@ impl RealtimeScene<'_> {
             let Some(prepared) = specular else { continue };
             let Some(gloss) = &prepared.table else {
                 let frame = point.basis().transpose();
-                *shine += arriving * filtered::evaluate_brdf(prepared, frame * direction, frame * point.outgoing);
+                *shine += arriving * evaluate_brdf(prepared, frame * direction, frame * point.outgoing);
                 continue;
             };
             let sum = direction + point.outgoing;

@@ -27,7 +27,7 @@ pub(super) struct CapturedRadiance {
     pub(super) model: [f32; 3],
 }
 
-/// What a view says about a surface point.
+/// Reading of a captured view at a surface point.
 pub(super) enum CapturedSample {
     /// Not in the picture, or hidden.
     Unseen,
@@ -77,7 +77,7 @@ impl<'a> CapturedView<'a> {
         CapturedView { camera, raster, photograph, model, confidence }
     }
 
-    /// What the view shows at a surface point: cubic between pixels where all around can be read, else bilinear.
+    /// Reads the view at a surface point: cubic between pixels where all around can be read, else bilinear.
     pub(super) fn sample_at(&self, point: [f64; 3]) -> CapturedSample {
         let Some((at, depth)) = self.camera.project(point) else { return CapturedSample::Unseen };
         let (width, height) = (self.raster.width, self.raster.height);

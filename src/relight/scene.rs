@@ -1,44 +1,41 @@
 //! An object under light from all around: what every evaluator shares.
 
-use super::environment_light::PreparedEnvironment;
 use super::multisample::VisibilityBuffer;
 use super::occlusion::Occlusion;
-use super::shadow::ShadowMap;
 use crate::error::{Error, Result};
 use crate::image::{Grid, RgbImage};
-use crate::lighting;
 use crate::mesh::Mesh;
 use crate::surface::raster::{check_work, vertex_normals};
 use crate::views::Camera;
 use glam::{Mat3, Vec3};
 
-/// How light is summed.
+/// Method of summing an environment's light.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Evaluator {
-    /// As Sonoda 2011 has it: ten spherical Gaussians for diffuse light, one lobe warped and looked up for specular light, the visible
-    /// half-space by Wang's fit.
+pub enum EvaluatorKind {
+    /// Spherical Gaussians throughout (Sonoda 2011): ten of them for diffuse light, one lobe warped and looked up for specular light,
+    /// the visible half-space by Wang's fit.
     SphericalGaussian,
-    /// Diffuse light summed over all directions at each vertex, compact sources with exact shadows, several places of each specular
-    /// lobe.
+    /// Filtered importance sampling (Krivanek & Colbert 2008) of the specular lobe; diffuse light summed over all directions at each
+    /// vertex, compact sources with exact shadows.
     Filtered,
 }
 
-/// How to render under an environment.
+/// Options of an environment's renderers.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EnvironmentOptions {
     /// The evaluator.
-    pub evaluator: Evaluator,
+    pub evaluator: EvaluatorKind,
     /// Whether the object shadows itself. Needs an [`Occlusion`].
     pub shadows: bool,
     /// Samples of a pixel along each side.
     pub samples: u32,
-    /// Places of the specular lobe looked at, [`Evaluator::Filtered`] only.
+    /// Samples of the specular lobe, 1 or more, [`EvaluatorKind::Filtered`] only.
     pub taps: usize,
 }
 
 impl Default for EnvironmentOptions {
     fn default() -> Self {
-        EnvironmentOptions { evaluator: Evaluator::Filtered, shadows: true, samples: 2, taps: 24 }
+        EnvironmentOptions { evaluator: EvaluatorKind::Filtered, shadows: true, samples: 2, taps: 24 }
     }
 }
 
@@ -70,6 +67,11 @@ impl<'a> RenderObject<'a> {
         Ok(RenderObject { mesh, normals, occlusion })
     }
 
+    /// The object's mesh.
+    pub fn mesh(&self) -> &'a Mesh {
+        self.mesh
+    }
+
     /// The places around a point of a triangle and their shares, by its corners and their weights.
     #[inline]
     pub(super) fn around(&self, triangle: usize, corners: [u32; 3], weights: Vec3) -> ([u32; 3], Vec3) {
@@ -79,19 +81,7 @@ impl<'a> RenderObject<'a> {
     }
 }
 
-/// An object under a light: what stays when the camera moves.
-pub struct EnvironmentScene<'a> {
-    pub(super) object: &'a RenderObject<'a>,
-    pub(super) surround: &'a PreparedEnvironment,
-    /// Lobes and levels, for [`Evaluator::SphericalGaussian`].
-    pub(super) light: Option<&'a lighting::EnvironmentLobes>,
-    pub(super) options: EnvironmentOptions,
-    /// Of each place, without the distant lights.
-    pub(super) irradiance: Vec<Vec3>,
-    pub(super) shadows: Vec<Option<ShadowMap>>,
-}
-
-/// A surface point in a picture.
+/// Surface point that an image shows.
 pub(super) struct ShadingPoint {
     pub position: Vec3,
     /// Normal between the vertices' normals.
@@ -101,9 +91,9 @@ pub(super) struct ShadingPoint {
     /// Unit vector to the camera.
     pub outgoing: Vec3,
     pub triangle: usize,
-    /// Of the triangle's corners.
+    /// Barycentric weights of the triangle's corners.
     pub weights: Vec3,
-    /// Where visibility and irradiance are known around it, and how much each counts.
+    /// Surface samples around it, at which visibility and irradiance are known, and the weight of each.
     pub places: [u32; 3],
     pub shares: Vec3,
 }
@@ -124,7 +114,7 @@ impl ShadingPoint {
     }
 }
 
-/// A picture under an environment.
+/// Image of an object under an environment.
 #[derive(Debug, Clone, PartialEq)]
 pub struct EnvironmentRender {
     /// Linear radiance, Rec. 709; 0 where nothing is hit. Of pixels that the object covers in part it is that part's share.
@@ -196,7 +186,7 @@ pub(super) fn shade_samples(
     }
 }
 
-/// The same view with more pixels.
+/// Returns the camera with `samples` pixels for each along either side.
 pub(super) fn supersampled(camera: &Camera, samples: u32) -> Camera {
     let scale = samples as f64;
     Camera {

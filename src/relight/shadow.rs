@@ -9,7 +9,7 @@ use crate::views::Camera;
 const SIDE: u32 = 1024;
 /// A point is in shadow where the mesh is nearer to the light by this many widths of a depth-map pixel.
 const MARGIN_PIXELS: f64 = 5.0;
-/// The same where the mesh itself is shaded and casts the shadow, not a surface that was photographed.
+/// Margin in pixels where the mesh itself is shaded and casts the shadow, not a surface that was photographed.
 const NARROW_MARGIN_PIXELS: f64 = 1.5;
 
 /// The mesh as a light sees it.
@@ -43,7 +43,7 @@ impl ShadowMap {
         })
     }
 
-    /// As [`Self::new`], for a light so far away that all its rays are nearly parallel, with a narrow margin.
+    /// Draws the depth map of a light so far away that all its rays are nearly parallel, with a narrow margin.
     pub(super) fn for_distant_light(mesh: &Mesh, light: [f64; 3]) -> Option<Self> {
         Self::new(mesh, light).map(|map| ShadowMap { margin_pixels: NARROW_MARGIN_PIXELS, ..map })
     }
@@ -84,7 +84,7 @@ impl ShadowMap {
         if lit { Some(true) } else { dark.then_some(false) }
     }
 
-    /// As [`Self::visibility`], of a light whose parts lie within `angle` (radians) of its middle, on a surface of this unit normal: the mean
+    /// Returns the visible share of a light whose parts lie within `angle` (radians) of its middle, on a surface of this unit normal: the mean
     /// over a disc as wide as the light is from the mean of what blocks it there (Fernando 2005).
     pub(super) fn soft_visibility(&self, point: [f64; 3], normal: [f64; 3], angle: f64) -> f64 {
         const PLACES: usize = 24;

@@ -1,47 +1,141 @@
-//! The published evaluator (Sonoda 2011, equations 13 and 15): spherical Gaussians throughout.
+//! Spherical Gaussians throughout (Sonoda 2011, equations 13 and 15): the light's lobes for diffuse reflection, the material's lobes
+//! against prefiltered maps for specular reflection.
 
 use super::appearance::{PreparedSpecular, ShadingParameters};
-use super::environment_light::{exp, log2};
+use super::environment_light::{PreparedEnvironment, exp, level_of, log2};
+use super::evaluator::{Evaluator, ShadowedLight};
+use super::occlusion::Occlusion;
 use super::octahedral_map::to_square;
-use super::scene::{EnvironmentScene, ShadingPoint};
-use crate::lighting::SphericalGaussian;
+use super::scene::{RenderObject, ShadingPoint};
+use crate::lighting::{EnvironmentLobes, SphericalGaussian};
 use crate::sphere::gaussian::{CLAMPED_COSINE, half_space_share_wang};
 use glam::Vec3;
+use std::borrow::Cow;
 use std::f32::consts::{LN_2, PI};
+use std::sync::Arc;
 
-/// Radiance towards the camera, diffuse and specular.
-pub(super) fn radiance(scene: &EnvironmentScene, point: &ShadingPoint, appearance: &ShadingParameters) -> [Vec3; 2] {
-    let irradiance = irradiance_at(scene, point.normal, point.places, point.shares);
-    let specular = appearance.specular.filter(|_| appearance.specular_scale.max_element() > 0.0);
-    let shine = specular.map_or(Vec3::ZERO, |prepared| reflected(scene, point, prepared));
-    [appearance.albedo * irradiance / PI, appearance.specular_scale * shine]
+/// The evaluator of [`super::EvaluatorKind::SphericalGaussian`].
+pub(super) struct SgEvaluator<'a> {
+    object: &'a RenderObject<'a>,
+    light: Arc<EnvironmentLobes>,
+    /// The light's maps as the renderer reads them.
+    maps: Arc<PreparedEnvironment>,
+    shadows: bool,
 }
 
-/// Irradiance of every place.
-pub(super) fn irradiance(scene: &EnvironmentScene) -> Vec<Vec3> {
-    let normals = &scene.object.normals;
-    let lobes: Vec<SgLobe> = lobes(scene).collect();
-    let occlusion = scene.object.occlusion.filter(|_| scene.options.shadows);
-    crate::parallel::map(normals.len(), |place| {
-        let distance = |axis: Vec3| occlusion.map(|occlusion| occlusion.place_distance(place, to_square(axis)));
-        lobes.iter().map(|lobe| lobe.irradiance(normals[place], distance)).sum()
-    })
+impl<'a> SgEvaluator<'a> {
+    /// `environment` is taken for the light's maps where it is made of such.
+    pub(super) fn new(
+        object: &'a RenderObject<'a>,
+        environment: Arc<PreparedEnvironment>,
+        light: Arc<EnvironmentLobes>,
+        shadows: bool,
+    ) -> Self {
+        let maps = match environment.is_stored {
+            true => environment,
+            false => Arc::new(PreparedEnvironment::from_prefiltered(&light.prefiltered)),
+        };
+        SgEvaluator { object, light, maps, shadows }
+    }
+
+    fn occlusion(&self) -> Option<&'a Occlusion> {
+        self.object.occlusion.filter(|_| self.shadows)
+    }
+
+    /// The light's lobes.
+    fn lobes(&self) -> impl Iterator<Item = SgLobe> {
+        self.light.diffuse.iter().map(|lobe| SgLobe {
+            axis: single(lobe.axis),
+            sharpness: lobe.sharpness as f32,
+            amplitude: single(lobe.amplitude),
+        })
+    }
+
+    /// Specular reflection: the material's lobes, warped, times the clamped cosine, cut by the visibility, through the maps (15).
+    fn specular(&self, point: &ShadingPoint, prepared: &PreparedSpecular) -> Vec3 {
+        let occlusion = self.occlusion();
+        let cosine = SphericalGaussian::clamped_cosine(point.normal.as_dvec3().to_array());
+        let basis = point.basis();
+        let outgoing = (basis.transpose() * point.outgoing).as_dvec3().to_array();
+        let mut shine = Vec3::ZERO;
+        for lobe in prepared.specular.lobes.iter().flat_map(|lobe| lobe.warp_isotropic(outgoing)) {
+            let axis = lobe.axis;
+            if axis[2] <= 0.0 {
+                continue;
+            }
+            // What is smooth beside the distribution, at the axis: masking, Fresnel's term.
+            let half = std::array::from_fn(|k| axis[k] + outgoing[k]);
+            let length = half.iter().map(|x: &f64| x * x).sum::<f64>().sqrt().max(1e-12);
+            let half = half.map(|x| x / length);
+            let distribution: f64 = prepared.specular.lobes.iter().map(|l| l.evaluate(half)).sum();
+            let smooth = single(prepared.specular.brdf.evaluate(axis, outgoing)) / distribution.max(1e-30) as f32;
+            let world = SphericalGaussian { axis: (basis * single(axis)).as_dvec3().to_array(), ..lobe };
+            let product = cosine.product(&world);
+            let distance =
+                occlusion.map(|o| o.distance_towards(point.places, point.shares, single(product.axis)) as f64);
+            let shadowed = match distance {
+                Some(distance) => product.shadowed_wang(distance),
+                None => product,
+            };
+            let mean = self.light.prefiltered_radiance(product.axis, product.sharpness);
+            shine += smooth * single(shadowed.integral()) * Vec3::from_array(mean);
+        }
+        shine
+    }
 }
 
-/// Irradiance between places.
-fn irradiance_at(scene: &EnvironmentScene, normal: Vec3, places: [u32; 3], shares: Vec3) -> Vec3 {
-    let occlusion = scene.object.occlusion.filter(|_| scene.options.shadows);
-    let distance = |axis: Vec3| occlusion.map(|occlusion| occlusion.distance_towards(places, shares, axis));
-    lobes(scene).map(|lobe| lobe.irradiance(normal, distance)).sum()
-}
+impl Evaluator for SgEvaluator<'_> {
+    fn radiance(&self, point: &ShadingPoint, parameters: &ShadingParameters) -> [Vec3; 2] {
+        let occlusion = self.occlusion();
+        let distance =
+            |axis: Vec3| occlusion.map(|occlusion| occlusion.distance_towards(point.places, point.shares, axis));
+        let irradiance: Vec3 = self.lobes().map(|lobe| lobe.irradiance(point.normal, distance)).sum();
+        let specular = parameters.specular.filter(|_| parameters.specular_scale.max_element() > 0.0);
+        let shine = specular.map_or(Vec3::ZERO, |prepared| self.specular(point, prepared));
+        [parameters.albedo * irradiance / PI, parameters.specular_scale * shine]
+    }
 
-/// The light's lobes.
-fn lobes(scene: &EnvironmentScene) -> impl Iterator<Item = SgLobe> {
-    scene.light.into_iter().flat_map(|light| &light.diffuse).map(|lobe| SgLobe {
-        axis: single(lobe.axis),
-        sharpness: lobe.sharpness as f32,
-        amplitude: single(lobe.amplitude),
-    })
+    fn sample_irradiance(&self) -> Cow<'_, [Vec3]> {
+        let normals = &self.object.normals;
+        let lobes: Vec<SgLobe> = self.lobes().collect();
+        let occlusion = self.occlusion();
+        Cow::Owned(crate::parallel::map(normals.len(), |place| {
+            let distance = |axis: Vec3| occlusion.map(|occlusion| occlusion.place_distance(place, to_square(axis)));
+            lobes.iter().map(|lobe| lobe.irradiance(normals[place], distance)).sum()
+        }))
+    }
+
+    /// Takes what is smooth beside the distribution at the mirror direction, and lobes as round.
+    fn tabulated_specular(&self, point: &ShadingPoint, prepared: &PreparedSpecular) -> Vec3 {
+        let Some(table) = &prepared.table else { return self.specular(point, prepared) };
+        let occlusion = self.occlusion();
+        let cosine = point.normal.dot(point.outgoing).max(1e-4);
+        let axis = 2.0 * cosine * point.normal - point.outgoing;
+        let smooth = table.distribution(0.0) * table.remainder(0.0, cosine, 0.0) / (cosine * cosine) / prepared.peak;
+        let mut sum = 0.0 * smooth;
+        for &(sharpness, amplitude) in &prepared.lobes {
+            let sharpness = sharpness / (4.0 * cosine);
+            let (cosine_sharpness, cosine_amplitude) = (CLAMPED_COSINE.0 as f32, CLAMPED_COSINE.1 as f32);
+            let together = (sharpness * axis + cosine_sharpness * point.normal) / (sharpness + cosine_sharpness);
+            let length = together.length();
+            let exponent = (sharpness + cosine_sharpness) * (length - 1.0);
+            let (axis, sharpness) = (together / length, (sharpness + cosine_sharpness) * length);
+            let whole = 2.0 * PI / sharpness * one_minus_exp(2.0 * sharpness);
+            let square = to_square(axis);
+            let log = log2(sharpness) * LN_2;
+            let visible = occlusion.map_or(1.0, |o| {
+                let distance = o.interpolated_distance(point.places, point.shares, square);
+                half_space_share_wang(log, distance) / half_space_share_wang(log, 0.5 * PI)
+            });
+            let scale = amplitude * cosine_amplitude * exponent.exp() * whole * visible;
+            sum += self.maps.filtered_radiance(square, level_of(sharpness)) * scale;
+        }
+        sum * smooth
+    }
+
+    fn distant_lights(&self) -> &[ShadowedLight] {
+        &[]
+    }
 }
 
 /// A spherical Gaussian in single precision.
@@ -53,7 +147,7 @@ struct SgLobe {
 
 impl SgLobe {
     /// Times the clamped cosine and cut by the visibility, whose signed distance is given for a direction (13):
-    /// [`SphericalGaussian::product`] and [`SphericalGaussian::visible_published`].
+    /// [`SphericalGaussian::product`] and [`SphericalGaussian::visible_wang`].
     #[inline]
     fn irradiance(&self, normal: Vec3, distance: impl Fn(Vec3) -> Option<f32>) -> Vec3 {
         let (cosine_sharpness, cosine_amplitude) = (CLAMPED_COSINE.0 as f32, CLAMPED_COSINE.1 as f32);
@@ -70,41 +164,9 @@ impl SgLobe {
     }
 }
 
-/// Specular reflection: the material's lobes, warped, times the clamped cosine, cut by the visibility, through the levels (15).
-pub(super) fn reflected(scene: &EnvironmentScene, point: &ShadingPoint, prepared: &PreparedSpecular) -> Vec3 {
-    let Some(light) = scene.light else { return Vec3::ZERO };
-    let occlusion = scene.object.occlusion.filter(|_| scene.options.shadows);
-    let cosine = SphericalGaussian::clamped_cosine(point.normal.as_dvec3().to_array());
-    let frame = point.basis();
-    let outgoing = (frame.transpose() * point.outgoing).as_dvec3().to_array();
-    let mut shine = Vec3::ZERO;
-    for lobe in prepared.specular.lobes.iter().flat_map(|lobe| lobe.warp_isotropic(outgoing)) {
-        let axis = lobe.axis;
-        if axis[2] <= 0.0 {
-            continue;
-        }
-        // What is smooth beside the distribution, at the axis: masking, Fresnel's term.
-        let half = std::array::from_fn(|k| axis[k] + outgoing[k]);
-        let length = half.iter().map(|x: &f64| x * x).sum::<f64>().sqrt().max(1e-12);
-        let half = half.map(|x| x / length);
-        let distribution: f64 = prepared.specular.lobes.iter().map(|l| l.evaluate(half)).sum();
-        let smooth = single(prepared.specular.brdf.evaluate(axis, outgoing)) / distribution.max(1e-30) as f32;
-        let world = SphericalGaussian { axis: (frame * single(axis)).as_dvec3().to_array(), ..lobe };
-        let product = cosine.product(&world);
-        let distance = occlusion.map(|o| o.distance_towards(point.places, point.shares, single(product.axis)) as f64);
-        let shadowed = match distance {
-            Some(distance) => product.shadowed_wang(distance),
-            None => product,
-        };
-        let mean = light.prefiltered_radiance(product.axis, product.sharpness);
-        shine += smooth * single(shadowed.integral()) * Vec3::from_array(mean);
-    }
-    shine
-}
-
 /// `1 - exp(-x)`.
 #[inline]
-pub(super) fn one_minus_exp(x: f32) -> f32 {
+fn one_minus_exp(x: f32) -> f32 {
     1.0 - exp(-x)
 }
 

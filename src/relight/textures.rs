@@ -129,7 +129,7 @@ impl Texture {
     }
 }
 
-/// What of a material varies.
+/// Textures that drive a material's parameters.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Textures {
     /// Texture coordinates of each triangle's corners.

@@ -1,7 +1,7 @@
 //! Spherical Gaussians: `G(v) = m exp(l (v.p - 1))` with axis `p`, sharpness `l` and amplitude `m`.
 //!
-//! Wang et al. 2009; the visibility of a half-space also after Tokuyoshi 2022. Where two forms stand side by side, `_published` is
-//! the one of Sonoda 2011.
+//! Wang et al. 2009; the visibility of a half-space also after Tokuyoshi 2022. Functions with suffix `_wang` take the fit that Sonoda 2011
+//! uses.
 
 use crate::vector::dot;
 use std::f64::consts::PI;
@@ -67,19 +67,19 @@ impl SphericalGaussian {
         self.amplitude.map(|m| m * part)
     }
 
-    /// The same by Wang's logistic fit, error 2.5 % of the lobe for sharpness 5 to 1312.
+    /// Returns the visible integral by Wang's logistic fit, error 2.5 % of the lobe for sharpness 5 to 1312.
     pub fn visible_wang(&self, distance: f64) -> [f64; 3] {
         let part = half_space_wang(self.sharpness, distance);
         self.amplitude.map(|m| m * part)
     }
 
-    /// What visibility leaves of the lobe: axis and sharpness stay, the amplitude is scaled. `distance` is the signed spherical
+    /// Returns the lobe as visibility leaves it: axis and sharpness stay, the amplitude is scaled. `distance` is the signed spherical
     /// distance of the visibility at the axis.
     pub fn shadowed(&self, distance: f64) -> Self {
         self.scaled(visible_share(self.sharpness, distance))
     }
 
-    /// As [`Self::shadowed`] with Wang's fit.
+    /// Returns the lobe as visibility leaves it, by Wang's fit.
     pub fn shadowed_wang(&self, distance: f64) -> Self {
         let whole = half_space_wang(self.sharpness, PI / 2.0);
         self.scaled(half_space_wang(self.sharpness, distance) / whole)
@@ -100,7 +100,7 @@ impl SphericalGaussian {
         self.amplitude.map(|m| m * part)
     }
 
-    /// As one lobe on the axis and six on a ring around it, each three times as sharp, equal integrals, the same integral in all.
+    /// Splits the lobe into one on its axis and six on a ring around it, each three times as sharp, equal integrals, the same integral in all.
     /// Halves the error of the half-space assumption for sharpness up to about 82.
     pub fn split(&self) -> [Self; SPLIT] {
         let sharpness = 3.0 * self.sharpness;
@@ -128,7 +128,7 @@ pub(crate) fn sphere_integral(sharpness: f64) -> f64 {
     4.0 * PI * falling(2.0 * sharpness)
 }
 
-/// The same over the hemisphere around the axis, `2 pi / l (1 - exp(-l))`.
+/// Integral of a lobe over the hemisphere around its axis, `2 pi / l (1 - exp(-l))`.
 pub(crate) fn hemisphere_integral(sharpness: f64) -> f64 {
     2.0 * PI * falling(sharpness)
 }
@@ -149,7 +149,7 @@ pub(crate) fn half_space(sharpness: f64, sine: f64) -> f64 {
     hemisphere_integral(l) * (far + (1.0 - far) * share)
 }
 
-/// The same by the signed angle and Wang's fit.
+/// Integral of a lobe over a half-space at a signed angle, radians, by Wang's fit.
 pub(crate) fn half_space_wang(sharpness: f64, distance: f64) -> f64 {
     half_space_share_wang(sharpness.max(1e-3).ln() as f32, distance as f32) as f64 * hemisphere_integral(sharpness)
 }
@@ -262,7 +262,7 @@ mod tests {
 
     #[test]
     fn a_half_space_leaves_what_quadrature_says() {
-        let (mut worst, mut worst_published) = (0f64, 0f64);
+        let (mut worst, mut worst_wang) = (0f64, 0f64);
         for sharpness in [0.5, 5.0, 20.0, 82.0, 328.0, 1312.0] {
             let lobe = SphericalGaussian::grey([0.0, 0.0, 1.0], sharpness, 1.0);
             for step in -6..=6 {
@@ -274,31 +274,31 @@ mod tests {
                 let whole = lobe.integral()[0];
                 worst = worst.max((lobe.visible(distance)[0] - exact).abs() / whole);
                 if sharpness >= 5.0 {
-                    worst_published = worst_published.max((lobe.visible_wang(distance)[0] - exact).abs() / whole);
+                    worst_wang = worst_wang.max((lobe.visible_wang(distance)[0] - exact).abs() / whole);
                 }
                 let kept = lobe.shadowed(distance).integral()[0];
                 assert!((kept - lobe.visible(distance)[0]).abs() < 1e-9 * whole);
             }
         }
-        assert!(worst < 0.006 && worst_published < 0.03, "{worst} {worst_published}");
+        assert!(worst < 0.006 && worst_wang < 0.03, "{worst} {worst_wang}");
     }
 
     #[test]
     fn irradiance_of_a_lobe() {
         let normal = [0.0, 0.0, 1.0];
-        let (mut worst, mut worst_published) = (0f64, 0f64);
+        let (mut worst, mut worst_lobe) = (0f64, 0f64);
         for sharpness in [0.5, 3.0, 20.0, 300.0] {
             for theta in [0.0, 0.8, 1.4, 1.6, 2.2] {
                 let lobe = SphericalGaussian::grey(direction(theta, 0.3), sharpness, 1.0);
                 let exact = integrate(lobe.axis, sharpness, |v| v[2].max(0.0) * lobe.evaluate(v)[0]);
                 let whole = lobe.integral()[0];
                 worst = worst.max((lobe.irradiance(normal)[0] - exact).abs() / whole);
-                let published = lobe.inner_product(&SphericalGaussian::clamped_cosine(normal))[0];
-                worst_published = worst_published.max((published - exact).abs() / whole);
+                let found = lobe.inner_product(&SphericalGaussian::clamped_cosine(normal))[0];
+                worst_lobe = worst_lobe.max((found - exact).abs() / whole);
             }
         }
         assert!(worst < 0.004, "{worst}");
-        assert!((0.1..0.2).contains(&worst_published), "{worst_published}");
+        assert!((0.1..0.2).contains(&worst_lobe), "{worst_lobe}");
     }
 
     #[test]

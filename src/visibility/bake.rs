@@ -12,7 +12,7 @@ use crate::sphere::octahedral;
 use crate::surface::samples::SurfaceSamples;
 use std::time::Instant;
 
-/// How visibility is computed.
+/// Options of [`bake`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct BakeOptions {
     /// Cells along a side of the grid of directions, 8 to 128.
@@ -38,7 +38,7 @@ impl Default for BakeOptions {
 pub struct BakedVisibility {
     /// The section `vISB`.
     pub bytes: Vec<u8>,
-    /// What decoding gives.
+    /// Visibility as a decoder has it.
     pub visibility: Visibility,
     /// Seconds from the mesh to the section, without measuring the error.
     pub seconds: f64,

@@ -10,11 +10,12 @@ use crate::error::{Error, Result};
 use crate::limits::Budget;
 use crate::mesh::Mesh;
 use crate::surface::samples::SurfaceSamples;
+use byteorder::{ByteOrder, LittleEndian};
 
 const VERSION: u8 = 0;
 /// Version, flags, cells a side, terms of both groups, places, spacing, two errors, length of the first stream.
 const HEADER_BYTES: usize = 5 + 8 + 8 + 4;
-/// Where the errors stand.
+/// Offset of the errors in the header.
 const ERRORS: usize = 13;
 /// Cells along a side of the grid. Part of the format.
 pub(super) const SIZES: std::ops::RangeInclusive<usize> = 8..=128;
@@ -33,7 +34,7 @@ pub(super) struct VisibilitySteps {
     pub terms: Vec<[f32; 2]>,
 }
 
-/// What the section says.
+/// Content of the section, as integers.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct VisibilityContent {
     pub size: usize,
@@ -126,8 +127,7 @@ pub(super) fn write(content: &VisibilityContent, mesh: &Mesh) -> Vec<u8> {
 #[cfg(feature = "encode")]
 pub(super) fn state_error(bytes: &mut [u8], error: VisibilityError) {
     if let Some(place) = bytes.get_mut(ERRORS..ERRORS + 8) {
-        place[..4].copy_from_slice(&error.rms_radians.to_le_bytes());
-        place[4..].copy_from_slice(&error.wrong_signs.to_le_bytes());
+        LittleEndian::write_f32_into(&[error.rms_radians, error.wrong_signs], place);
     }
 }
 
@@ -141,21 +141,21 @@ pub fn decode(bytes: &[u8], mesh: &Mesh, budget: &Budget) -> Result<Visibility> 
     if version != VERSION || flags > 1 {
         return Err(Error::Unsupported(format!("section vISB of version {version}, flags {flags}")));
     }
-    let word = |at: usize| -> [u8; 4] { std::array::from_fn(|k| header[at + k]) };
+    let word = |at: usize| LittleEndian::read_u32(&header[at..]) as usize;
     let (size, terms) = (size as usize, [first as usize, second as usize]);
     let count = terms[0] + terms[1];
     if !SIZES.contains(&size) || terms[0] == 0 || terms.iter().any(|&terms| terms > MAX_TERMS) {
         return Err(wrong(2, format!("{size} cells a side, {} and {} terms", terms[0], terms[1])));
     }
-    let single = |at: usize| f32::from_le_bytes(word(at));
+    let single = |at: usize| LittleEndian::read_f32(&header[at..]);
     let spacing = single(9);
     if !(spacing.is_finite() && spacing >= 0.0) {
         return Err(wrong(9, format!("{spacing} is no distance of places")));
     }
     let places = SurfaceSamples::new(mesh, spacing, budget)?;
     let count_of_places = places.count();
-    if u32::from_le_bytes(word(5)) as usize != count_of_places {
-        let stated = u32::from_le_bytes(word(5));
+    let stated = word(5);
+    if stated != count_of_places {
         return Err(wrong(5, format!("made for {stated} places, the mesh has {count_of_places}")));
     }
     let error = VisibilityError { rms_radians: single(ERRORS), wrong_signs: single(ERRORS + 4) };
@@ -167,7 +167,7 @@ pub fn decode(bytes: &[u8], mesh: &Mesh, budget: &Budget) -> Result<Visibility> 
     };
     let mut numbers = Vec::with_capacity(1 + 2 * count);
     for (k, four) in step_bytes.chunks_exact(4).enumerate() {
-        let step = f32::from_le_bytes(std::array::from_fn(|i| four[i]));
+        let step = LittleEndian::read_f32(four);
         if !(1e-6..=1e4).contains(&step) {
             return Err(wrong(HEADER_BYTES + 4 * k, format!("{step} is no step: 1e-6 to 1e4")));
         }
@@ -177,7 +177,7 @@ pub fn decode(bytes: &[u8], mesh: &Mesh, budget: &Budget) -> Result<Visibility> 
         mean: numbers[0],
         terms: numbers[1..].chunks_exact(2).map(|pair| [pair[0], pair[1]]).collect(),
     };
-    let first_length = u32::from_le_bytes(word(HEADER_BYTES - 4)) as usize;
+    let first_length = word(HEADER_BYTES - 4);
     let streams_at = HEADER_BYTES + step_bytes.len();
     let Some((first_stream, second_stream)) = streams.split_at_checked(first_length) else {
         return Err(wrong(

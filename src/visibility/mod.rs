@@ -35,13 +35,13 @@ pub struct Visibility {
     error: VisibilityError,
     /// For each cell the mean, then one value for each term.
     bases: Vec<f32>,
-    /// Where on the mesh.
+    /// Samples of the surface.
     places: SurfaceSamples,
     /// For each place one integer for each term.
     weights: Vec<i8>,
 }
 
-/// How far the stored visibility is from the exact one, over all directions, places counted alike.
+/// Error of the stored visibility, over all directions, samples of the surface counted alike.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct VisibilityError {
     /// Root mean square error of the signed distance, radians.
@@ -51,7 +51,7 @@ pub struct VisibilityError {
 }
 
 impl Visibility {
-    /// Where on the mesh it is known: at its vertices, which come first, and maybe between them.
+    /// Returns the samples of the surface: the mesh's vertices, and perhaps points between them.
     pub fn places(&self) -> &SurfaceSamples {
         &self.places
     }
@@ -116,7 +116,7 @@ impl Visibility {
             weights.iter().zip(values).map(|(&weight, &value)| weight as f32 * value).sum()
         })
     }
-    /// The same with weights of [`Visibility::interpolate`], as many as are given.
+    /// Returns the signed distance, radians, of a direction by weights of [`Visibility::interpolate`], as many as are given.
     pub fn signed_distance_of_weights(&self, weights: &[f32], direction: [f64; 3]) -> f64 {
         self.at_cells(direction, |values| weights.iter().zip(values).map(|(weight, value)| weight * value).sum())
     }

@@ -1,4 +1,4 @@
-//! What a vertex sees: rays against the mesh on the octahedral grid, and the edges of the visible set found by bisection.
+//! Signed distances by rays: the mesh on the octahedral grid as seen from a vertex, the edges of the visible set found by bisection.
 
 use crate::mesh::Mesh;
 use crate::sphere::octahedral;
@@ -151,7 +151,7 @@ impl MeshRays {
         }
     }
 
-    /// Where visibility changes between two directions, the first of which is of the kind `kind`.
+    /// Finds the direction at which visibility changes between two directions, the first of which is of the kind `kind`.
     fn crossing(&self, vertex: usize, kind: bool, mut near: [f32; 3], mut far: [f32; 3]) -> [f32; 3] {
         for _ in 0..HALVINGS {
             let middle = between(near, far);
@@ -193,7 +193,7 @@ fn between(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
 pub struct DirectionGrid {
     /// Unit directions of the cells, row by row.
     pub directions: Vec<[f32; 3]>,
-    /// The same as three lists.
+    /// Coordinates of the directions as three lists.
     axes: [Vec<f32>; 3],
     /// Pairs of cells that share an edge.
     neighbours: Vec<(u32, u32)>,

@@ -14,7 +14,7 @@ use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use tsuya::View;
-use tsuya::ar::{ArFrame, ArOptions, FrameReport, FrameTimes, LightSource, Placement, RenderMode, RigMount, run};
+use tsuya::ar::{ArObject, ArOptions, FrameReport, FrameTimes, LightSource, Placement, RenderMode, RigMount, Session};
 use tsuya::capture::Calibration;
 use tsuya::decoder::ViewSelection;
 use tsuya::image::Mask;
@@ -23,7 +23,7 @@ use tsuya::lighting::{
     raise_clipped, read_environment, turn_y,
 };
 use tsuya::marker::Rig;
-use tsuya::relight::{AssetRenderer, AssetShading};
+use tsuya::relight::{AssetRenderer, AssetShading, RenderObject};
 use tsuya::{Asset, container::metres_per_unit};
 use tsuya::{Error, capture};
 
@@ -52,38 +52,22 @@ pub struct Ar {
     #[command(flatten)]
     light: LightArguments,
     #[command(flatten)]
-    place: PlacementArguments,
-    /// What is in front of the object: a picture, white where; or a folder with one for each frame.
+    placement: PlacementArguments,
+    #[command(flatten)]
+    render: RenderArguments,
+    /// What is in front of the object: an image, white where; or a folder with one for each frame.
     #[arg(long, value_name = "PATH")]
     occlusion: Option<PathBuf>,
-    /// Where the pictures go: .png or .exr for a photograph, a folder, or a video (.mp4, .mkv, ..., written by ffmpeg).
+    /// Where the images go: .png or .exr for a photograph, a folder, or a video (.mp4, .mkv, ..., written by ffmpeg).
     #[arg(short, long, value_name = "PATH")]
     output: PathBuf,
-    /// Exact shadows and all detail in every frame of a sequence, too: slow. A single photograph has them anyway.
-    #[arg(long)]
-    still: bool,
-    /// Samples of a pixel along each side, 1 to 8 [default: 3 for stills, 2 in motion].
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=8))]
-    samples: Option<u32>,
-    /// Takes the environment's radiance as it is; otherwise exposure and white balance are those of the marker's paper.
-    #[arg(long)]
-    no_match: bool,
-    /// The object brighter by this many stops.
-    #[arg(long, value_name = "STOPS", default_value_t = 0.0, allow_hyphen_values = true)]
-    exposure: f64,
-    /// Standard deviation of the camera's noise, of 255 [default: as measured in each frame].
-    #[arg(long, value_name = "CODES")]
-    noise: Option<f32>,
-    /// The object casts no shadow.
-    #[arg(long)]
-    no_shadow: bool,
     /// Frames a second of a video made of a folder [default: 30].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1000))]
     rate: Option<u32>,
     /// The program that reads and writes videos.
     #[arg(long, value_name = "PATH", default_value = "ffmpeg")]
     ffmpeg: PathBuf,
-    /// Overwrites existing pictures.
+    /// Overwrites existing images.
     #[arg(long)]
     force: bool,
     /// Prints poses and times as JSON.
@@ -92,6 +76,30 @@ pub struct Ar {
 }
 
 #[derive(Args)]
+#[command(next_help_heading = "Rendering")]
+struct RenderArguments {
+    /// Exact shadows and all detail in every frame of a sequence, too: slow. A single photograph has them anyway.
+    #[arg(long, alias = "still")]
+    offline: bool,
+    /// Samples of a pixel along each side, 1 to 8 [default: 3 offline, 2 otherwise].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=8))]
+    samples: Option<u32>,
+    /// Takes the environment's radiance as it is; otherwise exposure and white balance are those of the marker's paper.
+    #[arg(long, alias = "no-match")]
+    no_exposure_match: bool,
+    /// Brightens the object by this many stops.
+    #[arg(long, value_name = "STOPS", default_value_t = 0.0, allow_hyphen_values = true)]
+    exposure: f64,
+    /// Standard deviation of the camera's noise, of 255 [default: as measured in each frame].
+    #[arg(long, value_name = "CODES")]
+    noise: Option<f32>,
+    /// Casts no shadow on the ground.
+    #[arg(long)]
+    no_shadow: bool,
+}
+
+#[derive(Args)]
+#[command(next_help_heading = "Light")]
 struct LightArguments {
     /// Light from all around: a picture as of tsuya light fit, a bracket of several, a .tsuya file with light; or a folder or a video with
     /// one picture for each frame.
@@ -133,17 +141,18 @@ enum Shape {
 }
 
 #[derive(Args)]
+#[command(next_help_heading = "Placement")]
 struct PlacementArguments {
     /// The marker stands upright; otherwise it lies on the ground.
     #[arg(long)]
     upright: bool,
     /// The point of the ground where the object stands, in the unit of the marker's size: x to the right on the print, y up, z towards its lower edge (upright: out
     /// of it).
-    #[arg(long, value_name = "X,Y,Z", value_parser = triple, default_value = "0,0,0", allow_hyphen_values = true)]
-    at: [f64; 3],
-    /// Turns it, counter-clockwise from above, degrees.
-    #[arg(long, value_name = "DEG", default_value_t = 0.0, allow_hyphen_values = true)]
-    turn: f64,
+    #[arg(long, alias = "at", value_name = "X,Y,Z", value_parser = triple, default_value = "0,0,0", allow_hyphen_values = true)]
+    translate: [f64; 3],
+    /// Turns the object about +Y, counter-clockwise from above, degrees.
+    #[arg(long, alias = "turn", value_name = "DEG", default_value_t = 0.0, allow_hyphen_values = true)]
+    rotate_y: f64,
     /// Length of the file's unit in the unit of the marker's size [default: metres by the file's units, else so that its longest side is the
     /// marker's].
     #[arg(long, value_name = "FACTOR", conflicts_with = "size")]
@@ -165,7 +174,8 @@ impl Ar {
         let mut source = Source::open(&self.frames, &self.ffmpeg)?;
         let rate = self.rate.map(|rate| [rate, 1]);
         let mut sink = Sink::create(&self.output, &source, rate, &self.ffmpeg, self.force)?;
-        let quality = if self.still || source.is_single() { RenderMode::Offline } else { RenderMode::Realtime };
+        let quality =
+            if self.render.offline || source.is_single() { RenderMode::Offline } else { RenderMode::Realtime };
         let still = quality == RenderMode::Offline;
         let options = self.options(quality)?;
 
@@ -174,59 +184,43 @@ impl Ar {
         let selection = if still { ViewSelection::All } else { ViewSelection::None };
         let subject = JobAsset::Asset(Box::new(source::decode(&self.asset, selection)?.0));
         let JobAsset::Asset(asset) = &subject else { return Ok(()) };
-        let placement = self.place.placement(asset, &rig)?;
+        let placement = self.placement.placement(asset, &rig)?;
         let occlusion = surroundings::occlusion(&subject)?;
-        let look = AssetShading::new(asset, options.taps)?;
+        let shading = AssetShading::new(asset, options.taps)?;
         let renderer = if still { Some(AssetRenderer::new(asset)?) } else { None };
-        let stands = tsuya::ar::ArObject {
-            mesh: &asset.mesh,
-            occlusion: &occlusion,
-            look: &look,
+        let object = ArObject {
+            object: RenderObject::new(&asset.mesh, Some(&occlusion))?,
+            shading: &shading,
             placement,
             detail: renderer.as_ref().map(|renderer| (renderer, &**asset)),
         };
-        let masks = self.occlusion.as_deref().map(|path| Source::open(path, &self.ffmpeg)).transpose()?;
-        let masks = std::cell::RefCell::new(masks.map(|source| (source, None)));
+        let mut masks = Masks::open(self.occlusion.as_deref(), &self.ffmpeg)?;
         bar.set_message("frames");
 
         let mut work = Work { frames: Vec::new(), reading: 0.0, writing: 0.0 };
         let single = source.is_single();
-        // Both ways through the frames use the source.
-        let source_cell = std::cell::RefCell::new(&mut source);
-        let reading = std::cell::Cell::new(0.0);
-        let mut next = || {
+        let described = rig.describe();
+        let mut light = self.light.input(&placement, &self.ffmpeg)?;
+        let mut session = Session::new(&object, &calibration, rig, light.source(), options)?;
+        loop {
             let clock = Instant::now();
-            let mut source = source_cell.borrow_mut();
             let path = source.upcoming().map(Path::to_owned);
-            let Some(plate) = source.next()? else { return Ok(None) };
+            let Some(mut plate) = source.next()? else { break };
             let [width, height] = plate.size();
             calibration.check_size(&self.camera, path.as_deref().unwrap_or(&self.frames), width, height)?;
-            let nearer = match masks.borrow_mut().as_mut() {
-                Some((masks, last)) => next_mask(masks, last)?,
-                None => None,
-            };
-            reading.set(reading.get() + clock.elapsed().as_secs_f64());
-            Ok(Some(ArFrame { plate, nearer }))
-        };
-        let mut done = |plate: tsuya::ar::Plate, done: &FrameReport| {
+            let nearer = masks.next()?;
+            work.reading += clock.elapsed().as_secs_f64();
+            let environment = light.next()?;
+            let report = session.frame(&mut plate, nearer, environment.as_ref())?;
             let clock = Instant::now();
-            work.frames.push(*done);
+            work.frames.push(report);
             // A photograph without its object is no result.
-            if !(single && done.estimate.is_none()) {
-                sink.put(&plate, &source_cell.borrow(), done.frame)?;
+            if !(single && report.estimate.is_none()) {
+                sink.put(&plate, &source, report.frame)?;
             }
             work.writing += clock.elapsed().as_secs_f64();
             bar.inc(1);
-            Ok(())
-        };
-        let described = rig.describe();
-        let mut light_source = self.light.source(&placement, &self.ffmpeg)?;
-        let light = match &mut light_source {
-            LightInput::Still(environment) => LightSource::Fixed(environment),
-            LightInput::Moving(next) => LightSource::PerFrame(next),
-        };
-        run(&stands, &calibration, rig, light, &options, &mut next, &mut done)?;
-        work.reading = reading.get();
+        }
         bar.finish_and_clear();
 
         let missing: Vec<usize> = work.frames.iter().filter(|d| d.estimate.is_none()).map(|d| d.frame).collect();
@@ -251,7 +245,7 @@ impl Ar {
     }
 
     fn options(&self, quality: RenderMode) -> Result<ArOptions> {
-        if self.noise.is_some_and(|sigma| !(0.0..=100.0).contains(&sigma)) {
+        if self.render.noise.is_some_and(|sigma| !(0.0..=100.0).contains(&sigma)) {
             return Err(Error::parameter("--noise is 0 to 100 of 255").into());
         }
         let (samples, taps) = match quality {
@@ -259,14 +253,14 @@ impl Ar {
             RenderMode::Realtime => (2, 7),
         };
         Ok(ArOptions {
-            mount: if self.place.upright { RigMount::BesideMarker } else { RigMount::OnMarker },
+            mount: if self.placement.upright { RigMount::BesideMarker } else { RigMount::OnMarker },
             mode: quality,
-            samples: self.samples.unwrap_or(samples),
+            samples: self.render.samples.unwrap_or(samples),
             taps,
-            match_white: !self.no_match,
-            gain: self.exposure.exp2() as f32,
-            noise: self.noise,
-            shadow: !self.no_shadow,
+            match_white: !self.render.no_exposure_match,
+            gain: self.render.exposure.exp2() as f32,
+            noise: self.render.noise,
+            shadow: !self.render.no_shadow,
         })
     }
 }
@@ -289,15 +283,35 @@ impl PlacementArguments {
             (None, None) if has_units => metres_per_unit(&asset.metadata),
             (None, None) => rig.markers.first().map_or(1.0, |m| m.size) / longest,
         };
-        Ok(Placement::on_ground(&asset.mesh, upright, self.turn, scale, self.at)?)
+        Ok(Placement::on_ground(&asset.mesh, upright, self.rotate_y, scale, self.translate)?)
     }
+}
+
+/// Light as it was given: one environment, or a sequence of them, `None` at its end.
+enum LightInput {
+    Still(Box<EnvironmentMap>),
+    Moving(Option<NextLight>),
 }
 
 type NextLight = Box<dyn FnMut() -> tsuya::Result<Option<EnvironmentMap>>>;
 
-enum LightInput {
-    Still(Box<EnvironmentMap>),
-    Moving(NextLight),
+impl LightInput {
+    fn source(&self) -> LightSource<'_> {
+        match self {
+            LightInput::Still(environment) => LightSource::Fixed(environment),
+            LightInput::Moving(_) => LightSource::PerFrame,
+        }
+    }
+
+    /// The next frame's environment, if it has one of its own.
+    fn next(&mut self) -> tsuya::Result<Option<EnvironmentMap>> {
+        let LightInput::Moving(next) = self else { return Ok(None) };
+        let environment = next.as_mut().map(|next| next()).transpose()?.flatten();
+        if environment.is_none() {
+            *next = None;
+        }
+        Ok(environment)
+    }
 }
 
 impl LightArguments {
@@ -313,7 +327,7 @@ impl LightArguments {
     }
 
     /// The light, in the object's axes.
-    fn source(&self, placement: &Placement, ffmpeg: &Path) -> Result<LightInput> {
+    fn input(&self, placement: &Placement, ffmpeg: &Path) -> Result<LightInput> {
         let finite = self.env_scale.is_finite() && self.env_scale >= 0.0 && self.env_rotation.is_finite();
         if !(finite && self.lamp_gain.is_finite() && self.lamp_gain >= 1.0) {
             return Err(Error::parameter("--env-scale is 0 or more, --lamp-gain 1 or more").into());
@@ -349,7 +363,7 @@ impl LightArguments {
                 let environment = unwrapper.as_ref().map(|unwrapper| unwrapper.environment(&picture)).transpose()?;
                 Ok(environment.map(|environment| if scale == 1.0 { environment } else { environment.scaled(scale) }))
             };
-            return Ok(LightInput::Moving(Box::new(next)));
+            return Ok(LightInput::Moving(Some(Box::new(next))));
         }
         let environment = match &self.env[..] {
             [path] if source::has_extension(path, "tsuya") => {
@@ -386,12 +400,23 @@ impl LightArguments {
     }
 }
 
-/// The next frame's mask; the last one stays.
-fn next_mask(masks: &mut Source, last: &mut Option<Mask>) -> tsuya::Result<Option<Mask>> {
-    if let Some(plate) = masks.next()? {
-        *last = Some(plate.to_display().map(|p| p[0].max(p[1]).max(p[2]) >= 128));
+/// What is in front of the object, frame by frame; the last mask stays.
+struct Masks {
+    source: Option<Source>,
+    last: Option<Mask>,
+}
+
+impl Masks {
+    fn open(path: Option<&Path>, ffmpeg: &Path) -> Result<Self> {
+        Ok(Masks { source: path.map(|path| Source::open(path, ffmpeg)).transpose()?, last: None })
     }
-    Ok(last.clone())
+
+    fn next(&mut self) -> tsuya::Result<Option<&Mask>> {
+        if let Some(plate) = self.source.as_mut().map(Source::next).transpose()?.flatten() {
+            self.last = Some(plate.to_display().map(|p| p[0].max(p[1]).max(p[2]) >= 128));
+        }
+        Ok(self.last.as_ref())
+    }
 }
 
 fn progress(source: &Source) -> ProgressBar {

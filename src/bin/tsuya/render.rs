@@ -77,7 +77,7 @@ struct EnvironmentArguments {
     /// Turns the environment about +Y, degrees.
     #[arg(long, value_name = "DEG", default_value_t = 0.0, allow_hyphen_values = true, requires = "env")]
     env_rotation: f64,
-    /// How the environment's light is summed [default: better, or what the job says].
+    /// How the environment's light is summed [default: filtered, or what the job says].
     #[arg(long, value_name = "NAME", value_enum, requires = "around")]
     evaluator: Option<EvaluatorName>,
     /// Sums direct light by brute force: slow, exact.
@@ -90,10 +90,12 @@ struct EnvironmentArguments {
 
 #[derive(Clone, Copy, PartialEq, ValueEnum)]
 enum EvaluatorName {
-    /// Spherical Gaussians throughout, as published.
-    Published,
-    /// All directions at each vertex, exact shadows of compact sources, several places of each lobe.
-    Better,
+    /// Spherical Gaussians throughout.
+    #[value(alias = "published")]
+    Sg,
+    /// Filtered importance sampling; compact sources apart, with exact shadows.
+    #[value(alias = "better")]
+    Filtered,
 }
 
 #[derive(Args)]
@@ -188,7 +190,7 @@ impl Render {
         let paths = self.paths(cameras.len());
         self.check(&paths, file)?;
         let quality = EnvironmentSettings {
-            evaluator: self.evaluator(JobEvaluator::Better),
+            evaluator: self.evaluator(JobEvaluator::Filtered),
             shadows: !self.no_shadows,
             samples: self.surround.samples.unwrap_or(2),
             detail: self.layers().residual,
@@ -207,8 +209,8 @@ impl Render {
     fn evaluator(&self, otherwise: JobEvaluator) -> JobEvaluator {
         match self.surround.evaluator {
             _ if self.surround.reference => JobEvaluator::Reference,
-            Some(EvaluatorName::Published) => JobEvaluator::Published,
-            Some(EvaluatorName::Better) => JobEvaluator::Better,
+            Some(EvaluatorName::Sg) => JobEvaluator::Sg,
+            Some(EvaluatorName::Filtered) => JobEvaluator::Filtered,
             None => otherwise,
         }
     }

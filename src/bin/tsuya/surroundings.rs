@@ -4,6 +4,7 @@ use crate::source;
 use crate::values::OutsideArgument;
 use anyhow::Result;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use tsuya::Asset;
 use tsuya::Camera;
 use tsuya::Mesh;
@@ -12,7 +13,7 @@ use tsuya::image::RgbImage;
 use tsuya::input::{FileAccess, Folder};
 use tsuya::lighting::{self, EnvironmentMap, EnvironmentReadOptions};
 use tsuya::relight::{
-    AssetRenderer, AssetShading, EnvironmentOptions, EnvironmentRender, EnvironmentScene, Evaluator, Job,
+    AssetRenderer, AssetShading, EnvironmentOptions, EnvironmentRender, EnvironmentScene, EvaluatorKind, Job,
     JobEnvironment, JobEvaluator, JobMaterial, JobParameter, Occlusion, PreparedEnvironment,
     PreparedEnvironmentOptions, ReferenceOptions, RenderObject, ShadingModel, Texture, TexturedShading, Textures,
     UniformMaterial, add_detail, reference,
@@ -116,8 +117,8 @@ pub fn pictures(
 ) -> Result<()> {
     let options = EnvironmentOptions {
         evaluator: match quality.evaluator {
-            JobEvaluator::Published => Evaluator::SphericalGaussian,
-            _ => Evaluator::Filtered,
+            JobEvaluator::Sg => EvaluatorKind::SphericalGaussian,
+            _ => EvaluatorKind::Filtered,
         },
         shadows: quality.shadows,
         samples: quality.samples,
@@ -147,15 +148,15 @@ pub fn pictures(
     let occlusion = if quality.shadows { Some(occlusion(subject)?) } else { None };
     let object = RenderObject::new(mesh, occlusion.as_ref())?;
     let environment = &light.environment;
-    let surround = PreparedEnvironment::new(environment, &PreparedEnvironmentOptions::default());
-    let light = (options.evaluator == Evaluator::SphericalGaussian).then(|| match &light.stored {
+    let prepared = PreparedEnvironment::new(environment, &PreparedEnvironmentOptions::default());
+    let light = (options.evaluator == EvaluatorKind::SphericalGaussian).then(|| match &light.stored {
         Some(stored) => stored.clone(),
         None => lighting::EnvironmentLobes {
             diffuse: lighting::fit(environment, &lighting::LobeFitOptions::default(), None),
             prefiltered: lighting::prefiltered_maps(environment, LEVEL_SIDE),
         },
     });
-    let scene = EnvironmentScene::new(&object, &surround, light.as_ref(), options)?;
+    let scene = EnvironmentScene::new(&object, Arc::new(prepared), light.map(Arc::new), options)?;
     for (k, camera) in cameras.iter().enumerate() {
         finish(k, scene.render(camera, &*look)?)?;
     }

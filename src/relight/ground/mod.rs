@@ -23,7 +23,7 @@ pub(crate) use seen::RUN;
 const DIRECTIONS: usize = BLURRED_SIDE;
 /// Points of the ground along each side at which its light is computed.
 const POINTS: usize = 72;
-/// The same where ratios are kept that have sharp shadows in them.
+/// Points along each side where ratios with sharp shadows are kept.
 const KEPT_POINTS: usize = 320;
 /// Half the side of that part of the ground, in radii of the object.
 const EXTENT: f32 = 4.0;
@@ -77,7 +77,7 @@ pub struct GroundShadow<'a> {
     axes: [Vec3; 3],
     /// Cells of the grid of directions above the plane and their cosines.
     above: Vec<(u32, f32)>,
-    /// Of each point of the plane the entries of `above` that the object blocks, one list after the other, and where they begin.
+    /// For each point of the plane the entries of `above` that the object blocks, one list after the other, and where they begin.
     blocked: Vec<u16>,
     starts: Vec<u32>,
     light: GroundLight,
@@ -86,12 +86,12 @@ pub struct GroundShadow<'a> {
     dark: [Vec2; 2],
 }
 
-/// What a light does on the plane.
+/// Light on the plane.
 #[derive(Default)]
 struct GroundLight {
     /// Irradiance without the object.
     all: Vec3,
-    /// What the object takes of the levels' light, on a grid that is denser in the middle.
+    /// Irradiance that the object blocks of the prefiltered light, on a grid that is denser in the middle.
     taken: Grid<Vec3A>,
     /// Distant lights: irradiance, radius, depth map.
     maps: Vec<(Vec3, f64, Option<ShadowMap>)>,
@@ -149,12 +149,12 @@ impl<'a> GroundShadow<'a> {
         })
     }
 
-    /// Takes a light, in the object's axes as the mesh.
+    /// Takes a light, in the axes of the mesh.
     pub fn light(&mut self, surround: &PreparedEnvironment) {
         self.take(surround, &surround.cell_flux(DIRECTIONS));
     }
 
-    /// As [`Self::light`], blurred by some degrees, in a fraction of the time.
+    /// Takes a light blurred by some degrees, in a fraction of the time of [`Self::light`].
     pub fn light_blurred(&mut self, surround: &PreparedEnvironment) {
         self.take(surround, surround.blurred_cell_flux());
     }

@@ -9,14 +9,14 @@ pub(crate) const RUN: usize = 64;
 /// Ratios above this change no pixel of 8 bits.
 pub(super) const VISIBLE: f32 = 0.997;
 
-/// Where the rays of a picture's pixels meet the plane.
+/// Projection of an image's pixels onto the plane.
 pub(super) struct PlaneProjection {
-    /// Of the plane's normal and its other axes: what a ray has along it, for column, row and 1, and what the camera's centre has.
+    /// For the plane's normal and its other axes the component of a ray, for column, row and 1, and that of the camera's centre.
     axes: [(Vec3, f32); 3],
 }
 
 impl PlaneProjection {
-    /// Of a plane through `origin` with a normal and two more axes.
+    /// Prepares the projection onto a plane through `origin` with a normal and two more axes.
     pub(super) fn new(camera: &Camera, origin: Vec3, axes: &[Vec3; 3]) -> Self {
         let centre = Vec3::from_array(camera.centre().map(|x| x as f32)) - origin;
         // Over the picture the rays change evenly; the small differences are taken in double precision.
@@ -29,13 +29,13 @@ impl PlaneProjection {
         PlaneProjection { axes }
     }
 
-    /// The place on the plane that a place of the picture, in pixels, shows.
+    /// Returns the point of the plane that a position in the image, in pixels, shows.
     pub(super) fn place(&self, pixel: [f32; 2]) -> Option<Vec2> {
         let (in_front, at) = self.place_on_plane(pixel);
         in_front.then_some(at)
     }
 
-    /// The same, and whether it lies before the camera.
+    /// Returns whether the point lies before the camera, and the point.
     #[inline(always)]
     fn place_on_plane(&self, [x, y]: [f32; 2]) -> (bool, Vec2) {
         let along = |axis: Vec3| axis.x * x + axis.y * y + axis.z;
@@ -54,7 +54,7 @@ pub struct ProjectedShadow<'a> {
 }
 
 impl ProjectedShadow<'_> {
-    /// The ratios at places of the picture, x and y in pixels, 1 where nothing is darkened; `None` where that is so everywhere.
+    /// Returns the ratios at positions in the image, x and y in pixels, 1 where nothing is darkened; `None` if that is so everywhere.
     pub(crate) fn ratios(&self, [x, y]: &[[f32; RUN]; 2]) -> Option<[Vec3A; RUN]> {
         let [low, high] = self.dark;
         let width = self.texture.width;
@@ -86,7 +86,7 @@ impl ProjectedShadow<'_> {
     }
 }
 
-/// Where a place of the plane lies on a grid that is denser in the middle.
+/// Maps a point of the plane to a grid that is denser in the middle.
 #[inline(always)]
 pub(super) fn grid_place(at: Vec2, reach: f32, last: f32) -> Vec2 {
     let t = at / reach;

@@ -61,7 +61,7 @@ def main():
     arguments.add_argument("--references", help="folder of the peer's pictures [default: that of --out]")
     arguments.add_argument("--samples", type=int, default=256, help="paths a pixel of the peer")
     arguments.add_argument("--size", type=int, nargs=2, default=[320, 240])
-    arguments.add_argument("--evaluators", default="published,better")
+    arguments.add_argument("--evaluators", default="sg,filtered")
     arguments.add_argument("--references-only", action="store_true", help="make the peer's pictures, nothing else")
     arguments.add_argument("cases", nargs="*")
     options = arguments.parse_args()

@@ -15,13 +15,14 @@ mod markers;
 use std::collections::HashMap;
 use std::f64::consts::FRAC_PI_2;
 use std::path::Path;
+use std::sync::Arc;
 use std::time::Instant;
 use tsuya::Camera;
 use tsuya::Mesh;
 use tsuya::internals::visibility::{DirectionGrid, MeshRays, RayScratch};
 use tsuya::lighting::{EnvironmentLobes, EnvironmentMap};
 use tsuya::relight::{
-    EnvironmentOptions, EnvironmentScene, Evaluator, JobMaterial, Occlusion, PreparedEnvironment,
+    EnvironmentOptions, EnvironmentScene, EvaluatorKind, JobMaterial, Occlusion, PreparedEnvironment,
     PreparedEnvironmentOptions, RealtimeRenderer, RenderObject, UniformMaterial, look_at,
 };
 use tsuya::visibility::{BakeOptions, Visibility, bake};
@@ -61,8 +62,7 @@ fn main() -> Outcome {
 }
 
 fn placing(mesh: &Mesh, name: &str, environment: &EnvironmentMap) -> Outcome {
-    use tsuya::ar::Placement;
-    use tsuya::ar::{ArFrame, ArObject, ArOptions, LightSource, Plate, run};
+    use tsuya::ar::{ArObject, ArOptions, LightSource, Placement, Plate, Session};
     use tsuya::capture::{Calibration, Lens};
     use tsuya::marker::Rig;
     const FRAMES: usize = 60;
@@ -95,24 +95,22 @@ fn placing(mesh: &Mesh, name: &str, environment: &EnvironmentMap) -> Outcome {
     for (material, text) in materials {
         for (moves, samples) in [(false, 1), (false, 2), (true, 1), (true, 2)] {
             let look = UniformMaterial::new(serde_json::from_str::<JobMaterial>(text)?.uniform()?, 7);
-            let subject = ArObject { mesh, occlusion: &occlusion, look: &look, placement, detail: None };
+            let object = RenderObject::new(mesh, Some(&occlusion))?;
+            let object = ArObject { object, shading: &look, placement, detail: None };
             let options = ArOptions { samples, ..ArOptions::default() };
-            let mut turned = moving.iter();
-            let mut turn = || Ok(turned.next().cloned());
-            let light = if moves { LightSource::PerFrame(&mut turn) } else { LightSource::Fixed(environment) };
-            let mut waiting = shots.iter();
-            let mut next = || Ok(waiting.next().map(|plate| ArFrame { plate: plate.clone(), nearer: None }));
+            let light = if moves { LightSource::PerFrame } else { LightSource::Fixed(environment) };
+            let mut session = Session::new(&object, &calibration, Rig::parse("tag36h11:0:0.1")?, light, options)?;
             let mut sums = [0.0; 5];
             let mut count = 0;
-            // The first frames fill the caches.
-            run(&subject, &calibration, Rig::parse("tag36h11:0:0.1")?, light, &options, &mut next, &mut |_, done| {
-                if done.frame >= 5 && done.estimate.is_some() {
-                    let t = done.times;
+            for (plate, turned) in shots.iter().zip(&moving) {
+                let report = session.frame(&mut plate.clone(), None, Some(turned).filter(|_| moves))?;
+                // The first frames fill the caches.
+                if report.frame >= 5 && report.estimate.is_some() {
+                    let t = report.times;
                     sums = std::array::from_fn(|k| sums[k] + [t.whole, t.pose, t.light, t.render, t.composite][k]);
                     count += 1;
                 }
-                Ok(())
-            })?;
+            }
             let [whole, pose, light, render, composite] = sums.map(|s| 1e3 * s / count as f64);
             println!(
                 "| {material} | {} | {samples} | {pose:.1} ms | {light:.1} ms | {render:.1} ms | {composite:.1} ms | {:.1} |",
@@ -228,11 +226,11 @@ fn frames(mesh: &Mesh, name: &str, environment: &EnvironmentMap) -> Outcome {
     let baked = bake(mesh, &BakeOptions::default())?;
     let occlusion = Occlusion::from_visibility(&baked.visibility);
     let object = RenderObject::new(mesh, Some(&occlusion))?;
-    let surround = PreparedEnvironment::new(environment, &PreparedEnvironmentOptions::default());
-    let light = EnvironmentLobes {
+    let surround = Arc::new(PreparedEnvironment::new(environment, &PreparedEnvironmentOptions::default()));
+    let light = Arc::new(EnvironmentLobes {
         diffuse: lighting::fit(environment, &lighting::LobeFitOptions::default(), None),
         prefiltered: lighting::prefiltered_maps(environment, 256),
-    };
+    });
     println!("{name}, {} vertices, {} distant lights", mesh.positions.len(), surround.distant_lights().len());
     println!(
         "| material | evaluator | taps | frames a second | pixels of the object | of stills |\n|---|---|---|---|---|---|"
@@ -247,16 +245,16 @@ fn frames(mesh: &Mesh, name: &str, environment: &EnvironmentMap) -> Outcome {
         let material_of =
             || serde_json::from_str::<JobMaterial>(text).map_err(Box::from).and_then(|m| Ok(m.uniform()?));
         for (evaluator, taps) in
-            [(Evaluator::SphericalGaussian, 7), (Evaluator::Filtered, 7), (Evaluator::Filtered, 24)]
+            [(EvaluatorKind::SphericalGaussian, 7), (EvaluatorKind::Filtered, 7), (EvaluatorKind::Filtered, 24)]
         {
             let named: Result<_, Box<dyn std::error::Error>> = material_of();
             let look = UniformMaterial::new(named?, taps);
             let scene_of = |taps: usize, samples: u32| {
                 let options = EnvironmentOptions { evaluator, taps, samples, ..EnvironmentOptions::default() };
-                EnvironmentScene::new(&object, &surround, Some(&light), options)
+                EnvironmentScene::new(&object, surround.clone(), Some(light.clone()), options)
             };
             let scene = scene_of(taps, 1)?;
-            let mut motion = RealtimeRenderer::new(&scene);
+            let mut motion = RealtimeRenderer::new(scene);
             motion.render(&camera(mesh, 0), &look)?;
             let (clock, mut pixels) = (Instant::now(), 0);
             for k in 0..FRAMES {

@@ -1,0 +1,164 @@
+//! State kept from frame to frame: tracker, light, renderer and compositor.
+
+use super::compositor::{Compositor, TrackedFrame};
+use super::object_renderer::ObjectRenderer;
+use super::plate::{Plate, SrgbCurve};
+use super::{ArObject, ArOptions, FrameReport, FrameTimes, LightSource};
+use crate::capture::calibration::Calibration;
+use crate::error::{Error, Result};
+use crate::image::Mask;
+use crate::lighting::{EnvironmentMap, follow::LightFollower};
+use crate::marker::Rig;
+use crate::marker::track::MarkerTracker;
+use crate::relight::{
+    EnvironmentOptions, EnvironmentScene, EvaluatorKind, PreparedEnvironment, PreparedEnvironmentOptions,
+};
+use std::sync::Arc;
+use std::time::Instant;
+
+/// Lobes of a light that comes with the frames.
+const LOBES: usize = 10;
+
+/// Puts an object into the frames of one camera, one after the other. The result depends on the frames alone, not on the number of threads.
+pub struct Session<'a> {
+    tracker: FrameTracker,
+    light: SessionLight,
+    renderer: Option<ObjectRenderer<'a>>,
+    compositor: Compositor<'a>,
+    curve: SrgbCurve,
+}
+
+impl<'a> Session<'a> {
+    /// Prepares the object, and the light where it is fixed.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Parameter`] for a placement without a ground, an object without visibility, or samples or taps out of range.
+    pub fn new(
+        object: &'a ArObject<'a>,
+        calibration: &Calibration,
+        rig: Rig,
+        light: LightSource,
+        options: ArOptions,
+    ) -> Result<Self> {
+        let mut compositor = Compositor::new(object, calibration, options)?;
+        let tracker = FrameTracker {
+            tracker: MarkerTracker::new(rig, calibration.camera, calibration.lens)?,
+            frame: 0,
+            size: [calibration.camera.width as usize, calibration.camera.height as usize],
+        };
+        let light = match light {
+            LightSource::Fixed(environment) => {
+                let prepared = PreparedEnvironment::new(environment, &PreparedEnvironmentOptions::default());
+                let finer = PreparedEnvironmentOptions { distant_lights: 32, ..PreparedEnvironmentOptions::default() };
+                compositor.set_light(&prepared, |shadow| {
+                    shadow.light(&PreparedEnvironment::new(environment, &finer));
+                });
+                SessionLight::Fixed(Arc::new(prepared))
+            }
+            LightSource::PerFrame => SessionLight::PerFrame {
+                follower: Box::new(LightFollower::new(LOBES)),
+                prepared: Arc::new(PreparedEnvironment::from_prefiltered(&[])),
+            },
+        };
+        let renderer = match light {
+            SessionLight::Fixed(_) => Some(ObjectRenderer::new(light.scene(object, &options)?, options.mode)),
+            SessionLight::PerFrame { .. } => None,
+        };
+        Ok(Session { tracker, light, renderer, compositor, curve: SrgbCurve::new() })
+    }
+
+    /// Puts the object into a frame; pixels of `nearer` keep what they show. With [`LightSource::PerFrame`] `environment` is the light from this
+    /// frame on; without one the last stays, and all is black before the first.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Parameter`] for a frame or mask of another size than the calibration's, or an environment where the light is fixed.
+    pub fn frame(
+        &mut self,
+        plate: &mut Plate,
+        nearer: Option<&Mask>,
+        environment: Option<&EnvironmentMap>,
+    ) -> Result<FrameReport> {
+        if environment.is_some() && matches!(self.light, SessionLight::Fixed(_)) {
+            return Err(Error::parameter("an environment for one frame of a session whose light is fixed"));
+        }
+        let clock = Instant::now();
+        let Session { tracker, light, renderer, compositor, curve } = self;
+        let (tracked, seconds) = crate::parallel::join(
+            || tracker.track(plate, curve),
+            || {
+                light.follow(environment, compositor);
+                if environment.is_some() { clock.elapsed().as_secs_f64() } else { 0.0 }
+            },
+        );
+        let tracked = tracked?;
+        let preparing = Instant::now();
+        let mut times = FrameTimes { pose: tracked.seconds, light: seconds, ..FrameTimes::default() };
+        let renderer = match renderer {
+            Some(renderer) if environment.is_none() => renderer,
+            _ => {
+                let scene = light.scene(compositor.object, &compositor.options)?;
+                renderer.insert(ObjectRenderer::new(scene, compositor.options.mode))
+            }
+        };
+        times.render = preparing.elapsed().as_secs_f64();
+        let mut report = compositor.composite(renderer, curve, plate, nearer, tracked, times)?;
+        report.times.whole = clock.elapsed().as_secs_f64();
+        Ok(report)
+    }
+}
+
+/// Light of the frames.
+enum SessionLight {
+    /// Prepared once.
+    Fixed(Arc<PreparedEnvironment>),
+    /// Fitted anew for each environment that comes.
+    PerFrame { follower: Box<LightFollower>, prepared: Arc<PreparedEnvironment> },
+}
+
+impl SessionLight {
+    /// Fits a new environment and casts the shadow that it gives.
+    fn follow(&mut self, environment: Option<&EnvironmentMap>, compositor: &mut Compositor) {
+        if let (SessionLight::PerFrame { follower, prepared }, Some(environment)) = (self, environment) {
+            *prepared = Arc::new(PreparedEnvironment::from_prefiltered(&follower.update(environment).prefiltered));
+            compositor.set_light(prepared, |shadow| shadow.light_blurred(prepared));
+        }
+    }
+
+    fn scene<'a>(&self, object: &'a ArObject<'a>, options: &ArOptions) -> Result<EnvironmentScene<'a>> {
+        let (evaluator, prepared, light) = match self {
+            SessionLight::Fixed(prepared) => (EvaluatorKind::Filtered, prepared, None),
+            SessionLight::PerFrame { follower, prepared } => {
+                (EvaluatorKind::SphericalGaussian, prepared, Some(follower.light().clone()))
+            }
+        };
+        let &ArOptions { samples, taps, .. } = options;
+        let options = EnvironmentOptions { evaluator, shadows: true, samples, taps };
+        EnvironmentScene::new(&object.object, prepared.clone(), light, options)
+    }
+}
+
+/// Finds the markers of each frame.
+struct FrameTracker {
+    tracker: MarkerTracker,
+    /// Number of the next frame.
+    frame: usize,
+    size: [usize; 2],
+}
+
+impl FrameTracker {
+    fn track(&mut self, plate: &Plate, curve: &SrgbCurve) -> Result<TrackedFrame> {
+        let clock = Instant::now();
+        let frame = self.frame;
+        self.frame += 1;
+        if plate.size() != self.size {
+            let ([w, h], [width, height]) = (plate.size(), self.size);
+            let message = format!("frame {frame} has {w} x {h} pixels, the calibration is of {width} x {height}");
+            return Err(Error::parameter(message));
+        }
+        let grey = curve.grey(plate);
+        let found = self.tracker.track(&grey)?;
+        Ok(TrackedFrame { frame, grey, found, seconds: clock.elapsed().as_secs_f64() })
+    }
+}
