@@ -63,7 +63,7 @@ fn rgl_to_a_model_to_merl() {
     let (tuned, lobes) = (path("felt.tsuya"), path("lobes.tsuya"));
     let (tuned, lobes) = (text(&tuned), text(&lobes));
     let own = json(&["brdf", "fit", table, "-o", tuned, "--json"]);
-    assert_eq!(own["form"], "tuned");
+    assert_eq!(own["form"], "compact");
     assert!(own["bytes"].as_u64().unwrap() <= 256 && own["log_rmse"].as_f64().unwrap() < 0.015, "{own}");
     assert!(own["sphere_psnr_db"]["point"].as_f64().unwrap() > 45.0, "{own}");
     assert!(own["sphere_psnr_db"]["environment"].as_f64().unwrap() > 45.0, "{own}");

@@ -62,3 +62,37 @@ fn a_type_has_a_name_of_its_own() {
     let reused: usize = places.values().map(Vec::len).sum();
     assert!(total > 300 && reused as f64 <= MAX_REUSED_NAMES * total as f64, "{reused} of {total}: {places:#?}");
 }
+
+#[test]
+fn every_dependency_is_used() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let manifest = std::fs::read_to_string(root.join("Cargo.toml")).unwrap();
+    let (mut table, mut dependencies) = (String::new(), Vec::new());
+    for line in manifest.lines() {
+        if let Some(name) = line.strip_prefix('[').and_then(|line| line.strip_suffix(']')) {
+            table = name.to_owned();
+        } else if let Some((name, _)) = line.split_once(" = ")
+            && (table == "dependencies" || table.ends_with(".dependencies"))
+        {
+            dependencies.push(name.replace('-', "_"));
+        }
+    }
+    assert!(dependencies.len() > 20, "{dependencies:?}");
+    let mut text: String = sources().into_iter().map(|(_, text)| text).collect();
+    text += &program_sources(&root.join("src/bin"));
+    let is_named = |name: &str| {
+        let is_start = |at: usize| !text[..at].ends_with(|c: char| c.is_alphanumeric() || c == '_');
+        text.match_indices(name).any(|(at, _)| is_start(at) && text[at + name.len()..].starts_with("::"))
+    };
+    dependencies.retain(|name| !is_named(name));
+    assert!(dependencies.is_empty(), "no source names {dependencies:?}");
+}
+
+fn program_sources(folder: &Path) -> String {
+    let entries = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+    let text = |path: PathBuf| match path.is_dir() {
+        true => program_sources(&path),
+        false => std::fs::read_to_string(path).unwrap(),
+    };
+    entries.map(text).collect()
+}

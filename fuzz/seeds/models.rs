@@ -75,7 +75,7 @@ pub fn put(seeds: &Seeds) {
         population.add_values(value).expect("values everywhere");
     }
     for (name, method) in
-        [("uniform", PlanMethod::Uniform), ("published", PlanMethod::Published), ("optimal", PlanMethod::Optimal)]
+        [("uniform", PlanMethod::Uniform), ("variance", PlanMethod::Variance), ("optimal", PlanMethod::Optimal)]
     {
         let mut plan = population.plan(6, method).expect("a plan");
         // Shorter: two components are as good as all.

@@ -30,15 +30,20 @@ impl BrdfForm {
     /// Its name.
     pub fn name(self) -> &'static str {
         match self {
-            BrdfForm::Compact => "tuned",
-            BrdfForm::Dsbrdf => "published",
+            BrdfForm::Compact => "compact",
+            BrdfForm::Dsbrdf => "dsbrdf",
             BrdfForm::Classical(form) => form.name(),
         }
     }
 
     /// The form of a name.
     pub fn from_name(name: &str) -> Option<Self> {
-        Self::all().into_iter().find(|form| form.name() == name)
+        match name {
+            // Names of earlier versions.
+            "tuned" => Some(BrdfForm::Compact),
+            "published" => Some(BrdfForm::Dsbrdf),
+            _ => Self::all().into_iter().find(|form| form.name() == name),
+        }
     }
 }
 
@@ -108,7 +113,7 @@ pub fn fit_samples(samples: &[BrdfSample], form: BrdfForm, settings: &FitSetting
         BrdfForm::Compact => FittedMaterial::Compact(compact::fit_compact(samples, &settings.compact)?),
         BrdfForm::Dsbrdf => FittedMaterial::Dsbrdf(dsbrdf::fit_dsbrdf(samples, &settings.dsbrdf)?),
         BrdfForm::Classical(_) => {
-            return Err(crate::Error::parameter("samples are fitted in the forms tuned and published only"));
+            return Err(crate::Error::parameter("samples are fitted in the forms compact and dsbrdf only"));
         }
     }))
 }

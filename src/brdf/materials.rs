@@ -5,6 +5,7 @@ use super::compact::CompactMaterial;
 use super::dsbrdf::DsbrdfMaterial;
 use crate::error::{Error, Result};
 use crate::limits::Budget;
+use byteorder::{ByteOrder, LittleEndian};
 use std::collections::HashSet;
 
 /// A material that a few hundred bytes describe.
@@ -17,11 +18,11 @@ pub enum FittedMaterial {
 }
 
 impl FittedMaterial {
-    /// `dsbrdf` or `tuned`.
+    /// `dsbrdf` or `compact`.
     pub fn form(&self) -> &'static str {
         match self {
             FittedMaterial::Dsbrdf(_) => "dsbrdf",
-            FittedMaterial::Compact(_) => "tuned",
+            FittedMaterial::Compact(_) => "compact",
         }
     }
 
@@ -84,8 +85,8 @@ const DSBRDF_MEMORY: u64 = 100_000;
 /// # Errors
 /// [`Error::Parameter`] where a name is empty, longer than 255 bytes or there twice.
 pub fn encode_materials(materials: &[NamedMaterial]) -> Result<Vec<u8>> {
-    let mut bytes = vec![VERSION];
-    bytes.extend_from_slice(&(materials.len() as u32).to_le_bytes());
+    let mut bytes = vec![VERSION, 0, 0, 0, 0];
+    LittleEndian::write_u32(&mut bytes[1..], materials.len() as u32);
     let mut names = HashSet::new();
     for NamedMaterial { name, material } in materials {
         let length = u8::try_from(name.len()).ok().filter(|&length| length > 0);
@@ -104,7 +105,9 @@ pub fn encode_materials(materials: &[NamedMaterial]) -> Result<Vec<u8>> {
         bytes.extend_from_slice(name.as_bytes());
         let long =
             u16::try_from(coded.len()).map_err(|_| Error::parameter(format!("material '{name}' is too large")))?;
-        bytes.extend_from_slice(&long.to_le_bytes());
+        let at = bytes.len();
+        bytes.extend_from_slice(&[0; 2]);
+        LittleEndian::write_u16(&mut bytes[at..], long);
         bytes.extend_from_slice(&coded);
     }
     Ok(bytes)
@@ -120,7 +123,7 @@ pub fn decode_materials(bytes: &[u8], budget: &Budget) -> Result<Vec<NamedMateri
     if version != VERSION {
         return Err(Error::Unsupported(format!("version {version} of section {SECTION}; this build reads {VERSION}")));
     }
-    let count = u32::from_le_bytes(reader.array("number of materials")?);
+    let count = LittleEndian::read_u32(reader.take(4, "number of materials")?);
     let mut materials = Vec::new();
     let mut names = HashSet::new();
     // Grows with the bytes that are there: each material takes some, or ends the loop.
@@ -131,7 +134,7 @@ pub fn decode_materials(bytes: &[u8], budget: &Budget) -> Result<Vec<NamedMateri
             .ok()
             .filter(|name| !name.is_empty())
             .ok_or_else(|| Error::format(SECTION, at, "a name is 1 to 255 bytes of UTF-8"))?;
-        let length = u16::from_le_bytes(reader.array("length of a material")?);
+        let length = LittleEndian::read_u16(reader.take(2, "length of a material")?);
         let coded = reader.take(length as usize, "material")?;
         let memory = match form {
             0 => DSBRDF_MEMORY,
@@ -201,8 +204,8 @@ mod tests {
         let mut all = vec![NamedMaterial { name: "lobes".into(), material: FittedMaterial::Dsbrdf(lobes) }];
         #[cfg(feature = "encode")]
         {
-            let tuned = crate::brdf::compact::fit_compact(&samples, &Default::default()).unwrap();
-            all.push(NamedMaterial { name: "own form \u{8276}".into(), material: FittedMaterial::Compact(tuned) });
+            let compact = crate::brdf::compact::fit_compact(&samples, &Default::default()).unwrap();
+            all.push(NamedMaterial { name: "own form \u{8276}".into(), material: FittedMaterial::Compact(compact) });
         }
         all
     }
@@ -240,9 +243,9 @@ mod tests {
     #[test]
     fn a_compact_material_is_small_and_close_and_has_lobes() {
         let all = materials();
-        let tuned = &all[1].material;
-        assert!(tuned.encode().len() <= 256);
-        for (of, most) in [(tuned.clone(), 0.03), (FittedMaterial::Dsbrdf(tuned.to_dsbrdf().unwrap()), 0.4)] {
+        let compact = &all[1].material;
+        assert!(compact.encode().len() <= 256);
+        for (of, most) in [(compact.clone(), 0.03), (FittedMaterial::Dsbrdf(compact.to_dsbrdf().unwrap()), 0.4)] {
             let samples = BrdfSample::tabulate(&Glossy, [20, 15, 5]);
             let error = |s: &BrdfSample| {
                 let angles = crate::brdf::HalfDifference { theta_h: s.theta_h, theta_d: s.theta_d, phi_d: 1.2 };

@@ -6,6 +6,7 @@ use super::view_names::view_names;
 use crate::error::{Error, Result};
 use crate::input::{FileAccess, Folder, escaped, quoted};
 use crate::views::{Camera, View};
+use byteorder::{ByteOrder, LittleEndian};
 use std::collections::BTreeMap;
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -171,15 +172,15 @@ impl BinaryReader<'_> {
         Ok(*bytes)
     }
     fn u32(&mut self, what: &str) -> Result<u32> {
-        Ok(u32::from_le_bytes(self.take(what)?))
+        Ok(LittleEndian::read_u32(&self.take::<4>(what)?))
     }
     fn u64(&mut self, what: &str) -> Result<u64> {
-        Ok(u64::from_le_bytes(self.take(what)?))
+        Ok(LittleEndian::read_u64(&self.take::<8>(what)?))
     }
     fn numbers<const N: usize>(&mut self, what: &str) -> Result<[f64; N]> {
         let mut numbers = [0.0; N];
         for number in &mut numbers {
-            *number = f64::from_le_bytes(self.take(what)?);
+            *number = LittleEndian::read_f64(&self.take::<8>(what)?);
         }
         Ok(numbers)
     }
@@ -325,7 +326,7 @@ fn image_count(folder: &Path, access: &FileAccess) -> Option<u64> {
     if let Some((_, images)) = files(folder, "bin") {
         let mut count = [0; 8];
         crate::input::open(&images).ok()?.0.read_exact(&mut count).ok()?;
-        return Some(u64::from_le_bytes(count));
+        return Some(LittleEndian::read_u64(&count));
     }
     let (_, images) = files(folder, "txt")?;
     read_images_txt(&images, access).ok().map(|poses| poses.len() as u64)

@@ -8,11 +8,11 @@ use glam::Vec3;
 /// Reflectance at one point.
 pub struct ShadingParameters<'a> {
     /// Diffuse albedo.
-    pub albedo: Vec3,
+    pub(super) albedo: Vec3,
     /// Factor of the specular part.
-    pub specular_scale: Vec3,
+    pub(super) specular_scale: Vec3,
     /// Specular part with its prepared taps.
-    pub specular: Option<&'a PreparedSpecular>,
+    pub(super) specular: Option<&'a PreparedSpecular>,
 }
 
 /// A specular part with the half vectors that stand for it.

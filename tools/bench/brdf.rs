@@ -104,7 +104,7 @@ fn plans(merl: &[PathBuf]) -> Result<()> {
             judged.len()
         );
         let (tuned, lobes) = (BrdfForm::Compact, BrdfForm::Dsbrdf);
-        let (uniform, published, optimal) = (PlanMethod::Uniform, PlanMethod::Published, PlanMethod::Optimal);
+        let (uniform, published, optimal) = (PlanMethod::Uniform, PlanMethod::Variance, PlanMethod::Optimal);
         let counts: &[usize] = if part == 1 { &[8, 11, 16, 18, 32, 64, 128, 200] } else { &[11, 18, 32, 200] };
         let mut rows: Vec<(String, MeasurementPlan, BrdfForm)> = Vec::new();
         for &count in counts {

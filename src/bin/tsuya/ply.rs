@@ -1,5 +1,6 @@
 //! Meshes as binary PLY files.
 
+use byteorder::{ByteOrder, LittleEndian};
 use tsuya::Mesh;
 
 /// The file: vertex positions as 32-bit floats, triangles as lists of 32-bit indices, little-endian.
@@ -11,12 +12,14 @@ pub fn write(mesh: &Mesh) -> Vec<u8> {
         mesh.triangles.len()
     )
     .into_bytes();
-    for coordinate in mesh.positions.iter().flatten() {
-        bytes.extend_from_slice(&coordinate.to_le_bytes());
-    }
+    let positions = mesh.positions.as_flattened();
+    let start = bytes.len();
+    bytes.resize(start + size_of_val(positions), 0);
+    LittleEndian::write_f32_into(positions, &mut bytes[start..]);
     for triangle in &mesh.triangles {
-        bytes.push(3);
-        triangle.iter().for_each(|corner| bytes.extend_from_slice(&corner.to_le_bytes()));
+        let mut face = [3; 13];
+        LittleEndian::write_u32_into(triangle, &mut face[1..]);
+        bytes.extend_from_slice(&face);
     }
     bytes
 }

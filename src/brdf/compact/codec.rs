@@ -1,4 +1,4 @@
-//! A tuned material as bytes.
+//! A compact material as bytes.
 
 use super::prior::{CONTINUE_PROBABILITIES, LEVELS, ORDINARY};
 use super::{CompactHeader, CompactMaterial, TermDegrees, degrees};
@@ -25,10 +25,10 @@ impl CompactMaterial {
     pub fn decode(bytes: &[u8], section: &str) -> Result<Self> {
         let mut coder = RangeDecoder::new(bytes);
         let material = code(&mut coder, None).ok_or_else(|| {
-            Error::format(section, 0, "a coefficient of a tuned material is out of range, or it is cut")
+            Error::format(section, 0, "a coefficient of a compact material is out of range, or it is cut")
         })?;
         if !coder.ends_as_written(0) {
-            return Err(Error::format(section, 0, "a tuned material doesn't end where its bytes end"));
+            return Err(Error::format(section, 0, "a compact material doesn't end where its bytes end"));
         }
         Ok(material)
     }

@@ -1,4 +1,4 @@
-//! The `tuned` form: the logarithm of the BRDF as a polynomial of three angles, quantised and range-coded; a material takes 256 bytes.
+//! The `compact` form: the logarithm of the BRDF as a polynomial of three angles, quantised and range-coded; a material takes 256 bytes.
 //!
 //! With `x = sqrt(theta_h / (pi/2))`, `y = theta_d / (pi/2)` and `s = (cos_i - cos_o) / (cos_i + cos_o)`, which is
 //! `-tan theta_h tan theta_d cos phi_d` and runs from -1 to 1 between the horizons,
@@ -73,7 +73,7 @@ pub(super) fn terms(theta_h: f64, theta_d: f64, cos_incoming: f64, cos_outgoing:
     degrees(true).iter().map(|&[a, b, m]| along_x[a] * along_y[b] * along_s[m]).collect()
 }
 
-/// A material in the tuned form.
+/// A material in the compact form.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CompactMaterial {
     header: CompactHeader,

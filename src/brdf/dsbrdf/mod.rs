@@ -1,4 +1,4 @@
-//! The published lobe form (DSBRDF): sums of hemispherical exponential-power lobes of the half angle, one set for each slice of the
+//! The lobe form DSBRDF: sums of hemispherical exponential-power lobes of the half angle, one set for each slice of the
 //! difference angle, for each colour.
 //!
 //! A lobe is `amplitude (exp(kappa cos^gamma theta_h) - 1)`, `kappa > 0`, `gamma >= 0`: `gamma` near 0 is constant (Lambertian), a large one
@@ -21,7 +21,7 @@ pub struct DsbrdfLobe {
     pub kappa: f64,
     /// Narrowness, 0 or more.
     pub gamma: f64,
-    /// Factor, 1 in the form as published.
+    /// Factor, 1 in the form of its authors.
     pub amplitude: f64,
 }
 
@@ -45,7 +45,7 @@ fn is_in_range(quantised: &i32) -> bool {
     (-RANGE..=RANGE).contains(quantised)
 }
 
-/// A material in the published form.
+/// A material as lobes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DsbrdfMaterial {
     slices: usize,

@@ -3,6 +3,7 @@
 use super::{MERL_CELLS, MERL_SCALES, MerlTable, PHI_D_BINS, THETA_D_BINS, THETA_H_BINS};
 use crate::input::{FileAccess, open};
 use crate::{Error, Result};
+use byteorder::{BigEndian, ByteOrder, LittleEndian, WriteBytesExt};
 use std::io::{BufWriter, Read, Write};
 use std::path::Path;
 
@@ -58,7 +59,7 @@ impl MerlTable {
                     cells.resize(at + wanted / 8, [0.0; 3]);
                 }
                 for (cell, bytes) in cells[at..].iter_mut().zip(block[..wanted].chunks_exact(8)) {
-                    let stored = f64::from_le_bytes(bytes.try_into().unwrap_or_default());
+                    let stored = LittleEndian::read_f64(bytes);
                     odd.count(stored);
                     cell[plane] = (stored * scale) as f32;
                 }
@@ -80,13 +81,13 @@ impl MerlTable {
     pub fn write_to(&self, writer: impl Write) -> std::io::Result<()> {
         let mut writer = BufWriter::with_capacity(BLOCK_BYTES, writer);
         for count in COUNTS {
-            writer.write_all(&count.to_le_bytes())?;
+            writer.write_u32::<LittleEndian>(count)?;
         }
         for (plane, scale) in MERL_SCALES.into_iter().enumerate() {
             for cell in &self.cells {
                 let value = cell[plane];
                 let stored = if value.is_nan() { -1.0 } else { value as f64 / scale };
-                writer.write_all(&stored.to_le_bytes())?;
+                writer.write_f64::<LittleEndian>(stored)?;
             }
         }
         writer.flush()
@@ -130,12 +131,11 @@ impl UnusualCells {
 }
 
 fn check_header(header: &[u8; 12], path: &Path) -> Result<()> {
-    let count = |at: usize| [header[at], header[at + 1], header[at + 2], header[at + 3]];
-    let counts = [0, 4, 8].map(|at| u32::from_le_bytes(count(at)));
+    let counts = [0, 4, 8].map(|at| LittleEndian::read_u32(&header[at..]));
     if counts == COUNTS {
         return Ok(());
     }
-    if [0, 4, 8].map(|at| u32::from_be_bytes(count(at))) == COUNTS {
+    if [0, 4, 8].map(|at| BigEndian::read_u32(&header[at..])) == COUNTS {
         let message = "the header is big-endian (bytes in the wrong order); a MERL table is little-endian: swap the bytes of \
                        its three 4-byte counts and of its 8-byte values";
         return Err(wrong(path, message.into()));

@@ -1,6 +1,6 @@
 //! What to measure: angles for a budget of samples, chosen from a population of measured materials, and materials out of such samples.
 //!
-//! Three methods. **Uniform**: equal steps of `theta_h` in equal slices of `theta_d`. **Published** (DSBRDF, equations 10 and 11): steps
+//! Three methods. **Uniform**: equal steps of `theta_h` in equal slices of `theta_d`. **Variance** (DSBRDF, equations 10 and 11): steps
 //! of `theta_h` that shrink where the materials' `ln(1 + f)` varies more, `theta'_i = 90 deg A_i / A_89` with `A_i = sum 1 / sigma_k^2`.
 //! **Optimal**: one sample after the other, each where it lowers the expected error most (Bayesian A-optimal design, Chaloner and
 //! Verdinelli 1995), given the principal components of the population's logarithms; after Nielsen, Jensen and Ramamoorthi 2015 and Xu
@@ -25,7 +25,8 @@ use std::f64::consts::PI;
 #[serde(rename_all = "lowercase")]
 pub enum PlanMethod {
     /// By the population's variance along `theta_h`.
-    Published,
+    #[serde(alias = "published")]
+    Variance,
     /// In equal steps.
     Uniform,
     /// By the error that is expected after each sample.
@@ -62,7 +63,7 @@ impl PlannedAngles {
     }
 }
 
-/// What a population of materials has in common: mean and principal components of `ln(f + floor)` as coefficients of the tuned form's terms.
+/// What a population of materials has in common: mean and principal components of `ln(f + floor)` as coefficients of the compact form's terms.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PopulationComponents {

@@ -12,7 +12,7 @@ use crate::vector::dot_slices;
 const FLOOR: f64 = 0.003;
 /// Principal components that are kept.
 const COMPONENTS: usize = 40;
-/// Least variance in published plans, as a part of the greatest, unless another is asked for.
+/// Least variance in variance plans, as a part of the greatest, unless another is asked for.
 const VARIANCE_FLOOR: f64 = 0.01;
 /// No direction of a plan is nearer to the horizon: cosine of 85 degrees.
 const MIN_COSINE: f64 = 0.087;
@@ -72,13 +72,13 @@ impl Population {
         population
     }
 
-    /// With another floor of the variance in published plans, as a part of the greatest variance, above 0.
+    /// With another floor of the variance in variance plans, as a part of the greatest variance, above 0.
     pub fn with_variance_floor(mut self, floor: f64) -> Self {
         self.variance_floor = floor.clamp(1e-9, 1.0);
         self
     }
 
-    /// Uniform and published plans that begin at this half angle, 0 to 80 degrees: what is fitted to them leaves smaller ones out, as
+    /// Uniform and variance plans that begin at this half angle, 0 to 80 degrees: what is fitted to them leaves smaller ones out, as
     /// lobes do by default ([`crate::brdf::dsbrdf::DsbrdfFitOptions::min_theta_h_deg`]), so that samples there would be lost. The floor of
     /// the variance is then a part of the greatest beyond it. Optimal plans don't change.
     pub fn with_min_theta_h_deg(mut self, least: f64) -> Self {
@@ -138,7 +138,7 @@ impl Population {
         self.plan_of(count, choose::slices(count), method)
     }
 
-    /// A uniform or published plan of `slices` of `theta_d`, each of `count` samples; for the optimal one only their product counts.
+    /// A uniform or variance plan of `slices` of `theta_d`, each of `count` samples; for the optimal one only their product counts.
     /// # Errors
     /// As [`Population::plan`].
     pub fn plan_slices(&self, slices: usize, count: usize, method: PlanMethod) -> Result<MeasurementPlan> {
@@ -181,8 +181,8 @@ impl Population {
             PlanMethod::Optimal => {
                 design.optimal(count, &candidates).into_iter().map(|n| angles_of(self.angles[n], left[n])).collect()
             }
-            PlanMethod::Uniform | PlanMethod::Published => {
-                let variance = (method == PlanMethod::Published).then(|| self.variance_along_theta_h());
+            PlanMethod::Uniform | PlanMethod::Variance => {
+                let variance = (method == PlanMethod::Variance).then(|| self.variance_along_theta_h());
                 let near = |angles: HalfDifference| angles_of(angles, left[self.nearest(angles)]);
                 let steps = choose::ThetaHSteps {
                     min_theta_h: self.min_theta_h,

@@ -89,7 +89,7 @@ fn damaged_plans_are_refused() {
     for n in 0..3 {
         add(&mut population, n);
     }
-    let plan = population.plan(8, PlanMethod::Published).unwrap();
+    let plan = population.plan(8, PlanMethod::Variance).unwrap();
     let text = plan.to_json().unwrap();
     assert!(MeasurementPlan::from_json(text.replace("plan-1", "plan-9").as_bytes()).is_err());
     assert!(MeasurementPlan::from_json(&text.as_bytes()[..text.len() / 2]).is_err());

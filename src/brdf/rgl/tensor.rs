@@ -1,6 +1,7 @@
 //! The tensor file: named arrays with shapes, anywhere in the file.
 
 use crate::{Error, Result};
+use byteorder::{ByteOrder, LittleEndian};
 use std::path::Path;
 
 const SIGNATURE: &[u8; 12] = b"tensor_file\0";
@@ -121,11 +122,11 @@ impl<'a> TensorFile<'a> {
         let values: Vec<f64> = match field.kind {
             FLOAT32 => {
                 let chunks = field.bytes.chunks_exact(4);
-                chunks.map(|b| f32::from_le_bytes(b.try_into().unwrap_or_default()).into()).collect()
+                chunks.map(|b| LittleEndian::read_f32(b).into()).collect()
             }
             FLOAT64 => {
                 let chunks = field.bytes.chunks_exact(8);
-                chunks.map(|b| f64::from_le_bytes(b.try_into().unwrap_or_default())).collect()
+                chunks.map(|b| LittleEndian::read_f64(b)).collect()
             }
             other => return Err(wrong(format!("numbers of type {other}, floats expected"))),
         };
@@ -157,12 +158,12 @@ impl<'a> TensorReader<'a> {
         Some(taken)
     }
     fn u16(&mut self) -> Option<u16> {
-        Some(u16::from_le_bytes(self.take(2)?.try_into().ok()?))
+        self.take(2).map(LittleEndian::read_u16)
     }
     fn u32(&mut self) -> Option<u32> {
-        Some(u32::from_le_bytes(self.take(4)?.try_into().ok()?))
+        self.take(4).map(LittleEndian::read_u32)
     }
     fn u64(&mut self) -> Option<u64> {
-        Some(u64::from_le_bytes(self.take(8)?.try_into().ok()?))
+        self.take(8).map(LittleEndian::read_u64)
     }
 }

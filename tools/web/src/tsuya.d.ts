@@ -219,7 +219,7 @@ export interface Light {
 
 export interface Material {
   name: string;
-  form: "dsbrdf" | "tuned";
+  form: "dsbrdf" | "compact";
   /**
    * BRDF values (1/sr) over the half angle, the difference angle and its azimuth: `size[0] * size[1] * size[2]` times red, green, blue, the
    * azimuth fastest. Half angles are `(i / size[0])^2 * 90` degrees as in MERL's tables, difference angles 0 to 90 and azimuths 0 to 180

@@ -54,25 +54,25 @@ pub struct Fit {
 /// What is fitted, and how.
 #[derive(Args)]
 pub struct Forms {
-    /// tuned (the least error for its bytes), published (lobes of the half angle), lambert, blinn-phong, cook-torrance-beckmann,
-    /// cook-torrance-ggx, ward, ashikhmin-shirley, lafortune [default: tuned, or cook-torrance-ggx for a .json].
+    /// compact (the least error for its bytes), dsbrdf (lobes of the half angle), lambert, blinn-phong, cook-torrance-beckmann,
+    /// cook-torrance-ggx, ward, ashikhmin-shirley, lafortune [default: compact, or cook-torrance-ggx for a .json].
     #[arg(long, value_name = "FORM", value_parser = form)]
     form: Option<BrdfForm>,
-    /// Form tuned: bytes of a coded material at most.
+    /// Form compact: bytes of a coded material at most.
     #[arg(long, value_name = "N", default_value_t = 256, value_parser = clap::value_parser!(u16).range(32..=4096))]
     max_bytes: u16,
-    /// Form published: slices of the difference angle; 18 and 6 are the published ones.
+    /// Form dsbrdf: slices of the difference angle; 18 and 6 are those of its authors.
     #[arg(long, value_name = "N", default_value_t = 18, value_parser = clap::value_parser!(u16).range(1..=90))]
     slices: u16,
-    /// Form published: lobes of each colour, 1 to 5; 0 chooses by error.
+    /// Form dsbrdf: lobes of each colour, 1 to 5; 0 chooses by error.
     #[arg(long, value_name = "K", default_value_t = 3, value_parser = clap::value_parser!(u16).range(0..=5))]
     lobes: u16,
-    /// Form published: each lobe has an amplitude of its own.
+    /// Form dsbrdf: each lobe has an amplitude of its own.
     #[arg(long)]
     amplitudes: bool,
-    /// Form published: half angles from here on, in degrees; nearer to the highlight's centre measurements are unreliable. 0 keeps all.
-    #[arg(long, value_name = "DEG", default_value_t = 5.0)]
-    least_theta_h: f64,
+    /// Form dsbrdf: half angles from here on, in degrees; nearer to the highlight's centre measurements are unreliable. 0 keeps all.
+    #[arg(long, alias = "least-theta-h", value_name = "DEG", default_value_t = 5.0)]
+    min_theta_h: f64,
     /// What the fit of a classical model makes small.
     #[arg(long, value_enum, default_value_t = Goal::Both)]
     objective: Goal,
@@ -105,7 +105,7 @@ impl Forms {
             (Some(form), Some(Kind::Tsuya)) if !classical(form) => Ok(form),
             (Some(form), None) => Ok(form),
             _ => {
-                let message = "the forms tuned and published are written as .tsuya, classical models as .json";
+                let message = "the forms compact and dsbrdf are written as .tsuya, classical models as .json";
                 Err(Error::parameter(format!("{}: {message}", output.unwrap_or(Path::new("-")).display())))
             }
         }
@@ -125,7 +125,7 @@ impl Forms {
             count => LobeCount::Given(count.into()),
         };
         settings.dsbrdf.amplitudes = self.amplitudes;
-        settings.dsbrdf.min_theta_h_deg = self.least_theta_h;
+        settings.dsbrdf.min_theta_h_deg = self.min_theta_h;
         settings.objective = match self.objective {
             Goal::Log => FitObjective::Logarithm,
             Goal::Picture => FitObjective::Picture,
@@ -281,14 +281,14 @@ pub fn write_fitted(path: &Path, all: Vec<(String, FittedBrdf)>) -> Result<Vec<u
         }
     }
     if !coded.is_empty() && !models.is_empty() || !coded.is_empty() && source::has_extension(path, "json") {
-        let message = "the forms tuned and published are written as .tsuya, classical models as .json";
+        let message = "the forms compact and dsbrdf are written as .tsuya, classical models as .json";
         return Err(Error::parameter(format!("{}: {message}", path.display())).into());
     }
     if !coded.is_empty() {
         return Ok(tsuya::encoder::encode_materials(&coded, &Metadata::default())?);
     }
     if source::has_extension(path, "tsuya") {
-        let message = "classical models are written as .json; --form tuned fits them anew";
+        let message = "classical models are written as .json; --form compact fits them anew";
         return Err(Error::parameter(format!("{}: {message}", path.display())).into());
     }
     let file = ModelFile { format: MODEL_FORMAT.into(), materials: models };

@@ -24,9 +24,9 @@ pub struct Plan {
     /// How angles are chosen.
     #[arg(long, value_enum, default_value_t = Method::Optimal)]
     method: Method,
-    /// Methods uniform and published: half angles from here on, in degrees. 5 suits a fit of form published, which leaves smaller ones out.
-    #[arg(long, value_name = "DEG", default_value_t = 0, value_parser = clap::value_parser!(u8).range(0..=80))]
-    least_theta_h: u8,
+    /// Methods uniform and variance: half angles from here on, in degrees. 5 suits a fit of form dsbrdf, which leaves smaller ones out.
+    #[arg(long, alias = "least-theta-h", value_name = "DEG", default_value_t = 0, value_parser = clap::value_parser!(u8).range(0..=80))]
+    min_theta_h: u8,
     /// The plan, JSON; tsuya brdf fit --samples takes it.
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
@@ -41,7 +41,8 @@ pub struct Plan {
 #[derive(Clone, Copy, ValueEnum)]
 enum Method {
     /// Along theta_h by the population's variance (DSBRDF, equations 10 and 11).
-    Published,
+    #[value(alias = "published")]
+    Variance,
     /// Along theta_h in equal steps.
     Uniform,
     /// Each sample where it lowers the expected error most.
@@ -58,7 +59,7 @@ impl Plan {
             return Err(Error::parameter("figures and the plan can't both go to standard output").into());
         }
         let busy = progress::busy("planning");
-        let mut population = Population::new().with_min_theta_h_deg(self.least_theta_h.into());
+        let mut population = Population::new().with_min_theta_h_deg(self.min_theta_h.into());
         for path in inputs {
             if !matches!(Kind::of(&path)?, Kind::Merl | Kind::Rgl) {
                 let message = "a population is of measured materials, .binary or .bsdf";
@@ -76,7 +77,7 @@ impl Plan {
             }
         }
         let method = match self.method {
-            Method::Published => brdf::PlanMethod::Published,
+            Method::Variance => brdf::PlanMethod::Variance,
             Method::Uniform => brdf::PlanMethod::Uniform,
             Method::Optimal => brdf::PlanMethod::Optimal,
         };

@@ -1,4 +1,4 @@
-//! Fitting the tuned form: weighted least squares, then a choice of integers under a limit of bytes.
+//! Fitting the compact form: weighted least squares, then a choice of integers under a limit of bytes.
 
 mod moments;
 mod quantise;
