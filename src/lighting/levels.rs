@@ -21,7 +21,7 @@ pub(crate) fn map_size(sharpness: f64, largest: usize) -> usize {
     (wanted.min(8192.0) as usize).next_multiple_of(8).min(largest.max(8))
 }
 
-/// All levels of [`SHARPNESS`], the sharpest with `largest` cells a side at most (512 is a good number for environments of
+/// All levels of `SHARPNESS`, the sharpest with `largest` cells a side at most (512 is a good number for environments of
 /// 512 x 256 pixels).
 pub fn prefiltered_maps(environment: &EnvironmentMap, largest: usize) -> Vec<PrefilteredMap> {
     SHARPNESS

@@ -68,7 +68,7 @@ impl PreparedEnvironment {
         PreparedEnvironment { distant, is_stored: false, ..Self::from_prefiltered(&levels) }
     }
 
-    /// From a file's prefiltered levels, one for each of [`SHARPNESS`]; black where there are not as many.
+    /// From a file's prefiltered levels, one for each of `SHARPNESS`; black where there are not as many.
     pub fn from_prefiltered(levels: &[PrefilteredMap]) -> Self {
         let read = |level: &PrefilteredMap| {
             let side = level.size();

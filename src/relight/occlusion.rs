@@ -21,7 +21,7 @@ pub struct Occlusion {
 }
 
 impl Occlusion {
-    /// From `side * side` distances, radians, of each place in rows of [`crate::sphere::octahedral`]; a place with another number
+    /// From `side * side` distances, radians, of each place in rows of `sphere::octahedral`; a place with another number
     /// of them counts as unshadowed.
     pub fn new<D: AsRef<[f32]>>(
         side: usize,

@@ -10,7 +10,7 @@ use crate::views::Camera;
 use glam::Vec3;
 use std::f32::consts::PI;
 
-/// Options of [`reference`].
+/// Options of [`reference()`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ReferenceOptions {
     /// Samples of a pixel along each side.

@@ -61,7 +61,7 @@ impl MerlGrid {
         }
     }
 
-    /// Angles at the middle of a cell; `index` below [`MERL_CELLS`].
+    /// Angles at the middle of a cell; `index` below `MERL_CELLS`.
     pub fn angles(&self, index: usize) -> HalfDifference {
         let [h, d, p] = self.bin_angles(index);
         HalfDifference { theta_h: h.radians, theta_d: d.radians, phi_d: p.radians }

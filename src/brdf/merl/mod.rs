@@ -54,7 +54,7 @@ impl MerlTable {
         MerlTable { cells: planes.concat() }
     }
 
-    /// A table from its cells (per steradian, in the file's order); `None` unless there are [`MERL_CELLS`] of them. A cell with a negative value
+    /// A table from its cells (per steradian, in the file's order); `None` unless there are `MERL_CELLS` of them. A cell with a negative value
     /// or one that is not finite is not valid.
     pub fn from_cells(mut cells: Vec<[f32; 3]>) -> Option<Self> {
         if cells.len() != MERL_CELLS {
