@@ -1,7 +1,9 @@
 //! Fits a measured material in three forms and prints how far each is from it: `fit_merl [TABLE.binary]`.
 
 use std::error::Error;
-use tsuya::brdf::{BrdfForm, ClassicalForm, ClassicalLobe, ClassicalModel, FitSettings, MerlTable, fit_table, log_rmse};
+use tsuya::brdf::{
+    BrdfForm, ClassicalForm, ClassicalLobe, ClassicalModel, FitSettings, MerlTable, fit_table, log_rmse,
+};
 use tsuya::input::FileAccess;
 
 /// A table made of a known model, for want of a measured one.
