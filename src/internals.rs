@@ -3,6 +3,9 @@
 
 #![allow(missing_docs)]
 
+#[cfg(feature = "encode")]
+pub use crate::separate::MaskedPhotographs;
+
 pub mod container {
     pub mod metadata {
         pub use crate::container::metadata::decode;

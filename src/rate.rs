@@ -1,21 +1,26 @@
 //! Rate control: the coarsest encoding that reaches a target.
 
+use crate::container::Tag;
 use crate::error::{Error, Result};
+use crate::metrics::Distortion;
 use crate::options::EncodeTarget;
+use crate::views::Photograph;
 
-/// What an encoding reaches.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Distortion {
-    /// Image PSNR of the sum, dB.
-    pub psnr_db: f64,
-    /// Largest difference of the signal on a covered pixel.
-    pub largest_error: f64,
+/// Photographs as a profile has coded them.
+#[derive(Debug)]
+pub(crate) struct CodedPhotographs {
+    /// The profile's sections, in file order.
+    pub sections: Vec<(Tag, Vec<u8>)>,
+    /// The photographs that a decoder returns, by view.
+    pub decoded: Vec<Photograph>,
+    /// Their error.
+    pub distortion: Distortion,
 }
 
-/// One encoding.
+/// One encoding among those that a search tries.
 #[derive(Debug)]
 pub(crate) struct Candidate<T> {
-    /// What it reaches.
+    /// Its error.
     pub distortion: Distortion,
     /// Bytes of the file.
     pub bytes: u64,
@@ -35,30 +40,31 @@ fn step_of_quality(quality: f64) -> f64 {
     0.4 * (-quality / 25.0).exp2()
 }
 
-/// Searches the quantiser step of profile `tuned`.
-pub(crate) fn search_step<T>(target: EncodeTarget, mut encode: impl FnMut(f32) -> Result<Candidate<T>>) -> Result<T> {
+/// Searches the quantiser step of profile `predictive`.
+pub(crate) fn search_step<T>(
+    target: EncodeTarget,
+    mut encode: impl FnMut(f32) -> Result<Candidate<T>>,
+) -> Result<Candidate<T>> {
     match target {
-        EncodeTarget::Quality(quality) if (0.0..=100.0).contains(&quality) => {
-            Ok(encode(step_of_quality(quality) as f32)?.content)
-        }
+        EncodeTarget::Quality(quality) if (0.0..=100.0).contains(&quality) => encode(step_of_quality(quality) as f32),
         EncodeTarget::Quality(_) => Err(Error::parameter("quality goes from 0 to 100")),
-        EncodeTarget::KeepPercent(_) => Err(Error::parameter("a share of kept coefficients is for --profile paper")),
+        EncodeTarget::KeepPercent(_) => Err(Error::parameter("KeepPercent is a target of profile wavelet-texture")),
         _ => search(target, STEP_RANGE, 0.05, |step| encode(step as f32)),
     }
 }
 
-/// Searches the share of kept coefficients of profile `paper`, in per cent.
+/// Searches the share of kept coefficients of profile `wavelet-texture`, in per cent.
 pub(crate) fn search_keep_percent<T>(
     target: EncodeTarget,
     mut encode: impl FnMut(f64) -> Result<Candidate<T>>,
-) -> Result<T> {
+) -> Result<Candidate<T>> {
     match target {
-        EncodeTarget::KeepPercent(percent) if (0.0..=100.0).contains(&percent) => Ok(encode(percent)?.content),
+        EncodeTarget::KeepPercent(percent) if (0.0..=100.0).contains(&percent) => encode(percent),
         EncodeTarget::KeepPercent(_) => {
             Err(Error::parameter("the share of kept coefficients goes from 0 to 100 per cent"))
         }
         EncodeTarget::Quality(quality) if (0.0..=100.0).contains(&quality) => {
-            Ok(encode((quality / 10.0 - 7.5).exp2() * 5.0)?.content)
+            encode((quality / 10.0 - 7.5).exp2() * 5.0)
         }
         EncodeTarget::Quality(_) => Err(Error::parameter("quality goes from 0 to 100")),
         _ => search(target, KEEP_PERCENT_RANGE, 2.0, encode),
@@ -70,11 +76,11 @@ pub(crate) fn search_keep_percent<T>(
 fn surplus<T>(target: EncodeTarget, trial: &Candidate<T>) -> (f64, bool) {
     match target {
         EncodeTarget::PsnrDb(db) => {
-            let over = trial.distortion.psnr_db - db;
+            let over = trial.distortion.psnr_db() - db;
             (over / 5.0, (0.0..0.04).contains(&over))
         }
         EncodeTarget::MaxError(error) => {
-            let over = (error / trial.distortion.largest_error.max(1e-9)).log2();
+            let over = (error / trial.distortion.max_error.max(1e-9)).log2();
             (over, (0.0..0.08).contains(&over))
         }
         EncodeTarget::MaxBytes(bytes) => {
@@ -93,7 +99,7 @@ fn search<T>(
     ends: [f64; 2],
     start: f64,
     mut encode: impl FnMut(f64) -> Result<Candidate<T>>,
-) -> Result<T> {
+) -> Result<Candidate<T>> {
     check_target(target)?;
     let for_bytes = matches!(target, EncodeTarget::MaxBytes(_));
     let [coarse, fine] = ends.map(f64::ln);
@@ -101,15 +107,15 @@ fn search<T>(
     // Position on the scale: 0 is coarse, larger is finer, by factors of e.
     let (mut low, mut high) = ((0.0, f64::NAN), ((fine - coarse).abs(), f64::NAN));
     let mut at = (start.ln() - coarse).abs();
-    let mut best: Option<(f64, T)> = None;
+    let mut best: Option<(f64, Candidate<T>)> = None;
     for trial_number in 0..MAX_TRIALS {
         let trial = encode((coarse + direction * at).exp())?;
         let (value, near) = surplus(target, &trial);
-        tracing::debug!(trial_number, at, value, bytes = trial.bytes, psnr = trial.distortion.psnr_db, "trial");
+        tracing::debug!(trial_number, at, value, bytes = trial.bytes, psnr = trial.distortion.psnr_db(), "trial");
         let holds = if for_bytes { value <= 0.0 } else { value >= 0.0 };
         let better = best.as_ref().is_none_or(|(best, _)| if for_bytes { at > *best } else { at < *best });
         if holds && better {
-            best = Some((at, trial.content));
+            best = Some((at, trial));
         }
         if holds && near {
             break;
@@ -141,7 +147,7 @@ fn search<T>(
             break;
         }
     }
-    best.map(|(_, content)| content).ok_or_else(|| unreachable_target(target))
+    best.map(|(_, best)| best).ok_or_else(|| unreachable_target(target))
 }
 
 fn check_target(target: EncodeTarget) -> Result<()> {
@@ -166,28 +172,32 @@ fn unreachable_target(target: EncodeTarget) -> Error {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::metrics::{PhotographError, SquaredError};
 
     /// An encoder whose PSNR and bytes follow the step as real ones do.
     fn trial(step: f32) -> Result<Candidate<f32>> {
         let step = step as f64;
         let psnr_db = -20.0 * (step * 0.3).log10() + 0.3 * (40.0 * step).sin();
+        let error = PhotographError {
+            sum: SquaredError { sum: 10f64.powf(-psnr_db / 10.0), count: 1 },
+            ..PhotographError::default()
+        };
         let bytes = (9000.0 + 4000.0 / step.powf(1.3)) as u64;
-        Ok(Candidate { distortion: Distortion { psnr_db, largest_error: step * 3.0 }, bytes, content: step as f32 })
+        Ok(Candidate { distortion: Distortion { error, max_error: step * 3.0 }, bytes, content: step as f32 })
     }
 
     #[test]
     fn targets_are_met_and_not_overdone() {
         for db in [20.0, 33.0, 38.0, 45.0, 60.0] {
-            let got = trial(search_step(EncodeTarget::PsnrDb(db), trial).unwrap()).unwrap().distortion.psnr_db;
+            let got = search_step(EncodeTarget::PsnrDb(db), trial).unwrap().distortion.psnr_db();
             assert!((db..db + 0.3).contains(&got), "{db}: {got}");
         }
         for bytes in [20_000, 100_000, 3_000_000] {
-            let got = trial(search_step(EncodeTarget::MaxBytes(bytes), trial).unwrap()).unwrap().bytes;
+            let got = search_step(EncodeTarget::MaxBytes(bytes), trial).unwrap().bytes;
             assert!(got <= bytes && got > bytes * 97 / 100, "{bytes}: {got}");
         }
         for error in [0.5, 0.05] {
-            let got =
-                trial(search_step(EncodeTarget::MaxError(error), trial).unwrap()).unwrap().distortion.largest_error;
+            let got = search_step(EncodeTarget::MaxError(error), trial).unwrap().distortion.max_error;
             assert!(got <= error && got > error * 0.9, "{error}: {got}");
         }
     }

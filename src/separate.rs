@@ -3,7 +3,10 @@
 use crate::capture::{Capture, CaptureFrame};
 use crate::error::{Error, Result};
 use crate::image::{Mask, RgbImage};
-use crate::views::{Component, View};
+use crate::mesh::Mesh;
+use crate::metrics::Distortion;
+use crate::views::codec::ViewsSection;
+use crate::views::{Camera, Component, Photograph, View};
 
 /// A capture's photographs as components of reflection.
 #[derive(Debug, Clone, PartialEq)]
@@ -27,6 +30,92 @@ pub struct ObservedView {
     pub mask: Option<Mask>,
     /// Linear radiance per component, parallel to [`Observations::components`]; missing pixels are NaN.
     pub images: Vec<RgbImage>,
+}
+
+impl Observations {
+    /// Leaves out every `every`-th view (the k-th, the 2k-th ...); all stay if it is `None`.
+    /// # Errors
+    /// [`Error::Parameter`] if `every` is below 2.
+    pub fn holding_out(mut self, every: Option<usize>) -> Result<Self> {
+        let Some(every) = every else { return Ok(self) };
+        if every < 2 {
+            return Err(Error::parameter("hold_out takes 2 or more: every k-th view is left out"));
+        }
+        let mut index = 0;
+        self.views.retain(|_| {
+            index += 1;
+            index % every != 0
+        });
+        Ok(self)
+    }
+
+    /// The cameras of all views.
+    pub fn cameras(&self) -> Vec<Camera> {
+        self.views.iter().map(|observed| observed.view.camera).collect()
+    }
+
+    /// The content of section `VIEW`.
+    pub fn views_section(&self) -> ViewsSection {
+        ViewsSection {
+            white: self.white,
+            components: self.components.clone(),
+            views: self.views.iter().map(|observed| observed.view.clone()).collect(),
+        }
+    }
+
+    /// Returns the photographs with the pixels to code: those of the mask (or of `covered`, what the mesh covers, without
+    /// one) that are finite in all components; the others become 0. Views without such a pixel add a warning.
+    /// # Errors
+    /// [`Error::Parameter`] if no photograph has such a pixel.
+    pub fn into_masked(self, covered: &[Mask], warnings: &mut Vec<String>) -> Result<Vec<Photograph>> {
+        let mut empty = 0;
+        let photographs: Vec<Photograph> = (self.views.into_iter().zip(covered))
+            .map(|(mut observed, covered)| {
+                let mut mask = observed.mask.take().unwrap_or_else(|| covered.clone());
+                for (k, inside) in mask.data.iter_mut().enumerate() {
+                    if observed.images.iter().any(|image| image.data[k].iter().any(|v| !v.is_finite())) {
+                        *inside = false;
+                        observed.images.iter_mut().for_each(|image| image.data[k] = [0.0; 3]);
+                    }
+                }
+                empty += (mask.count() == 0) as usize;
+                Photograph { mask, images: observed.images }
+            })
+            .collect();
+        if empty == photographs.len() {
+            return Err(Error::parameter(
+                "no photograph shows a pixel of the object: check masks, mesh position and missing (NaN) pixels",
+            ));
+        }
+        if empty > 0 {
+            warnings.push(format!("{empty} views show no pixel of the object"));
+        }
+        Ok(photographs)
+    }
+}
+
+/// Photographs to code, with the mesh and the views that the decoder will have: what each profile's encoder starts from.
+#[derive(Debug, Clone, Copy)]
+pub struct MaskedPhotographs<'a> {
+    /// The mesh, as decoded.
+    pub mesh: &'a Mesh,
+    /// The views, as decoded.
+    pub views: &'a [View],
+    /// Components of the photographs.
+    pub components: &'a [Component],
+    /// Radiance of the white board: the unit of `sqrt(x / white)`.
+    pub white: [f64; 3],
+    /// Pixels that the mesh covers, by view.
+    pub covered: &'a [Mask],
+    /// The photographs, by view; their masks are the pixels to code.
+    pub photographs: &'a [Photograph],
+}
+
+impl MaskedPhotographs<'_> {
+    /// Compares decoded photographs with these.
+    pub fn distortion(&self, decoded: &[Photograph]) -> Distortion {
+        Distortion::compare(self.photographs, decoded, self.covered, self.components, self.white)
+    }
 }
 
 /// `I_d = cross / beta`, `I_s = off - I_d` with its sign (Miyazaki 2007, equations 4, 5, A.3 and A.4); without cross photographs
@@ -95,8 +184,6 @@ pub fn recombine(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mesh::Mesh;
-    use crate::views::Camera;
 
     fn capture(cross: Option<RgbImage>, beta: Option<[f64; 3]>) -> Capture {
         let photograph = RgbImage {

@@ -3,6 +3,7 @@
 use libfuzzer_sys::arbitrary::{self, Arbitrary, Unstructured};
 use libfuzzer_sys::fuzz_target;
 use tsuya::DecodeSpeed;
+use tsuya::internals::MaskedPhotographs;
 use tsuya::internals::predictive::{PREFIX_BYTES, PlaneEncoder, PlaneHeader, PlaneQuality};
 use tsuya::{Budget, Limits};
 use tsuya::{Component, Photograph};
@@ -54,7 +55,9 @@ fuzz_target!(|bytes: &[u8]| {
         ..PlaneQuality::default()
     };
     let covered = tsuya::internals::surface::coverage(&mesh, &views);
-    let encoder = PlaneEncoder::new(&mesh, &views, white, components, &photographs, &covered, input.signed);
+    let (covered, photographs) = (&covered[..], &photographs[..]);
+    let source = MaskedPhotographs { mesh: &mesh, views: &views, components, white, covered, photographs };
+    let encoder = PlaneEncoder::new(&source, input.signed);
     let encoded = encoder.encode(&quality).expect("every picture set can be coded");
     let budget = Budget::new(Limits::default());
     let header = PlaneHeader::parse(&encoded.bytes, views.len(), components.len(), &budget).expect("our own head");

@@ -1,6 +1,7 @@
 //! Sections for the targets that read one of them, made for the mesh and the views that these targets have.
 
 use crate::{Seeds, models, scene};
+use tsuya::internals::MaskedPhotographs;
 use tsuya::internals::predictive::{PlaneEncoder, PlaneQuality};
 use tsuya::internals::reflectance::{MapSteps, ReflectanceSources};
 use tsuya::internals::views::ViewsSection;
@@ -79,7 +80,15 @@ fn photographs(seeds: &Seeds, polarised: bool, mixed: bool) {
     let photographs = scene::photographs(&mesh, &views, components, mixed);
     let covered = internals::surface::coverage(&mesh, &views);
     for decoding in [DecodeSpeed::Normal, DecodeSpeed::Fast, DecodeSpeed::Fastest] {
-        let encoder = PlaneEncoder::new(&mesh, &views, scene::WHITE, components, &photographs, &covered, mixed);
+        let source = MaskedPhotographs {
+            mesh: &mesh,
+            views: &views,
+            components,
+            white: scene::WHITE,
+            covered: &covered,
+            photographs: &photographs,
+        };
+        let encoder = PlaneEncoder::new(&source, mixed);
         let quality = PlaneQuality { step: 0.03, decode_speed: decoding, ..Default::default() };
         let bytes = encoder.encode(&quality).expect("photographs").bytes;
         let kind = (components.len() - 1) as u8 | (mixed as u8) << 1;

@@ -33,6 +33,8 @@ pub use thumbnail::encode_thumbnail;
 pub use thumbnail::{Thumbnail, decode_thumbnail};
 #[cfg(feature = "encode")]
 pub use writer::ContainerWriter;
+#[cfg(feature = "encode")]
+pub(crate) use writer::write_file;
 
 /// First bytes of every file: a byte that is not ASCII, three letters, and both line endings around the end-of-file character, so
 /// that damage by text-mode transfers shows at once. Part of the format.

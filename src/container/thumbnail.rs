@@ -1,6 +1,8 @@
-//! Thumbnail: a PNG picture, kept as it is.
+//! Thumbnail: a PNG file, kept as it is.
 
 use super::Tag;
+#[cfg(feature = "encode")]
+use crate::image::{Grid, RgbImage};
 use crate::{Error, Result};
 
 /// Largest width and height in pixels. Part of the format.
@@ -16,6 +18,49 @@ pub struct Thumbnail {
     pub height: u32,
     /// The PNG file.
     pub png: Vec<u8>,
+}
+
+/// Longest side of the thumbnails that the encoder makes, in pixels.
+#[cfg(feature = "encode")]
+const REDUCED_SIDE: usize = 48;
+
+/// Returns the image averaged down to at most 48 pixels a side.
+#[cfg(feature = "encode")]
+pub(crate) fn reduced(image: &RgbImage) -> RgbImage {
+    let scale = image.width.max(image.height).div_ceil(REDUCED_SIDE).max(1);
+    let mut small = RgbImage::filled((image.width / scale).max(1), (image.height / scale).max(1), [0.0; 3]);
+    for y in 0..small.height {
+        for x in 0..small.width {
+            let mut mean = [0.0f32; 3];
+            let mut count = 0.0;
+            for sy in (y * scale)..((y + 1) * scale).min(image.height) {
+                for sx in (x * scale)..((x + 1) * scale).min(image.width) {
+                    (0..3).for_each(|c| mean[c] += image.value_at(sx, sy)[c]);
+                    count += 1.0;
+                }
+            }
+            *small.value_at_mut(x, y) = mean.map(|v| v / f32::max(count, 1.0));
+        }
+    }
+    small
+}
+
+/// Writes an sRGB image as a PNG file.
+/// # Errors
+/// [`Error::Parameter`] if the image has no pixels.
+#[cfg(feature = "encode")]
+pub(crate) fn write_png(image: &Grid<[u8; 3]>) -> Result<Vec<u8>> {
+    let mut png = std::io::Cursor::new(Vec::new());
+    ::image::write_buffer_with_format(
+        &mut png,
+        image.data.as_flattened(),
+        image.width as u32,
+        image.height as u32,
+        ::image::ExtendedColorType::Rgb8,
+        ::image::ImageFormat::Png,
+    )
+    .map_err(|error| Error::parameter(format!("thumbnail: {error}")))?;
+    Ok(png.into_inner())
 }
 
 /// Checks a PNG file's head; the bytes are the section's content.

@@ -1,7 +1,8 @@
 //! Writing: sections stream out as they come, the directory follows at the end.
 
+use super::metadata::{self, Metadata};
 use super::section::{Section, SectionCodec, push_number};
-use super::{DIRECTORY_TAG, END_SIGNATURE, FILE_HEADER_BYTES, MAX_SECTIONS, Tag, file_header};
+use super::{DIRECTORY_TAG, END_SIGNATURE, FILE_HEADER_BYTES, MAX_SECTIONS, Tag, file_header, thumbnail};
 use crate::{Error, Result};
 use std::io::Write;
 use std::path::PathBuf;
@@ -83,4 +84,21 @@ impl<W: Write> ContainerWriter<W> {
         self.inner.flush().map_err(|e| Error::io(&self.path, e))?;
         Ok(self.inner)
     }
+}
+
+/// Writes a file into memory: metadata, a thumbnail (a PNG file) and sections whose content is coded already. Returns it with
+/// each section's four letters and stored bytes, in file order.
+pub(crate) fn write_file(
+    metadata: &Metadata,
+    thumbnail_png: &[u8],
+    sections: &[(Tag, Vec<u8>)],
+) -> Result<(Vec<u8>, Vec<(String, u64)>)> {
+    let mut writer = ContainerWriter::new(Vec::new())?;
+    writer.write_section(Tag::METADATA, SectionCodec::Zstd, &metadata::encode(metadata)?)?;
+    writer.write_section(Tag::THUMBNAIL, SectionCodec::None, &thumbnail::encode_thumbnail(thumbnail_png)?)?;
+    for (tag, content) in sections {
+        writer.write_section(*tag, SectionCodec::Own, content)?;
+    }
+    let stored = writer.sections().iter().map(|section| (section.tag.to_string(), section.stored)).collect();
+    Ok((writer.finish()?, stored))
 }

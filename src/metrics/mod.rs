@@ -1,13 +1,13 @@
-//! Errors of decoded photographs: PSNR, SSIM, held-out views.
+//! Errors of decoded photographs: image PSNR, SSIM, largest error.
 
 mod coverage;
 mod display;
-mod hold_out;
+mod distortion;
 mod psnr;
 mod ssim;
 
 pub use coverage::coverage;
 pub use display::{DisplayImage, difference, to_display};
-pub use hold_out::{HeldOut, hold_out};
+pub use distortion::Distortion;
 pub use psnr::{ImagePsnr, PhotographError, SquaredError, psnr_db, signal};
 pub use ssim::ssim;

@@ -7,12 +7,15 @@ use super::picture;
 use super::workspace::PlaneSignal;
 use super::workspace::{ParallelBudget, PlaneWorkspaces};
 use super::{ComponentCoding, DecodedView, MaskCoding, PlaneCoding, PredictionScene, order, run_waves};
+use crate::container::Tag;
 use crate::error::Result;
-use crate::image::Mask;
 use crate::limits::{Budget, Limits};
 use crate::mesh::Mesh;
-use crate::options::DecodeSpeed;
+use crate::options::{DecodeSpeed, EncodeOptions, EncodeTarget};
+use crate::rate::{self, Candidate, CodedPhotographs};
+use crate::reflectance::stage::ReflectanceEncoder;
 use crate::residual::coefficients::Modelling;
+use crate::separate::MaskedPhotographs;
 use crate::transform::frame::Window;
 use crate::views::{Component, Photograph, View};
 use glam::Vec4;
@@ -30,6 +33,31 @@ pub struct PlaneEncoder<'a> {
     masks: MaskCoding,
     rotations: Vec<[[i16; 3]; 3]>,
     signed: bool,
+}
+
+/// Encodes photographs at the coarsest quality that reaches the target of `options`, by default quality 75. `other_bytes` are
+/// the bytes of the file beside the returned sections.
+/// # Errors
+/// [`crate::Error::Parameter`] if the target is out of its range, is for another profile or can't be reached.
+pub(crate) fn encode_to_target(
+    source: &MaskedPhotographs,
+    other_bytes: u64,
+    options: &EncodeOptions,
+) -> Result<CodedPhotographs> {
+    let &MaskedPhotographs { mesh, views, components, photographs, .. } = source;
+    let reflectance = ReflectanceEncoder::new(mesh, views, components, photographs, options)?;
+    let encoder = PlaneEncoder::new(source, options.signed_specular);
+    let best = rate::search_step(options.target.unwrap_or(EncodeTarget::Quality(75.0)), |step| {
+        let quality = PlaneQuality { step, decode_speed: options.decode_speed, ..Default::default() };
+        let planes = encoder.encode(&quality)?;
+        let maps = reflectance.encode(step)?;
+        let bytes = other_bytes + (reflectance.chart_bytes().len() + maps.len() + planes.bytes.len()) as u64;
+        Ok(Candidate { distortion: source.distortion(&planes.photographs), bytes, content: (planes, maps) })
+    })?;
+    let (planes, maps) = best.content;
+    let charts = reflectance.chart_bytes().to_vec();
+    let sections = vec![(Tag::CHARTS, charts), (Tag::REFLECTANCE, maps), (Tag::PLANES, planes.bytes)];
+    Ok(CodedPhotographs { sections, decoded: planes.photographs, distortion: best.distortion })
 }
 
 /// A finished encoding.
@@ -79,17 +107,9 @@ fn to_signal(colour: [f32; 3], white: [f32; 3], signed: bool) -> [f32; 3] {
 }
 
 impl<'a> PlaneEncoder<'a> {
-    /// Looks at the photographs: order, colour rotation, masks. `views` and `mesh` are those that the decoder will have; `covered` is
-    /// what the mesh covers in each view, the masks of `photographs` the pixels that show the object and are not missing.
-    pub fn new(
-        mesh: &'a Mesh,
-        views: &'a [View],
-        white: [f64; 3],
-        components: &'a [Component],
-        photographs: &'a [Photograph],
-        covered: &[Mask],
-        signed: bool,
-    ) -> Self {
+    /// Chooses order, colour rotations and mask coding. `signed` also keeps the sign of specular radiance below zero.
+    pub fn new(source: &MaskedPhotographs<'a>, signed: bool) -> Self {
+        let &MaskedPhotographs { mesh, views, components, white, covered, photographs } = source;
         let bounds = |start: f64, pick: fn(f64, f64) -> f64| -> [f64; 3] {
             std::array::from_fn(|k| mesh.positions.iter().fold(start, |b, p| pick(b, p[k] as f64)))
         };

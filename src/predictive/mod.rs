@@ -16,6 +16,9 @@ mod picture;
 pub(crate) mod repair;
 pub(crate) mod workspace;
 
+#[cfg(feature = "encode")]
+pub(crate) use encode::encode_to_target;
+
 use crate::error::Result;
 use crate::image::Mask;
 use crate::limits::Reservation;

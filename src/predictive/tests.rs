@@ -1,16 +1,27 @@
 //! Round trips and hostile streams on a small synthetic scene.
 
 use super::decode::decode;
-use super::encode::{PlaneEncoder, PlaneQuality};
+use super::encode::{EncodedPlanes, PlaneEncoder, PlaneQuality};
 use super::header::{PREFIX_BYTES, PlaneHeader};
 use crate::image::{Mask, RgbImage};
 use crate::limits::{Budget, Limits};
 use crate::mesh::Mesh;
 use crate::options::DecodeSpeed;
+use crate::separate::MaskedPhotographs;
 use crate::surface::raster::coverage;
 use crate::views::{Camera, Component, Photograph, PointLight, View};
 
 const COMPONENTS: [Component; 2] = [Component::Diffuse, Component::Specular];
+
+fn encode(
+    (mesh, views, photographs): (&Mesh, &[View], &[Photograph]),
+    signed: bool,
+    quality: &PlaneQuality,
+) -> EncodedPlanes {
+    let covered = &coverage(mesh, views)[..];
+    let source = MaskedPhotographs { mesh, views, components: &COMPONENTS, white: WHITE, covered, photographs };
+    PlaneEncoder::new(&source, signed).encode(quality).unwrap()
+}
 
 /// A textured octahedron on a turntable, its pictures drawn by projecting a pattern, with ragged masks, which in every other view leave
 /// out most of one side: other views look for it there, far from the mask.
@@ -69,10 +80,10 @@ fn the_same_for_files_that_decode_fast() {
 
 fn check_round_trip(decoding: DecodeSpeed) {
     let (mesh, views, photographs) = scene(9);
-    let encoder = PlaneEncoder::new(&mesh, &views, WHITE, &COMPONENTS, &photographs, &coverage(&mesh, &views), true);
-    let coarse =
-        encoder.encode(&PlaneQuality { step: 0.08, decode_speed: decoding, ..PlaneQuality::default() }).unwrap();
-    let fine = encoder.encode(&PlaneQuality { step: 0.01, decode_speed: decoding, ..PlaneQuality::default() }).unwrap();
+    let [coarse, fine] = [0.08, 0.01].map(|step| {
+        let quality = PlaneQuality { step, decode_speed: decoding, ..PlaneQuality::default() };
+        encode((&mesh, &views, &photographs), true, &quality)
+    });
     assert!(fine.bytes.len() > 2 * coarse.bytes.len());
     let budget = Budget::new(Limits::default());
     let header = PlaneHeader::parse(&fine.bytes, 9, 2, &budget).unwrap();
@@ -109,9 +120,7 @@ fn the_same_bytes_with_one_thread_and_with_two() {
     let (mesh, views, photographs) = scene(6);
     let bytes = |threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        let encoder =
-            PlaneEncoder::new(&mesh, &views, WHITE, &COMPONENTS, &photographs, &coverage(&mesh, &views), false);
-        pool.install(|| encoder.encode(&PlaneQuality::default()).unwrap().bytes)
+        pool.install(|| encode((&mesh, &views, &photographs), false, &PlaneQuality::default()).bytes)
     };
     assert_eq!(bytes(1), bytes(2));
 }
@@ -123,8 +132,8 @@ fn streams_of_noise_are_refused_and_missing_ones_leave_their_views_out() {
 
 fn check_noise(decoding: DecodeSpeed) {
     let (mesh, views, photographs) = scene(5);
-    let encoder = PlaneEncoder::new(&mesh, &views, WHITE, &COMPONENTS, &photographs, &coverage(&mesh, &views), false);
-    let good = encoder.encode(&PlaneQuality { decode_speed: decoding, ..PlaneQuality::default() }).unwrap();
+    let quality = PlaneQuality { decode_speed: decoding, ..PlaneQuality::default() };
+    let good = encode((&mesh, &views, &photographs), false, &quality);
     let budget = Budget::new(Limits::default());
     let mut header = PlaneHeader::parse(&good.bytes, 5, 2, &budget).unwrap();
     let mut state = 12345u32;
@@ -168,9 +177,7 @@ fn check_noise(decoding: DecodeSpeed) {
 #[test]
 fn memory_is_charged_before_it_is_used() {
     let (mesh, views, photographs) = scene(9);
-    let encoded = PlaneEncoder::new(&mesh, &views, WHITE, &COMPONENTS, &photographs, &coverage(&mesh, &views), false)
-        .encode(&PlaneQuality::default())
-        .unwrap();
+    let encoded = encode((&mesh, &views, &photographs), false, &PlaneQuality::default());
     let header = PlaneHeader::parse(&encoded.bytes, 9, 2, &Budget::new(Limits::default())).unwrap();
     let start = PREFIX_BYTES + PlaneHeader::head_bytes(&encoded.bytes).unwrap() as usize;
     let run = |memory_bytes: u64| {
@@ -206,8 +213,8 @@ fn check_order(decoding: DecodeSpeed) {
     use std::borrow::Cow;
     use std::sync::Arc;
     let (mesh, views, photographs) = scene(24);
-    let encoder = PlaneEncoder::new(&mesh, &views, WHITE, &COMPONENTS, &photographs, &coverage(&mesh, &views), true);
-    let coded = encoder.encode(&PlaneQuality { decode_speed: decoding, ..PlaneQuality::default() }).unwrap();
+    let quality = PlaneQuality { decode_speed: decoding, ..PlaneQuality::default() };
+    let coded = encode((&mesh, &views, &photographs), true, &quality);
     let header = PlaneHeader::parse(&coded.bytes, 24, 2, &Budget::new(Limits::default())).unwrap();
     let body = &coded.bytes[PREFIX_BYTES + PlaneHeader::head_bytes(&coded.bytes).unwrap() as usize..];
     let run = |memory_bytes: u64| -> crate::Result<usize> {

@@ -8,6 +8,8 @@ pub(crate) mod palette;
 
 #[cfg(feature = "encode")]
 pub(crate) mod gather;
+#[cfg(feature = "encode")]
+pub(crate) mod stage;
 pub(crate) mod torrance_sparrow;
 
 pub use geometry::ReflectionGeometry;

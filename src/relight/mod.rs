@@ -14,6 +14,7 @@ mod evaluator;
 mod filtered;
 #[cfg(feature = "encode")]
 mod ground;
+mod hold_out;
 #[cfg(feature = "encode")]
 pub(crate) mod job;
 mod material;
@@ -40,6 +41,7 @@ pub use environment_light::{DistantLight, PreparedEnvironment, PreparedEnvironme
 pub(crate) use ground::RUN;
 #[cfg(feature = "encode")]
 pub use ground::{Ground, GroundShadow, composite, ground_shadow};
+pub use hold_out::{HeldOut, hold_out};
 #[cfg(feature = "encode")]
 pub use job::{Job, JobCamera, JobColour, JobEnvironment, JobEvaluator, JobMaterial, JobPair, JobParameter};
 pub use material::{HalfLobe, Material, SpecularPart, WarpedLobe, fit_lobes};

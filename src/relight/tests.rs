@@ -1,9 +1,10 @@
 //! Figures of pictures of the sample.
 
+use super::hold_out;
 use super::test_capture::{fit_reflectance, load};
 use super::*;
 use crate::error::Error;
-use crate::metrics::{PhotographError, hold_out};
+use crate::metrics::PhotographError;
 use crate::views::{Component, Photograph, View};
 
 /// Takes every sixth view out.

@@ -11,7 +11,7 @@ use glam::{DVec2, DVec3};
 #[cfg(feature = "encode")]
 pub use super::layout::layout;
 #[cfg(feature = "encode")]
-pub(crate) use super::layout::{layout_within, texels_per_unit};
+pub(crate) use super::layout::{layout_within, position_bits, texels_per_unit};
 
 /// The surface point of every texel that bilinear reading anywhere on the surface may touch.
 ///

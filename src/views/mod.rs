@@ -102,3 +102,18 @@ pub struct Photograph {
     /// Linear radiance per component, parallel to [`crate::asset::Asset::components`]; zero outside the mask.
     pub images: Vec<RgbImage>,
 }
+
+#[cfg(feature = "encode")]
+impl Photograph {
+    /// Returns the sum of all components in linear radiance; specular radiance below zero counts as 0.
+    pub fn sum(&self) -> RgbImage {
+        let mut images = self.images.iter();
+        let mut sum = images.next().cloned().unwrap_or_default();
+        for image in images {
+            for (total, pixel) in sum.data.iter_mut().zip(&image.data) {
+                (0..3).for_each(|c| total[c] += pixel[c].max(0.0));
+            }
+        }
+        sum
+    }
+}

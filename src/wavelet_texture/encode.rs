@@ -1,18 +1,23 @@
 //! Writing the section from samples.
 
 use super::WaveletHeader;
-use super::decode::{DecodedWaveletTexture, code_sides, predicted};
+use super::decode::{self, DecodedWaveletTexture, code_sides, predicted};
 use super::model::{CodedReflectionModel, ReflectionModel};
-use super::samples::WaveletSamples;
+use super::samples::{PosedPhotograph, WaveletSamples};
 use super::stream::{VolumeModels, code_volume};
+use crate::container::Tag;
 use crate::entropy::RangeEncoder;
 use crate::error::{Error, Result};
+use crate::limits::{Budget, Limits};
+use crate::options::{EncodeOptions, EncodeTarget};
 use crate::parallel;
 use crate::quantise::dead_zone::DeadZone;
+use crate::rate::{self, Candidate, CodedPhotographs};
 use crate::residual::volume::{FillEffort, VolumeScratch, truncate};
+use crate::separate::MaskedPhotographs;
 use crate::transform::colour::{self, ColourRotation, IDENTITY};
 use crate::transform::daubechies::VolumeShape;
-use crate::views::Component;
+use crate::views::{Component, Photograph};
 
 /// How to encode.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -54,6 +59,51 @@ impl EncodedWaveletTexture {
     pub fn kept_percent(&self) -> f64 {
         100.0 * self.kept as f64 / self.coefficients.max(1) as f64
     }
+}
+
+/// Figures of a finished encoding that only this profile has.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct WaveletFigures {
+    /// Error on the samples, per component.
+    pub sample_psnr: Vec<(Component, WaveletSampleError)>,
+    /// Coefficients kept, per cent of all.
+    pub kept_percent: f64,
+}
+
+/// Samples of a patch for one pixel of the photographs.
+const PATCH_DENSITY: f64 = 1.0;
+
+/// Encodes photographs with as few coefficients as reach the target of `options`, by default 5 %. `other_bytes` are the bytes
+/// of the file beside the returned section.
+/// # Errors
+/// [`Error::Parameter`] if the target is out of its range or can't be reached.
+pub(crate) fn encode_to_target(
+    source: &MaskedPhotographs,
+    other_bytes: u64,
+    options: &EncodeOptions,
+) -> Result<(CodedPhotographs, WaveletFigures)> {
+    let &MaskedPhotographs { mesh, views, components, white, .. } = source;
+    let posed: Vec<PosedPhotograph> = (views.iter().zip(source.photographs))
+        .map(|(view, photograph)| PosedPhotograph { view, mask: Some(&photograph.mask), images: &photograph.images })
+        .collect();
+    let samples = WaveletSamples::gather(mesh, &posed, PATCH_DENSITY);
+    let model = fit_model(&samples, components);
+    let best = rate::search_keep_percent(options.target.unwrap_or(EncodeTarget::KeepPercent(5.0)), |keep_percent| {
+        let settings = WaveletOptions { keep_percent, ..Default::default() };
+        let encoded = encode(&samples, components, Some(&model), &settings)?;
+        let unlimited = Budget::new(Limits::UNLIMITED);
+        let decoded = decode::decode(&encoded.bytes, mesh, components, views.len(), &unlimited)?;
+        let photographs = decode::photographs(&decoded, mesh, views, |_| true);
+        let photographs: Vec<Photograph> = photographs.into_iter().flatten().collect();
+        let (distortion, bytes) = (source.distortion(&photographs), other_bytes + encoded.bytes.len() as u64);
+        let errors = sample_errors(&samples, &decoded, white);
+        Ok(Candidate { distortion, bytes, content: (encoded, errors, photographs) })
+    })?;
+    let (encoded, errors, decoded) = best.content;
+    let sample_psnr = components.iter().copied().zip(errors).collect();
+    let figures = WaveletFigures { sample_psnr, kept_percent: encoded.kept_percent() };
+    let sections = vec![(Tag::WAVELET_TEXTURE, encoded.bytes)];
+    Ok((CodedPhotographs { sections, decoded, distortion: best.distortion }, figures))
 }
 
 /// Fits the reflection model to the samples and quantises it.

@@ -17,9 +17,9 @@ mod stream;
 pub(crate) use decode::DecodedWaveletTexture;
 pub use decode::decode;
 #[cfg(feature = "encode")]
-pub(crate) use encode::WaveletSampleError;
-#[cfg(feature = "encode")]
 pub use encode::{EncodedWaveletTexture, WaveletOptions, encode};
+#[cfg(feature = "encode")]
+pub(crate) use encode::{WaveletSampleError, encode_to_target};
 #[cfg(feature = "encode")]
 pub use samples::{PosedPhotograph, WaveletSamples};
 

@@ -4,6 +4,7 @@ use super::{Object, budget, number, positive};
 use crate::scene;
 use arbitrary::{Result, Unstructured};
 use tsuya::Photograph;
+use tsuya::internals::MaskedPhotographs;
 use tsuya::internals::predictive::{
     CodedEntry, ComponentCoding, MAX_REFERENCES, MaskCoding, OrderEntry, PREFIX_BYTES, PlaneCoding, PlaneEncoder,
     PlaneHeader, PlaneQuality,
@@ -45,8 +46,10 @@ pub fn planes(u: &mut Unstructured, object: &Object) -> Result<Vec<u8>> {
         ..PlaneQuality::default()
     };
     let covered = internals::surface::coverage(mesh, views);
-    let white = object.views.0.white;
-    let encoder = PlaneEncoder::new(mesh, views, white, object.components(), &photographs, &covered, u.arbitrary()?);
+    let (components, white) = (object.components(), object.views.0.white);
+    let source =
+        MaskedPhotographs { mesh, views, components, white, covered: &covered, photographs: &photographs };
+    let encoder = PlaneEncoder::new(&source, u.arbitrary()?);
     let encoded = encoder.encode(&quality).expect("every picture set can be coded");
     let decoded = decode_planes(&encoded.bytes, object).expect("our own planes");
     for (decoded, expected) in decoded.iter().zip(&encoded.photographs) {

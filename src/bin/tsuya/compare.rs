@@ -11,7 +11,6 @@ use serde_json::{Value, json};
 use std::fmt::Write;
 use std::path::PathBuf;
 use tsuya::Photograph;
-use tsuya::encoder::sum_of_components;
 use tsuya::metrics;
 use tsuya::metrics::DisplayImage;
 use tsuya::relight::{AssetRenderer, RenderLighting, RenderOptions};
@@ -97,8 +96,8 @@ const SHOWN_WIDTH: usize = 384;
 
 /// Photograph, decoded picture and amplified difference.
 pub fn side_by_side(original: &Photograph, decoded: &Photograph, white: [f64; 3]) -> DisplayImage {
-    let wanted = pictures::masked(&sum_of_components(original), &original.mask);
-    let got = sum_of_components(decoded);
+    let wanted = pictures::masked(&original.sum(), &original.mask);
+    let got = decoded.sum();
     let difference = metrics::difference(&wanted, &got, &original.mask, white, AMPLIFICATION);
     let factor = (SHOWN_WIDTH / wanted.width.max(1)).max(1);
     let shown = [

@@ -7,10 +7,11 @@ use std::path::Path;
 use tsuya::Asset;
 use tsuya::Error;
 use tsuya::decoder::ViewSelection;
-use tsuya::encoder::{separate, sum_of_components};
+use tsuya::encoder::separate;
 use tsuya::metrics;
-use tsuya::metrics::{HeldOut, PhotographError, coverage};
+use tsuya::metrics::{PhotographError, coverage};
 use tsuya::relight::AssetRenderer;
+use tsuya::relight::{HeldOut, hold_out};
 use tsuya::{Photograph, View};
 
 /// The result.
@@ -111,7 +112,7 @@ pub fn compare(file: &Path, capture: &Path, reading: &CaptureArguments, held_out
     let ssim = (!similar.is_empty()).then(|| similar.iter().sum::<f64>() / similar.len() as f64);
     let held_out_error = if held_out && !left_out.is_empty() {
         let (views, originals): (Vec<View>, Vec<Photograph>) = left_out.iter().cloned().unzip();
-        Some(metrics::hold_out(&asset, &views, &originals).context("held-out views")?)
+        Some(hold_out(&asset, &views, &originals).context("held-out views")?)
     } else {
         None
     };
@@ -141,7 +142,7 @@ fn measure_frames(asset: &Asset, frames: &mut [Compared]) {
         frame.error = PhotographError::compare(&frame.original, decoded, &asset.components, &covered, asset.white);
         let mut both = frame.original.mask.clone();
         both.data.iter_mut().zip(&covered.data).for_each(|(inside, covered)| *inside &= covered);
-        let (wanted, got) = (sum_of_components(&frame.original), sum_of_components(decoded));
+        let (wanted, got) = (frame.original.sum(), decoded.sum());
         frame.ssim = metrics::ssim(&wanted, &got, &both, asset.white);
     });
 }

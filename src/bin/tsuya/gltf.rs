@@ -12,7 +12,6 @@ use std::path::{Path, PathBuf};
 use tsuya::Asset;
 use tsuya::container;
 use tsuya::decoder::{DecodeOptions, ViewSelection, decode};
-use tsuya::encoder::sum_of_components;
 use tsuya::gltf::{self, ExportOptions, Fallback, GltfDocument, MeshFit, StreamPlacement};
 use tsuya::input::{FileAccess, Folder};
 use tsuya::metrics::{PhotographError, coverage, to_display};
@@ -170,7 +169,7 @@ impl Export {
                 let view = &asset.views[frame.view];
                 let covered = coverage(&asset.mesh, &view.camera);
                 let photograph = |image| Photograph { mask: frame.original.mask.clone(), images: vec![image] };
-                let original = sum_of_components(&frame.original);
+                let original = frame.original.sum();
                 let textured = gltf::render_fallback(asset, fallback, &view.camera, view.light.as_ref());
                 let mut picture = None;
                 if self.picture.is_some() && frame.view == shown {

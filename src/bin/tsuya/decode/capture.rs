@@ -12,7 +12,7 @@ use tsuya::Asset;
 use tsuya::PaletteEntry;
 use tsuya::brdf::{FittedMaterial, NamedMaterial};
 use tsuya::container::Metadata;
-use tsuya::encoder::{encode_materials, recombine, sum_of_components};
+use tsuya::encoder::{encode_materials, recombine};
 use tsuya::image::RgbImage;
 use tsuya::metrics::to_display;
 use tsuya::{Component, Photograph, View};
@@ -136,7 +136,7 @@ impl CaptureFolder {
             frame["light"] = json!({"type": "point", "position": light.position, "intensity": intensity});
         }
         if preview {
-            let picture = to_display(&sum_of_components(photograph), white);
+            let picture = to_display(&photograph.sum(), white);
             self.put(&format!("preview/{name}.png"), &pictures::png(&picture)?)?;
         }
         Ok(frame)

@@ -1,9 +1,9 @@
 //! Views that were left out of a file, rendered and compared with their photographs.
 
-use super::psnr::PhotographError;
+use super::{AssetRenderer, RenderLighting, RenderOptions};
 use crate::asset::Asset;
 use crate::error::Result;
-use crate::relight::{AssetRenderer, RenderLighting, RenderOptions};
+use crate::metrics::PhotographError;
 use crate::surface::raster::rasterise;
 use crate::views::{Camera, Photograph, View};
 

@@ -1,0 +1,66 @@
+//! The reflectance stage of the encoder: an atlas, fitted maps, and both as sections.
+
+use super::codec::{self, MapSteps};
+use super::gather::{ReflectanceSources, fit_maps};
+use super::maps::{COLOUR_LEVELS, ReflectanceMaps};
+use super::torrance_sparrow::SIGMA_LEVELS;
+use crate::error::Result;
+use crate::mesh::Mesh;
+use crate::options::EncodeOptions;
+use crate::surface::atlas;
+use crate::surface::charts::{self, Charts};
+use crate::views::{Component, Photograph, View};
+
+/// Value of a bit of the reflectance maps, in squared steps.
+const MAP_LAMBDA: f32 = 0.15;
+
+/// Reflectance maps fitted once, to be coded at the quality of each trial of the rate control.
+#[derive(Debug)]
+pub(crate) struct ReflectanceEncoder<'a> {
+    mesh: &'a Mesh,
+    charts: Charts,
+    chart_bytes: Vec<u8>,
+    maps: ReflectanceMaps,
+}
+
+impl<'a> ReflectanceEncoder<'a> {
+    /// Lays out the atlas of the mesh and fits reflectance to the photographs.
+    /// # Errors
+    /// [`crate::Error::Parameter`] if the atlas has too many texels at `options.atlas_density`.
+    pub(crate) fn new(
+        mesh: &'a Mesh,
+        views: &[View],
+        components: &[Component],
+        photographs: &[Photograph],
+        options: &EncodeOptions,
+    ) -> Result<Self> {
+        let cameras: Vec<_> = views.iter().map(|v| v.camera).collect();
+        let density = atlas::texels_per_unit(mesh, &cameras, options.atlas_density);
+        // More than a few texels for a pixel of all photographs together hold nothing more.
+        let pixels: f64 = cameras.iter().map(|camera| f64::from(camera.width) * f64::from(camera.height)).sum();
+        let per_pixel = 4.0 + 16.0 * options.atlas_density.powi(2);
+        let charts = atlas::layout_within(mesh, density, (1 << 20) as f64 + per_pixel * pixels)?;
+        let chart_bytes = charts::encode(mesh, &charts)?;
+        let raster = atlas::rasterise_atlas(mesh, &charts)?;
+        let photographs = photographs.iter().map(Some).collect();
+        let sources = ReflectanceSources { mesh, views, components, photographs, specular: options.specular };
+        let maps = fit_maps(&sources, &charts, &raster);
+        Ok(ReflectanceEncoder { mesh, charts, chart_bytes, maps })
+    }
+
+    /// The content of section `CHRT`.
+    pub(crate) fn chart_bytes(&self) -> &[u8] {
+        &self.chart_bytes
+    }
+
+    /// Returns the content of section `RFLC` for photographs coded with quantiser step `step`.
+    ///
+    /// The maps carry the appearance between captured views; they are coded a little coarser than the photographs.
+    pub(crate) fn encode(&self, step: f32) -> Result<Vec<u8>> {
+        let relative = (step * 2.0).clamp(0.08, 0.25);
+        let colour = relative * COLOUR_LEVELS as f32;
+        let sigma = 2.0 * relative * SIGMA_LEVELS as f32;
+        let steps = MapSteps { diffuse: 0.5 * colour, specular: colour, sigma };
+        Ok(codec::encode(&self.maps, self.mesh, &self.charts, &steps, MAP_LAMBDA)?.0)
+    }
+}
