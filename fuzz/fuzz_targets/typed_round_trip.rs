@@ -55,8 +55,9 @@ fuzz_target!(|bytes: &[u8]| {
         ..PlaneQuality::default()
     };
     let covered = tsuya::internals::surface::coverage(&mesh, &views);
-    let (covered, photographs) = (&covered[..], &photographs[..]);
-    let source = MaskedPhotographs { mesh: &mesh, views: &views, components, white, covered, photographs };
+    let covered = &covered[..];
+    let source =
+        MaskedPhotographs { mesh: &mesh, views: &views, components, white, covered, photographs: &photographs };
     let encoder = PlaneEncoder::new(&source, input.signed);
     let encoded = encoder.encode(&quality).expect("every picture set can be coded");
     let budget = Budget::new(Limits::default());

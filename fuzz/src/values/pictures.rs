@@ -47,8 +47,7 @@ pub fn planes(u: &mut Unstructured, object: &Object) -> Result<Vec<u8>> {
     };
     let covered = internals::surface::coverage(mesh, views);
     let (components, white) = (object.components(), object.views.0.white);
-    let source =
-        MaskedPhotographs { mesh, views, components, white, covered: &covered, photographs: &photographs };
+    let source = MaskedPhotographs { mesh, views, components, white, covered: &covered, photographs: &photographs };
     let encoder = PlaneEncoder::new(&source, u.arbitrary()?);
     let encoded = encoder.encode(&quality).expect("every picture set can be coded");
     let decoded = decode_planes(&encoded.bytes, object).expect("our own planes");
