@@ -1,5 +1,5 @@
 //! Lens distortion of what is drawn: object and shadow are drawn for a pinhole camera and read where each pixel's ray meets
-//! that camera's picture.
+//! that camera's image.
 
 use super::plate::{Plate, SrgbCurve};
 use super::sensor::grain;
@@ -10,7 +10,7 @@ use crate::relight::{GroundShadow, RUN, RealtimeFrame};
 use crate::views::Camera;
 use glam::Vec3A;
 
-/// The pinhole camera's picture reaches at most this many of its own sizes beyond the frame.
+/// The pinhole camera's image reaches at most this many of its own sizes beyond the frame.
 const BEYOND: f64 = 1.0;
 /// Rows that are worked on at a time.
 const ROWS: usize = 16;
@@ -18,7 +18,7 @@ const ROWS: usize = 16;
 /// Part of a canvas: left, top, width, height.
 pub(super) type CanvasWindow = [usize; 4];
 
-/// The pinhole camera that is drawn for, and where a frame's pixels lie in its picture.
+/// The pinhole camera that is drawn for, and where a frame's pixels lie in its image.
 pub(super) struct LensCanvas {
     pub(super) camera: Camera,
     size: [usize; 2],
@@ -26,7 +26,7 @@ pub(super) struct LensCanvas {
     places: Option<Vec<[f32; 2]>>,
 }
 
-/// Bilinear at a place of a picture of the object, in pixels, colour and coverage; nothing beyond it.
+/// Bilinear at a place of an image of the object, in pixels, colour and coverage; nothing beyond it.
 fn between(frame: &RealtimeFrame, [x, y]: [f32; 2]) -> ([f32; 3], f32) {
     let (x, y) = (x - 0.5, y - 0.5);
     let (left, top) = (x.floor(), y.floor());
@@ -186,7 +186,7 @@ struct PixelChange {
     noise: f32,
 }
 
-/// `f` of column and row and the pixel, for the pixels of a part of a picture.
+/// `f` of column and row and the pixel, for the pixels of a part of an image.
 fn each<P: Send>(
     picture: &mut Grid<P>,
     [left, top, width, height]: CanvasWindow,

@@ -8,7 +8,7 @@ use crate::input::FileAccess;
 use crate::metrics::{DisplayImage, to_display};
 use std::path::Path;
 
-/// A camera's picture, which an object is put into: 8 bits, sRGB, or linear radiance. Pixels that nothing is put over stay as they are.
+/// A camera's image, which an object is put into: 8 bits, sRGB, or linear radiance. Pixels that nothing is put over stay as they are.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Plate {
     /// 8-bit sRGB values.
@@ -85,7 +85,7 @@ impl Plate {
 /// Steps of the tables that encode, by the square root of the linear value: finer than a twentieth of a code.
 const STEPS: usize = 1 << 13;
 
-/// sRGB's curve, both ways, for 8-bit pictures.
+/// sRGB's curve, both ways, for 8-bit images.
 pub(super) struct SrgbCurve {
     linear: [f32; 256],
     display: Vec<f32>,

@@ -41,7 +41,7 @@ pub(super) fn noise_sigma(grey: &Grid<u8>) -> f32 {
     0.0
 }
 
-/// Linear colour of a marker's paper: the mean of the brighter tenth of it and its margin, without what is clipped. `None` where the picture
+/// Linear colour of a marker's paper: the mean of the brighter tenth of it and its margin, without what is clipped. `None` where the image
 /// shows too little of it.
 pub(super) fn paper_radiance(curve: &SrgbCurve, plate: &Plate, marker: &MarkerDetection) -> Option<[f32; 3]> {
     let [width, height] = plate.size();

@@ -156,7 +156,7 @@ impl MaterialBinding {
         let rotation = transform.and_then(|t| t.get("rotation")?.as_f64()).unwrap_or(0.0);
         let (sin, cos) = rotation.sin_cos();
         let (u, v) = (at[0] * number("scale", 0, 1.0), at[1] * number("scale", 1, 1.0));
-        // Counter-clockwise on the picture, whose v goes down.
+        // Counter-clockwise on the image, whose v goes down.
         [cos * u + sin * v + number("offset", 0, 0.0), cos * v - sin * u + number("offset", 1, 0.0)]
     }
 }

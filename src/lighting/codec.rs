@@ -1,4 +1,4 @@
-//! Section `lIGt`: spherical Gaussians as they are, levels as pictures of logarithms through the wavelet and the coefficient
+//! Section `lIGt`: spherical Gaussians as they are, levels as images of logarithms through the wavelet and the coefficient
 //! coder of the photographs. Normative text: `spec/lighting.md`.
 
 use super::{EnvironmentLobes, PrefilteredMap, SphericalGaussian};

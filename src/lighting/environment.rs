@@ -1,7 +1,7 @@
-//! An environment map: radiance from all around, as a latitude-longitude picture.
+//! An environment map: radiance from all around, as a latitude-longitude image.
 //!
 //! World axes are right-handed with +Y up. The top row looks along +Y, the bottom row along -Y. From the left edge to the right
-//! the picture turns from -Z over +X (a quarter), +Z (its middle) and -X back to -Z: `u = atan2(x, -z) / 2 pi`, `v = acos(y) / pi`,
+//! the image turns from -Z over +X (a quarter), +Z (its middle) and -X back to -Z: `u = atan2(x, -z) / 2 pi`, `v = acos(y) / pi`,
 //! as Mitsuba's `envmap` has it. (Mitsuba spreads the centres of the first and the last row over the poles, 0.5 rows away from
 //! this one at most.) Pixel `(column, row)` has its centre at `u = (column + 0.5) / width`, `v = (row + 0.5) / height`.
 
@@ -24,7 +24,7 @@ pub struct CleanedPixels {
     pub not_finite: usize,
 }
 
-/// Cleans a picture: see [`CleanedPixels`].
+/// Cleans an image: see [`CleanedPixels`].
 pub(crate) fn clean(image: &mut RgbImage) -> CleanedPixels {
     let mut cleaned = CleanedPixels::default();
     let finite = |p: &[f32; 3]| p.iter().all(|c| c.is_finite());
@@ -58,7 +58,7 @@ pub(crate) fn clean(image: &mut RgbImage) -> CleanedPixels {
 }
 
 impl EnvironmentMap {
-    /// An environment from a latitude-longitude picture of at least 2 x 1 pixels, cleaned.
+    /// An environment from a latitude-longitude image of at least 2 x 1 pixels, cleaned.
     pub fn new(mut image: RgbImage) -> Result<(Self, CleanedPixels)> {
         if image.width < 2 || image.height < 1 || image.data.len() != image.width * image.height {
             return Err(Error::parameter("an environment needs 2 x 1 pixels at least"));
@@ -79,15 +79,15 @@ impl EnvironmentMap {
         clean(&mut image);
         EnvironmentMap { image }
     }
-    /// The picture, row by row, all finite and not negative.
+    /// The image, row by row, all finite and not negative.
     pub fn image(&self) -> &RgbImage {
         &self.image
     }
-    /// World direction of a place in the picture, in pixels (centres at +0.5).
+    /// World direction of a place in the image, in pixels (centres at +0.5).
     pub fn direction(&self, x: f64, y: f64) -> [f64; 3] {
         direction_at(self.image.width, self.image.height, x, y)
     }
-    /// Place in the picture, in pixels, of a unit direction.
+    /// Place in the image, in pixels, of a unit direction.
     pub fn pixel_at(&self, direction: [f64; 3]) -> [f64; 2] {
         let u = direction[0].atan2(-direction[2]) / (2.0 * PI);
         let v = direction[1].clamp(-1.0, 1.0).acos() / PI;
@@ -205,7 +205,7 @@ pub fn turn_y(direction: [f64; 3], degrees: f64) -> [f64; 3] {
     [cosine * x + sine * z, y, cosine * z - sine * x]
 }
 
-/// Direction of a place, in pixels, of a latitude-longitude picture.
+/// Direction of a place, in pixels, of a latitude-longitude image.
 pub(crate) fn direction_at(width: usize, height: usize, x: f64, y: f64) -> [f64; 3] {
     let (phi, theta) = (2.0 * PI * x / width as f64, PI * y / height as f64);
     let (sine, cosine) = theta.sin_cos();
@@ -239,7 +239,7 @@ mod tests {
 
     #[test]
     fn directions_are_those_of_mitsuba() {
-        // Values of Mitsuba 3.9's `envmap` for this picture.
+        // Values of Mitsuba 3.9's `envmap` for this image.
         let ramp = ramp();
         for (direction, column) in [([1.0, 0.0, 0.0], 7.5), ([0.0, 0.0, 1.0], 15.5), ([-1.0, 0.0, 0.0], 23.5)] {
             let found = ramp.radiance(direction);

@@ -39,14 +39,14 @@ pub enum FisheyeModel {
 /// Direction of a fisheye lens's axis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum FisheyeAxis {
-    /// To +Z, the middle of a latitude-longitude picture, with +Y up in the picture.
+    /// To +Z, the middle of a latitude-longitude image, with +Y up in the image.
     Ahead,
     /// To +Y, the zenith, with +Z at the lower edge: the camera was tilted up from [`FisheyeAxis::Ahead`].
     Up,
 }
 
 impl EnvironmentProjection {
-    /// By the picture's shape: 2:1 latitude-longitude, 4:3, 3:4, 6:1 and 1:6 cube.
+    /// By the image's shape: 2:1 latitude-longitude, 4:3, 3:4, 6:1 and 1:6 cube.
     pub fn guess(image: &RgbImage) -> Option<Self> {
         let (w, h) = (image.width, image.height);
         if w == 2 * h {
@@ -57,7 +57,7 @@ impl EnvironmentProjection {
     }
 }
 
-/// The environment that a picture shows, `width` columns wide, or as many as keep its detail.
+/// The environment that an image shows, `width` columns wide, or as many as keep its detail.
 pub(super) fn unwrap(
     image: RgbImage,
     projection: EnvironmentProjection,
@@ -89,17 +89,17 @@ pub(super) fn unwrap(
     })
 }
 
-/// Makes environments of pictures of one size, many times: which pixels each direction takes is worked out once.
+/// Makes environments of images of one size, many times: which pixels each direction takes is worked out once.
 pub struct Unwrapper {
     size: [usize; 2],
     columns: usize,
-    /// For each pixel of the environment; none where the picture shows nothing.
+    /// For each pixel of the environment; none where the image shows nothing.
     taps: Vec<Option<PixelTap>>,
 }
 
 impl Unwrapper {
-    /// For pictures of `width` x `height` pixels and environments of `columns` x `columns / 2`. `turn` brings directions of the
-    /// environment to directions of the picture's axes.
+    /// For images of `width` x `height` pixels and environments of `columns` x `columns / 2`. `turn` brings directions of the
+    /// environment to directions of the image's axes.
     ///
     /// Errors: a cube, which is not read this way; a fisheye's field out of range; no pixels.
     pub fn new(
@@ -125,7 +125,7 @@ impl Unwrapper {
         Ok(Unwrapper { size, columns, taps })
     }
 
-    /// The environment of a picture of the size said before, linear radiance.
+    /// The environment of an image of the size said before, linear radiance.
     pub fn environment(&self, picture: &RgbImage) -> Result<EnvironmentMap> {
         if [picture.width, picture.height] != self.size {
             let [width, height] = self.size;
@@ -167,7 +167,7 @@ impl PixelTap {
     }
 }
 
-/// A projection onto one picture, in pictures of one size.
+/// A projection onto one image, in images of one size.
 struct ProbeLens {
     size: [usize; 2],
     /// Middle of the largest circle in the image.
@@ -201,7 +201,7 @@ impl ProbeLens {
         Ok(ProbeLens { size: [width, height], middle, radius: middle[0].min(middle[1]), law })
     }
 
-    /// Columns of an environment that has the picture's detail.
+    /// Columns of an environment that has the image's detail.
     fn columns(&self) -> usize {
         match self.law {
             ProbeLaw::LatLong => self.size[0],
@@ -266,7 +266,7 @@ impl ProbeLens {
     }
 }
 
-/// A value between pixels (centres at +0.5), limited to a part of the picture: left, top, width, height.
+/// A value between pixels (centres at +0.5), limited to a part of the image: left, top, width, height.
 fn bilinear_within(image: &RgbImage, [left, top, width, height]: [usize; 4], x: f64, y: f64) -> [f32; 3] {
     let x = (x - 0.5).clamp(0.0, (width - 1) as f64);
     let y = (y - 0.5).clamp(0.0, (height - 1) as f64);
@@ -344,7 +344,7 @@ mod tests {
         assert!(compared > 20);
     }
 
-    /// A picture drawn by the inverse of a projection: direction of each place, none outside.
+    /// An image drawn by the inverse of a projection: direction of each place, none outside.
     fn draw(width: usize, height: usize, direction: impl Fn(f64, f64) -> Option<[f64; 3]>) -> RgbImage {
         let mut image = RgbImage::filled(width, height, [0.0; 3]);
         for k in 0..image.data.len() {

@@ -1,6 +1,6 @@
-//! Environment maps out of files: latitude-longitude, cube, mirror ball and fisheye pictures, one or a bracket of several.
+//! Environment maps out of files: latitude-longitude, cube, mirror ball and fisheye images, one or a bracket of several.
 //!
-//! EXR and Radiance HDR are linear; PNG, JPEG and TIFF are decoded by their colour space. Pictures of one place with several
+//! EXR and Radiance HDR are linear; PNG, JPEG and TIFF are decoded by their colour space. Images of one place with several
 //! exposures are merged, each divided by its exposure and weighed by how far its values are from black and from white.
 
 use super::environment::{CleanedPixels, EnvironmentMap, clean};
@@ -15,19 +15,19 @@ use std::path::Path;
 /// Options of [`read_environment`].
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct EnvironmentReadOptions {
-    /// `None`: by the picture's shape, [`EnvironmentProjection::guess`].
+    /// `None`: by the image's shape, [`EnvironmentProjection::guess`].
     pub projection: Option<EnvironmentProjection>,
-    /// Columns of the environment made of other projections; `None`: as many as keep the picture's detail.
+    /// Columns of the environment made of other projections; `None`: as many as keep the image's detail.
     pub width: Option<usize>,
     /// Colour space of PNG, JPEG and TIFF; `None`: srgb.
     pub color_space: Option<String>,
-    /// Exposure (seconds, or any number proportional to the light let in) of each picture; empty for a single picture.
+    /// Exposure (seconds, or any number proportional to the light let in) of each image; empty for a single image.
     pub exposures: Vec<f64>,
     /// Bounds on all images together.
     pub limits: Limits,
 }
 
-/// Reads an environment from one picture, or from several of different exposure.
+/// Reads an environment from one image, or from several of different exposure.
 ///
 /// Errors name the file: unreadable, of another size than the first, of a shape that no projection is guessed for.
 pub fn read_environment<P: AsRef<Path>>(
@@ -80,7 +80,7 @@ pub fn read_environment<P: AsRef<Path>>(
     Ok((environment, cleaned))
 }
 
-/// Multiplies what an 8-bit picture cut off by `gain`: rising from display values of 240 of 255 to the full gain at 254.
+/// Multiplies what an 8-bit image cut off by `gain`: rising from display values of 240 of 255 to the full gain at 254.
 pub fn raise_clipped(picture: &mut RgbImage, gain: f32) {
     let (low, high) = (from_srgb(240.0 / 255.0) as f32, from_srgb(254.0 / 255.0) as f32);
     for pixel in &mut picture.data {
@@ -92,7 +92,7 @@ pub fn raise_clipped(picture: &mut RgbImage, gain: f32) {
     }
 }
 
-/// A bracket as one picture: the mean of `value / exposure`, each weighed by a hat over the values 0 to 1 times its exposure.
+/// A bracket as one image: the mean of `value / exposure`, each weighed by a hat over the values 0 to 1 times its exposure.
 /// Pixels that are white in all come from the shortest exposure, those that are black in all from the longest.
 fn merge(bracket: &[RgbImage], exposures: &[f64]) -> RgbImage {
     let by_exposure = |a: &usize, b: &usize| exposures[*a].total_cmp(&exposures[*b]);

@@ -1,4 +1,4 @@
-//! ArUco markers: squares among the contours of a picture, their corners as the intersections of straight lines along the edges, their bits
+//! ArUco markers: squares among the contours of an image, their corners as the intersections of straight lines along the edges, their bits
 //! compared with the dictionaries.
 
 use super::MarkerFamily;

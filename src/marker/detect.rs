@@ -1,4 +1,4 @@
-//! Finding markers in a picture: AprilTags by the AprilTag library; ArUco markers from the contours of `aruco-rs` with its dictionaries, corners
+//! Finding markers in an image: AprilTags by the AprilTag library; ArUco markers from the contours of `aruco-rs` with its dictionaries, corners
 //! and bits read here.
 
 use super::detection::{MarkerDetection, area};
@@ -7,11 +7,11 @@ use crate::error::{Error, Result};
 use crate::image::Grid;
 use apriltag::{DetectorBuilder, Family as Tags, Image};
 
-/// Sides of the smallest and the largest picture that is looked at.
+/// Sides of the smallest and the largest image that is looked at.
 const SIDES: std::ops::RangeInclusive<usize> = 32..=16384;
 /// Bits of a code that may be read wrongly; two make the table of 36h11 grow to many megabytes.
 const CORRECTED_BITS: usize = 1;
-/// Pictures of more pixels are first looked at with every second pixel left out.
+/// Images of more pixels are first looked at with every second pixel left out.
 const LARGE: usize = 160 * 160;
 
 /// Finds markers of some families.
@@ -49,7 +49,7 @@ impl MarkerDetector {
         Ok(MarkerDetector { tags, aruco })
     }
 
-    /// Markers in a picture of 8-bit grey values as they are displayed (not linear), 32 to 16384 pixels a side, by family and number.
+    /// Markers in an image of 8-bit grey values as they are displayed (not linear), 32 to 16384 pixels a side, by family and number.
     /// If `coarse`, small markers may be missed, and the work is a quarter.
     pub fn detect(&mut self, grey: &Grid<u8>, coarse: bool) -> Result<Vec<MarkerDetection>> {
         let (width, height) = (grey.width, grey.height);

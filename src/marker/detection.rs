@@ -2,7 +2,7 @@
 
 use super::MarkerFamily;
 
-/// A marker in a picture.
+/// A marker in an image.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MarkerDetection {
     /// Its family.
@@ -13,7 +13,7 @@ pub struct MarkerDetection {
     pub corners: [[f64; 2]; 4],
 }
 
-/// Area of a marker in a picture, in pixels.
+/// Area of a marker in an image, in pixels.
 pub(super) fn area(detection: &MarkerDetection) -> f64 {
     let c = &detection.corners;
     let twice: f64 = (0..4).map(|k| c[k][0] * c[(k + 1) % 4][1] - c[k][1] * c[(k + 1) % 4][0]).sum();

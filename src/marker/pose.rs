@@ -27,7 +27,7 @@ pub struct PoseEstimate {
     pub markers: usize,
 }
 
-/// Poses of a rig in one picture, the best first: one, or two where the markers found leave it nearly open which way they lean. Empty where no
+/// Poses of a rig in one image, the best first: one, or two where the markers found leave it nearly open which way they lean. Empty where no
 /// marker of the rig was found.
 ///
 /// Of `camera` focal lengths and principal point are taken; `lens` bends what it sees.

@@ -21,7 +21,7 @@ pub struct MarkerTracker {
     lens: Lens,
     detector: MarkerDetector,
     last: Option<PoseEstimate>,
-    /// Part of the picture where the last markers were: left, top, right, bottom.
+    /// Part of the image where the last markers were: left, top, right, bottom.
     around: Option<[usize; 4]>,
 }
 
@@ -37,7 +37,7 @@ impl MarkerTracker {
         &self.rig
     }
 
-    /// Pose in the next frame, 8-bit grey values as displayed; `None` where no marker of the rig is wholly in the picture.
+    /// Pose in the next frame, 8-bit grey values as displayed; `None` where no marker of the rig is wholly in the image.
     ///
     /// Where the corners leave it open which way the markers lean, the pose nearer to the last frame's is taken.
     pub fn track(&mut self, grey: &Grid<u8>) -> Result<Option<(PoseEstimate, Vec<MarkerDetection>)>> {
@@ -57,7 +57,7 @@ impl MarkerTracker {
         Ok(chosen.map(|estimate| (estimate, found)))
     }
 
-    /// Markers of the rig: around the last ones, else in the whole picture coarsely, else in all its pixels.
+    /// Markers of the rig: around the last ones, else in the whole image coarsely, else in all its pixels.
     fn find(&mut self, grey: &Grid<u8>) -> Result<Vec<MarkerDetection>> {
         if let Some([left, top, right, bottom]) = self.around
             && right <= grey.width
@@ -85,7 +85,7 @@ impl MarkerTracker {
     }
 }
 
-/// The part of a picture around markers.
+/// The part of an image around markers.
 fn surroundings(grey: &Grid<u8>, found: &[MarkerDetection]) -> Option<[usize; 4]> {
     let range = |i: usize, most: usize| {
         let values = || found.iter().flat_map(|d| d.corners).map(move |c| c[i]);
@@ -94,7 +94,7 @@ fn surroundings(grey: &Grid<u8>, found: &[MarkerDetection]) -> Option<[usize; 4]
         ((low - margin).max(0.0) as usize, (high + margin).clamp(0.0, most as f64) as usize)
     };
     let ((left, right), (top, bottom)) = (range(0, grey.width), range(1, grey.height));
-    // Nothing is gained with most of the picture, and the detector wants some size.
+    // Nothing is gained with most of the image, and the detector wants some size.
     let small = (right.saturating_sub(left)) * (bottom.saturating_sub(top)) < grey.data.len() / 2;
     (small && right >= left + 64 && bottom >= top + 64).then_some([left, top, right, bottom])
 }

@@ -1,4 +1,4 @@
-//! Pictures for people: 8-bit sRGB, and differences.
+//! Images for people: 8-bit sRGB, and differences.
 
 use super::psnr::signal;
 use crate::image::{Grid, Mask, RgbImage, to_srgb};

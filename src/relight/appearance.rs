@@ -7,12 +7,21 @@ use glam::Vec3;
 
 /// Reflectance at one point.
 pub struct ShadingParameters<'a> {
-    /// Diffuse albedo.
-    pub(super) albedo: Vec3,
+    /// Diffuse albedo, red, green, blue.
+    pub albedo: [f32; 3],
     /// Factor of the specular part.
-    pub(super) specular_scale: Vec3,
+    pub specular_scale: [f32; 3],
     /// Specular part with its prepared taps.
-    pub(super) specular: Option<&'a PreparedSpecular>,
+    pub specular: Option<&'a PreparedSpecular>,
+}
+
+impl<'a> ShadingParameters<'a> {
+    /// Returns albedo and specular scale as vectors, and the specular part if it reflects anything.
+    #[inline]
+    pub(super) fn parts(&self) -> (Vec3, Vec3, Option<&'a PreparedSpecular>) {
+        let scale = Vec3::from_array(self.specular_scale);
+        (Vec3::from_array(self.albedo), scale, self.specular.filter(|_| scale.max_element() > 0.0))
+    }
 }
 
 /// A specular part with the half vectors that stand for it.
@@ -51,30 +60,29 @@ impl PreparedSpecular {
 /// Source of a surface's reflectance.
 pub trait ShadingModel: Sync {
     /// Returns the reflectance at a point of a triangle, given by the weights of its corners.
-    fn parameters_at(&self, triangle: usize, weights: Vec3, position: Vec3) -> ShadingParameters<'_>;
+    fn parameters_at(&self, triangle: usize, weights: [f32; 3], position: [f32; 3]) -> ShadingParameters<'_>;
 }
 
 /// One material all over.
 pub struct UniformMaterial {
-    albedo: Vec3,
-    scale: Vec3,
+    albedo: [f32; 3],
+    scale: [f32; 3],
     prepared: Option<PreparedSpecular>,
 }
 
 impl UniformMaterial {
     /// `taps` as in [`PreparedSpecular::new`].
     pub fn new(material: Material, taps: usize) -> Self {
-        let vector = |v: [f64; 3]| Vec3::from_array(v.map(|x| x as f32));
         UniformMaterial {
-            albedo: vector(material.albedo),
-            scale: vector(material.specular_scale),
+            albedo: material.albedo.map(|x| x as f32),
+            scale: material.specular_scale.map(|x| x as f32),
             prepared: material.specular.map(|s| PreparedSpecular::new(s, taps)),
         }
     }
 }
 
 impl ShadingModel for UniformMaterial {
-    fn parameters_at(&self, _: usize, _: Vec3, _: Vec3) -> ShadingParameters<'_> {
+    fn parameters_at(&self, _: usize, _: [f32; 3], _: [f32; 3]) -> ShadingParameters<'_> {
         ShadingParameters { albedo: self.albedo, specular_scale: self.scale, specular: self.prepared.as_ref() }
     }
 }

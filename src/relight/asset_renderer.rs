@@ -1,4 +1,4 @@
-//! Renders one asset, keeping what pictures share.
+//! Renders one asset, keeping what images share.
 
 use super::residual::{CapturedRadiance, CapturedSample, CapturedView};
 use super::shadow::ShadowMap;
@@ -17,10 +17,10 @@ use std::sync::OnceLock;
 const SPARE_VIEWS: usize = 5;
 /// Smallest cosine to a light under which the residual is shown in full.
 const GRAZING: f32 = 0.2;
-/// Pixels of the largest picture.
+/// Pixels of the largest image.
 const MAX_PIXELS: u64 = 1 << 28;
 
-/// Renders pictures of one asset. Captured views are prepared when first needed.
+/// Renders images of one asset. Captured views are prepared when first needed.
 pub struct AssetRenderer<'a> {
     asset: &'a Asset,
     normals: Vec<[f64; 3]>,
@@ -92,7 +92,7 @@ impl<'a> AssetRenderer<'a> {
             .map(|k| self.light_number[k])
     }
 
-    /// Renders one picture.
+    /// Renders one image.
     pub fn render(&self, camera: &Camera, options: &RenderOptions) -> Result<ViewRender> {
         if camera.width == 0 || camera.height == 0 || camera.width as u64 * camera.height as u64 > MAX_PIXELS {
             return Err(Error::parameter("the picture has no pixels or too many"));
@@ -248,7 +248,7 @@ impl<'a> AssetRenderer<'a> {
     }
 }
 
-/// One picture in the making.
+/// One image in the making.
 struct ViewScene<'r, 'a> {
     renderer: &'r AssetRenderer<'a>,
     options: &'r RenderOptions,

@@ -1,4 +1,4 @@
-//! A specular reflection function as tables in single precision, for pictures in motion.
+//! A specular reflection function as tables in single precision, for images in motion.
 //!
 //! `f = D(h) R / ((n.i) (n.o))`: `D` over the half vector's angle finely, what is left, `R`, coarsely over the half vector's angle, the
 //! difference angle and the azimuth of the latter, where it is smooth for every model whose peak lies in `D`.

@@ -4,7 +4,7 @@ use crate::asset::Asset;
 use crate::views::Camera;
 use glam::{DMat3, DQuat, DVec3};
 
-/// A camera at `eye` that looks at `target`, with `up` upwards in the picture. `focal` in pixels.
+/// A camera at `eye` that looks at `target`, with `up` upwards in the image. `focal` in pixels.
 pub fn look_at(eye: [f64; 3], target: [f64; 3], up: [f64; 3], focal: f64, width: u32, height: u32) -> Camera {
     let (eye, target, up) = (DVec3::from_array(eye), DVec3::from_array(target), DVec3::from_array(up));
     let forward = (target - eye).normalize_or(DVec3::Z);
@@ -103,7 +103,7 @@ mod tests {
 
     #[test]
     fn a_ring_of_cameras_on_their_side_is_still_a_ring() {
-        // Two thirds of a ring, pictures turned by a quarter.
+        // Two thirds of a ring, images turned by a quarter.
         let captured = |k: usize| {
             let angle = k as f64 * 0.1;
             let upward = [angle.cos(), 0.0, -angle.sin()];

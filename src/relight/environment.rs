@@ -62,7 +62,7 @@ impl<'a> EnvironmentScene<'a> {
     pub fn render(&self, camera: &Camera, shading: &dyn ShadingModel) -> Result<EnvironmentRender> {
         let view = SampledView::new(self.object, camera, self.options.samples)?;
         Ok(shade_samples(self.object, &view, |point: &ShadingPoint, _| {
-            let parameters = shading.parameters_at(point.triangle, point.weights, point.position);
+            let parameters = shading.parameters_at(point.triangle, point.weights.to_array(), point.position.to_array());
             self.evaluator.radiance(point, &parameters)
         }))
     }

@@ -88,7 +88,7 @@ impl Evaluator for FilteredEvaluator<'_> {
     fn radiance(&self, point: &ShadingPoint, parameters: &ShadingParameters) -> [Vec3; 2] {
         let [a, b, c] = point.places.map(|place| self.irradiance[place as usize]);
         let mut irradiance = a * point.shares.x + b * point.shares.y + c * point.shares.z;
-        let specular = parameters.specular.filter(|_| parameters.specular_scale.max_element() > 0.0);
+        let (albedo, specular_scale, specular) = parameters.parts();
         let basis = point.basis();
         let outgoing = basis.transpose() * point.outgoing;
         let mut shine = Vec3::ZERO;
@@ -113,7 +113,7 @@ impl Evaluator for FilteredEvaluator<'_> {
             shine +=
                 self.reflected(point, prepared, |_, _, incoming, outgoing| evaluate_brdf(prepared, incoming, outgoing));
         }
-        [parameters.albedo * irradiance / PI, parameters.specular_scale * shine]
+        [albedo * irradiance / PI, specular_scale * shine]
     }
 
     fn sample_irradiance(&self) -> Cow<'_, [Vec3]> {

@@ -1,4 +1,4 @@
-//! A picture asked for in one JSON file, so that another renderer can be asked for the same.
+//! An image asked for in one JSON file, so that another renderer can be asked for the same.
 
 use super::material::{Material, SpecularPart};
 use super::models::{TorranceSparrow, split_constant_part};
@@ -65,7 +65,7 @@ pub enum JobEvaluator {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct JobEnvironment {
-    /// The picture, or a `.tsuya` file with light.
+    /// The image, or a `.tsuya` file with light.
     pub file: PathBuf,
     /// Factor of its radiance.
     #[serde(default = "one")]
@@ -79,7 +79,7 @@ fn one() -> f64 {
     1.0
 }
 
-/// A pinhole camera, square pixels, its axis in the middle of the picture.
+/// A pinhole camera, square pixels, its axis in the middle of the image.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct JobCamera {
@@ -87,7 +87,7 @@ pub struct JobCamera {
     pub position: [f64; 3],
     /// Point in the middle of the image.
     pub target: [f64; 3],
-    /// Upwards in the picture.
+    /// Upwards in the image.
     pub up: [f64; 3],
     /// Angle between the upper and the lower edge, degrees.
     pub fov_y_deg: f64,
@@ -114,15 +114,15 @@ impl Job {
     }
 }
 
-/// A number, or a picture that drives it.
+/// A number, or an image that drives it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum JobParameter<T> {
     /// One value for the whole surface.
     Constant(T),
-    /// Values of a picture at the mesh's texture coordinates, 0 to 1 (linear) times `scale`.
+    /// Values of an image at the mesh's texture coordinates, 0 to 1 (linear) times `scale`.
     Texture {
-        /// The picture.
+        /// The image.
         texture: PathBuf,
         /// Factor.
         #[serde(default = "one")]

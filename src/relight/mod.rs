@@ -1,6 +1,6 @@
-//! Pictures of an asset: from any camera, under the capture's light, any point lights, or an environment. See `spec/rendering.md`.
+//! Images of an asset: from any camera, under the capture's light, any point lights, or an environment. See `spec/rendering.md`.
 //!
-//! A picture is the reflectance model, evaluated, plus the residual (photograph minus model), interpolated between the nearest
+//! An image is the reflectance model, evaluated, plus the residual (photograph minus model), interpolated between the nearest
 //! captured views (Miyazaki 2007, equations 12 to 16).
 
 mod appearance;
@@ -68,7 +68,7 @@ pub enum RenderLighting {
     Points(Vec<PointLight>),
 }
 
-/// Parts of a picture.
+/// Parts of an image.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct RenderLayers {
     /// Diffuse reflection. The residual of a capture without polarisers is shown only if both reflections are.
@@ -113,7 +113,7 @@ impl RenderOptions {
     }
 }
 
-/// A picture.
+/// Image of an asset, whole and by components.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ViewRender {
     /// Linear radiance of the layers asked for: the sum of the components, each not below 0. 0 where nothing is hit.
@@ -126,7 +126,7 @@ pub struct ViewRender {
     pub coverage: Mask,
 }
 
-/// Renders one picture. For several of one asset keep a [`AssetRenderer`].
+/// Renders one image. For several of one asset keep a [`AssetRenderer`].
 pub fn render(asset: &Asset, camera: &Camera, options: &RenderOptions) -> Result<ViewRender> {
     AssetRenderer::new(asset)?.render(camera, options)
 }

@@ -1,4 +1,4 @@
-//! Which triangle each sample of a picture shows, drawn band by band in parallel, in single precision: for pictures that need not be the
+//! Which triangle each sample of an image shows, drawn band by band in parallel, in single precision: for images that need not be the
 //! same to the last bit everywhere (what decoding predicts from is [`crate::surface::raster`]).
 
 use crate::mesh::Mesh;
@@ -94,7 +94,7 @@ impl VisibilityBuffer {
     }
 }
 
-/// A band of the picture.
+/// A band of the image.
 struct SampleBand<'a> {
     first_row: usize,
     width: usize,

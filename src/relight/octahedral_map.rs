@@ -1,5 +1,5 @@
 //! The octahedral grid of [`crate::sphere::octahedral`], in single precision and with a border of one texel, so that reading between
-//! texels needs no case: renderers read it millions of times a picture.
+//! texels needs no case: renderers read it millions of times an image.
 
 use crate::sphere::octahedral;
 use glam::{Vec2, Vec3, Vec3A};

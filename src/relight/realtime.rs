@@ -4,7 +4,7 @@
 //! prefiltered maps is summed at one of four pixels and interpolated between like normals; the diffuse light of spherical Gaussians is summed
 //! at the samples of the surface and interpolated between them; samples of a pixel are shaded together where they show one piece of surface.
 
-use super::appearance::{PreparedSpecular, ShadingModel, ShadingParameters};
+use super::appearance::{PreparedSpecular, ShadingModel};
 use super::environment::EnvironmentScene;
 use super::evaluator::ShadowedLight;
 use super::filtered::evaluate_brdf;
@@ -27,7 +27,7 @@ const MAX_FRAGMENTS: usize = 4;
 /// Cosine between the normals of triangles that touch, from which on they are one piece.
 const LIKE: f32 = 0.8;
 
-/// A scene prepared for many pictures.
+/// Renders an object under an environment many times a second.
 pub struct RealtimeRenderer<'a> {
     stage: RealtimeScene<'a>,
     samples: VisibilityBuffer,
@@ -35,7 +35,7 @@ pub struct RealtimeRenderer<'a> {
     frame: RealtimeFrame,
 }
 
-/// A picture in motion.
+/// Image of a [`RealtimeRenderer`].
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct RealtimeFrame {
     /// Linear radiance, Rec. 709; 0 where nothing is hit. Of pixels that the object covers in part it is that part's share.
@@ -82,7 +82,7 @@ impl Fragment {
     }
 }
 
-/// A surface point in a picture.
+/// Surface point that an image shows.
 struct VisiblePoint {
     point: ShadingPoint,
     /// Whether the triangle's back is seen.
@@ -107,7 +107,7 @@ impl<'a> RealtimeRenderer<'a> {
         }
     }
 
-    /// Draws one picture.
+    /// Draws one image.
     pub fn render(&mut self, camera: &Camera, look: &dyn ShadingModel) -> Result<&RealtimeFrame> {
         let mesh = self.stage.scene.object.mesh;
         let fine = supersampled(camera, self.stage.scene.options.samples);
@@ -246,9 +246,9 @@ impl RealtimeScene<'_> {
 
     /// Specular radiance without the distant lights; `None` where there is no specular part.
     fn reflected(&self, point: &ShadingPoint, shading: &dyn ShadingModel) -> Option<Vec3> {
-        let parameters = shading.parameters_at(point.triangle, point.weights, point.position);
-        let prepared = parameters.specular.filter(|_| parameters.specular_scale.max_element() > 0.0)?;
-        Some(self.scene.evaluator.tabulated_specular(point, prepared))
+        let parameters = shading.parameters_at(point.triangle, point.weights.to_array(), point.position.to_array());
+        let (.., specular) = parameters.parts();
+        Some(self.scene.evaluator.tabulated_specular(point, specular?))
     }
 
     #[inline]
@@ -260,9 +260,8 @@ impl RealtimeScene<'_> {
         [x, y]: [usize; 2],
     ) -> Vec3 {
         let point = &spot.point;
-        let ShadingParameters { albedo, specular_scale, specular } =
-            look.parameters_at(point.triangle, point.weights, point.position);
-        let specular = specular.filter(|_| specular_scale.max_element() > 0.0);
+        let parameters = look.parameters_at(point.triangle, point.weights.to_array(), point.position.to_array());
+        let (albedo, specular_scale, specular) = parameters.parts();
         let [a, b, c] = point.places.map(|place| self.irradiance[place as usize]);
         let mut irradiance = a * point.shares.x + b * point.shares.y + c * point.shares.z;
         let mut shine = specular.and_then(|_| coarse.between(x, y, point.normal)).unwrap_or(Vec3::ZERO);

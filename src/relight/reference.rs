@@ -27,7 +27,7 @@ impl Default for ReferenceOptions {
     }
 }
 
-/// Renders one picture.
+/// Renders one image.
 pub fn reference(
     object: &RenderObject,
     environment: &EnvironmentMap,
@@ -42,7 +42,7 @@ pub fn reference(
     let light = LightSampler::new(environment);
     let drawn = SampledView::new(object, camera, options.samples)?;
     Ok(shade_samples(object, &drawn, |point, number| {
-        let appearance = look.parameters_at(point.triangle, point.weights, point.position);
+        let appearance = look.parameters_at(point.triangle, point.weights.to_array(), point.position.to_array());
         let free = |direction: Vec3| {
             // Opaque from within: what shines on the far side of the triangle is blocked by the object itself.
             point.geometric.dot(direction) > 0.0
@@ -62,13 +62,13 @@ fn radiance(
 ) -> [Vec3; 2] {
     let frame = point.basis();
     let outgoing = frame.transpose() * point.outgoing;
-    let specular = appearance.specular.filter(|_| appearance.specular_scale.max_element() > 0.0);
+    let (albedo, specular_scale, specular) = appearance.parts();
     let from_lobes = if specular.is_some() { options.rays / 2 } else { 0 };
     let reflectance = |incoming: Vec3| {
         let mut f = Vec3::ZERO;
         if let Some(prepared) = specular {
             let value = prepared.specular.brdf.evaluate(incoming.as_dvec3().to_array(), outgoing.as_dvec3().to_array());
-            f += appearance.specular_scale * Vec3::from_array(value.map(|x| x as f32));
+            f += specular_scale * Vec3::from_array(value.map(|x| x as f32));
         }
         f
     };
@@ -86,7 +86,7 @@ fn radiance(
         if density > 0.0 && (!options.shadows || free(world)) {
             let radiance = Vec3::from_array(light.environment.radiance(world.as_dvec3().to_array()));
             let arriving = radiance * (incoming.z / density);
-            sum[0] += appearance.albedo / PI * arriving;
+            sum[0] += albedo / PI * arriving;
             sum[1] += reflectance(incoming) * arriving;
         }
     };

@@ -29,7 +29,7 @@ pub(super) struct CapturedRadiance {
 
 /// Reading of a captured view at a surface point.
 pub(super) enum CapturedSample {
-    /// Not in the picture, or hidden.
+    /// Not in the image, or hidden.
     Unseen,
     /// Visible by the mesh, but the mask says that the object is not there.
     Cut,

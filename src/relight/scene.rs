@@ -125,7 +125,7 @@ pub struct EnvironmentRender {
     pub coverage: Grid<f32>,
 }
 
-/// A mesh drawn with all samples of a picture.
+/// A mesh drawn with all samples of an image.
 pub(super) struct SampledView {
     raster: VisibilityBuffer,
     centre: Vec3,

@@ -1,4 +1,4 @@
-//! Figures of pictures under an environment: a ball over a plate.
+//! Figures of images under an environment: a ball over a plate.
 
 use super::job::JobMaterial;
 use super::*;

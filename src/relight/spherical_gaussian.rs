@@ -90,9 +90,9 @@ impl Evaluator for SgEvaluator<'_> {
         let distance =
             |axis: Vec3| occlusion.map(|occlusion| occlusion.distance_towards(point.places, point.shares, axis));
         let irradiance: Vec3 = self.lobes().map(|lobe| lobe.irradiance(point.normal, distance)).sum();
-        let specular = parameters.specular.filter(|_| parameters.specular_scale.max_element() > 0.0);
+        let (albedo, specular_scale, specular) = parameters.parts();
         let shine = specular.map_or(Vec3::ZERO, |prepared| self.specular(point, prepared));
-        [parameters.albedo * irradiance / PI, parameters.specular_scale * shine]
+        [albedo * irradiance / PI, specular_scale * shine]
     }
 
     fn sample_irradiance(&self) -> Cow<'_, [Vec3]> {

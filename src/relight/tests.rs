@@ -1,4 +1,4 @@
-//! Figures of pictures of the sample.
+//! Figures of images of the sample.
 
 use super::hold_out;
 use super::test_capture::{fit_reflectance, load};

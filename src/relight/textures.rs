@@ -1,4 +1,4 @@
-//! Materials that vary over the surface: a file's reflectance maps, and parameters driven by pictures.
+//! Materials that vary over the surface: a file's reflectance maps, and parameters driven by images.
 
 use super::appearance::{PreparedSpecular, ShadingModel, ShadingParameters, UniformMaterial};
 use super::material::{Material, SpecularPart};
@@ -85,23 +85,22 @@ impl<'a> AssetShading<'a> {
 }
 
 impl ShadingModel for AssetShading<'_> {
-    fn parameters_at(&self, triangle: usize, _: Vec3, position: Vec3) -> ShadingParameters<'_> {
-        let at = atlas_position(self.charts, triangle, DVec3::from_array(position.to_array().map(f64::from)));
-        let vector = |c: [f64; 3]| Vec3::from_array(c.map(|x| x as f32));
+    fn parameters_at(&self, triangle: usize, _: [f32; 3], position: [f32; 3]) -> ShadingParameters<'_> {
+        let at = atlas_position(self.charts, triangle, DVec3::from_array(position.map(f64::from)));
         // K_d is radiance over irradiance.
-        let albedo = vector(sample_colour(&self.maps.diffuse, at)) * std::f32::consts::PI;
+        let albedo = sample_colour(&self.maps.diffuse, at).map(|c| c as f32 * std::f32::consts::PI);
         match &self.range {
             Some(range) => ShadingParameters {
                 albedo,
-                specular_scale: vector(sample_colour(&self.maps.specular, at)),
+                specular_scale: sample_colour(&self.maps.specular, at).map(|c| c as f32),
                 specular: range.at(sample_number(&self.maps.sigma, at)),
             },
-            None => ShadingParameters { albedo, specular_scale: Vec3::ZERO, specular: None },
+            None => ShadingParameters { albedo, specular_scale: [0.0; 3], specular: None },
         }
     }
 }
 
-/// A picture read at texture coordinates: `u` to the right, `v` upwards, repeated.
+/// An image read at texture coordinates: `u` to the right, `v` upwards, repeated.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Texture {
     /// Linear values.
@@ -111,7 +110,7 @@ pub struct Texture {
 }
 
 impl Texture {
-    fn read(&self, [u, v]: [f32; 2]) -> Vec3 {
+    fn read(&self, [u, v]: [f32; 2]) -> [f32; 3] {
         let (width, height) = (self.image.width, self.image.height);
         let place = |t: f32, size: usize| {
             let t = t - t.floor();
@@ -125,7 +124,7 @@ impl Texture {
         let at = |x: usize, y: usize| Vec3::from_array(*self.image.value_at(x, y));
         let upper = at(x0, y0).lerp(at(x1, y0), s);
         let lower = at(x0, y1).lerp(at(x1, y1), s);
-        upper.lerp(lower, t) * self.scale
+        (upper.lerp(lower, t) * self.scale).to_array()
     }
 }
 
@@ -142,7 +141,7 @@ pub struct Textures {
     pub roughness: Option<Texture>,
 }
 
-/// A material with parameters driven by pictures.
+/// A material with parameters driven by images.
 pub struct TexturedShading {
     base: UniformMaterial,
     textures: Textures,
@@ -178,13 +177,13 @@ impl TexturedShading {
 }
 
 impl ShadingModel for TexturedShading {
-    fn parameters_at(&self, triangle: usize, weights: Vec3, position: Vec3) -> ShadingParameters<'_> {
+    fn parameters_at(&self, triangle: usize, weights: [f32; 3], position: [f32; 3]) -> ShadingParameters<'_> {
         let base = self.base.parameters_at(triangle, weights, position);
         let corners = self.textures.coordinates[triangle];
-        let at =
-            std::array::from_fn(|k| weights.x * corners[0][k] + weights.y * corners[1][k] + weights.z * corners[2][k]);
-        let read = |texture: &Option<Texture>, constant: Vec3| texture.as_ref().map_or(constant, |t| t.read(at));
-        let rough = || self.textures.roughness.as_ref().map(|t| t.read(at).x as f64);
+        let [a, b, c] = weights;
+        let at = std::array::from_fn(|k| a * corners[0][k] + b * corners[1][k] + c * corners[2][k]);
+        let read = |texture: &Option<Texture>, constant: [f32; 3]| texture.as_ref().map_or(constant, |t| t.read(at));
+        let rough = || self.textures.roughness.as_ref().map(|t| t.read(at)[0] as f64);
         let specular = match &self.range {
             Some(range) => rough().and_then(|r| range.at(r)),
             None => base.specular,
@@ -214,10 +213,11 @@ mod tests {
         let material = Material { albedo: [1.0; 3], specular: None, specular_scale: [0.3; 3] };
         let part = |sigma: f64| Ok(Box::new(TorranceSparrow { sigma }) as Box<dyn Brdf + Send>);
         let look = TexturedShading::new(material, textures, 1, 8, part).unwrap();
-        let (left, right) = (look.parameters_at(0, Vec3::X, Vec3::ZERO), look.parameters_at(0, Vec3::Y, Vec3::ZERO));
-        assert!((left.albedo.x - 0.1).abs() < 1e-6 && (right.albedo.x - 0.5).abs() < 1e-6);
+        let (left, right) =
+            (look.parameters_at(0, [1.0, 0.0, 0.0], [0.0; 3]), look.parameters_at(0, [0.0, 1.0, 0.0], [0.0; 3]));
+        assert!((left.albedo[0] - 0.1).abs() < 1e-6 && (right.albedo[0] - 0.5).abs() < 1e-6);
         let width = |a: &ShadingParameters| a.specular.unwrap().specular.lobes[0].sharpness[0];
         assert!(width(&left) > 15.0 * width(&right), "{} {}", width(&left), width(&right));
-        assert_eq!(left.specular_scale.x, 0.3);
+        assert_eq!(left.specular_scale[0], 0.3);
     }
 }

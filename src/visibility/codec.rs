@@ -1,6 +1,6 @@
 //! Section `vISB`: bases and weights as integers, coded in two groups of terms; the first alone is visibility of its own.
 //!
-//! Bases are pictures on the octahedral grid, predicted from the cells left and above; a place's weights are predicted from
+//! Bases are images on the octahedral grid, predicted from the cells left and above; a place's weights are predicted from
 //! those neighbours in the cut mesh that came before it. Normative text: `spec/visibility.md`.
 
 use super::{Visibility, VisibilityError};
@@ -260,7 +260,7 @@ fn code_group<C: BitCoder>(
     Ok(())
 }
 
-/// Codes a picture of `size * size` integers.
+/// Codes an image of `size * size` integers.
 fn code_picture<C: BitCoder>(
     coder: &mut C,
     models: &mut [NumberModel],

@@ -1,4 +1,4 @@
-//! `tsuya ar`: an object in the pictures of a camera that sees a marker.
+//! `tsuya ar`: an object in the images of a camera that sees a marker.
 
 mod frames;
 mod video;
@@ -39,7 +39,7 @@ const MOVING_COLUMNS: usize = 256;
 pub struct Ar {
     /// A photograph, a folder of frames, or a video (read by ffmpeg).
     frames: PathBuf,
-    /// The object, best with its visibility (tsuya bake). One; for another run it again on the pictures that were made.
+    /// The object, best with its visibility (tsuya bake). One; for another run it again on the images that were made.
     #[arg(long, value_name = "FILE")]
     asset: PathBuf,
     /// The marker, FAMILY:ID:SIZE as in tag36h11:76:0.065 (* for any number), or a JSON file with several that belong together.
@@ -101,20 +101,20 @@ struct RenderArguments {
 #[derive(Args)]
 #[command(next_help_heading = "Light")]
 struct LightArguments {
-    /// Light from all around: a picture as of tsuya light fit, a bracket of several, a .tsuya file with light; or a folder or a video with
-    /// one picture for each frame.
+    /// Light from all around: an image as of tsuya light fit, a bracket of several, a .tsuya file with light; or a folder or a video with
+    /// one image for each frame.
     #[arg(long, value_name = "PATH", required = true)]
     env: Vec<PathBuf>,
-    /// How the pictures show the sphere [default: by their shape].
+    /// How the images show the sphere [default: by their shape].
     #[arg(long, value_enum)]
     env_projection: Option<Shape>,
-    /// Angle from edge to edge of a fisheye picture, degrees.
+    /// Angle from edge to edge of a fisheye image, degrees.
     #[arg(long, value_name = "DEGREES", default_value_t = 180.0)]
     env_field: f64,
-    /// The fisheye looks up, its picture's lower edge to +Z; otherwise to +Z.
+    /// The fisheye looks up, its image's lower edge to +Z; otherwise to +Z.
     #[arg(long)]
     env_looks_up: bool,
-    /// Exposure of each picture of a bracket.
+    /// Exposure of each image of a bracket.
     #[arg(long, value_name = "T,T,...", value_parser = numbers)]
     env_exposures: Option<Numbers>,
     /// Turns the environment about +Y, degrees.
@@ -123,7 +123,7 @@ struct LightArguments {
     /// Factor of its radiance.
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0)]
     env_scale: f32,
-    /// Factor of what 8-bit pictures cut off, such as lamps and the sun.
+    /// Factor of what 8-bit images cut off, such as lamps and the sun.
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0)]
     lamp_gain: f32,
 }
@@ -132,7 +132,7 @@ struct LightArguments {
 enum Shape {
     /// Latitude and longitude, 2:1.
     LatLong,
-    /// A mirror ball that touches the picture's edges.
+    /// A mirror ball that touches the image's edges.
     MirrorBall,
     /// Fisheye, distance proportional to the angle.
     Equidistant,

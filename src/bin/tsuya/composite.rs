@@ -23,7 +23,7 @@ pub struct Composite {
     /// environment.
     #[arg(long, value_name = "FILE")]
     photograph: PathBuf,
-    /// The picture: .png (sRGB, radiance 1 is 255) or .exr.
+    /// The image: .png (sRGB, radiance 1 is 255) or .exr.
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
     /// Height of the ground along the camera's upward direction [default: below the object's lowest vertex].
@@ -34,7 +34,7 @@ pub struct Composite {
     exposure: f64,
     #[command(flatten)]
     outside: OutsideArgument,
-    /// Overwrites an existing picture.
+    /// Overwrites an existing image.
     #[arg(long)]
     force: bool,
 }

@@ -37,11 +37,11 @@ impl Light {
 
 /// Fits an environment: spherical Gaussians for diffuse reflection, prefiltered levels for specular reflection.
 ///
-/// Several pictures of different exposure are merged. World axes: +Y up; the middle of a latitude-longitude picture is +Z, a
+/// Several images of different exposure are merged. World axes: +Y up; the middle of a latitude-longitude image is +Z, a
 /// quarter from its left edge is +X.
 #[derive(Args)]
 pub struct Fit {
-    /// Pictures of the environment: EXR, HDR, PNG, JPEG, TIFF.
+    /// Images of the environment: EXR, HDR, PNG, JPEG, TIFF.
     #[arg(required = true)]
     pictures: Vec<PathBuf>,
     /// The .tsuya file to write; - is standard output. Without it only the figures are printed.
@@ -62,22 +62,22 @@ pub struct Fit {
     /// Step of the stored levels in 1/64 of a doubling; smaller is better and longer.
     #[arg(long, value_name = "STEP", default_value_t = 3.0)]
     step: f32,
-    /// Columns that the environment is brought to first [default: as many as the picture's detail needs].
+    /// Columns that the environment is brought to first [default: as many as the image's detail needs].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(4..=8192))]
     width: Option<u16>,
-    /// How a picture shows the sphere [default: by its shape].
+    /// How an image shows the sphere [default: by its shape].
     #[arg(long, value_enum)]
     projection: Option<Shape>,
-    /// Angle from edge to edge of a fisheye picture, in degrees.
+    /// Angle from edge to edge of a fisheye image, in degrees.
     #[arg(long, value_name = "DEGREES", default_value_t = 180.0)]
     field: f64,
     /// A fisheye lens looks to the zenith, not ahead.
     #[arg(long)]
     looks_up: bool,
-    /// Exposure of each picture, in seconds or anything proportional to the light let in.
+    /// Exposure of each image, in seconds or anything proportional to the light let in.
     #[arg(long, value_name = "T,T,...", value_parser = values::numbers)]
     exposures: Option<values::Numbers>,
-    /// Colour space of PNG, JPEG and TIFF pictures [default: srgb].
+    /// Colour space of PNG, JPEG and TIFF images [default: srgb].
     #[arg(long, value_name = "NAME")]
     color_space: Option<String>,
     /// Turns the environment about +Y, in degrees.
@@ -98,7 +98,7 @@ enum Shape {
     LatLong,
     /// Cube: a cross or a strip of six squares.
     Cube,
-    /// A mirror ball that touches the picture's edges.
+    /// A mirror ball that touches the image's edges.
     MirrorBall,
     /// Fisheye, distance proportional to the angle.
     Equidistant,

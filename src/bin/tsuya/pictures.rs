@@ -1,4 +1,4 @@
-//! Pictures as bytes of PNG and EXR files.
+//! Images as bytes of PNG and EXR files.
 
 use anyhow::{Context, Result};
 use exr::prelude::{Encoding, Image, SpecificChannels, Vec2, WritableImage, f16};
@@ -78,7 +78,7 @@ pub fn exr_grey(image: &Grid<f32>) -> Result<Vec<u8>> {
     Ok(file.into_inner())
 }
 
-/// Pictures side by side, a dark gap between them.
+/// Images side by side, a dark gap between them.
 pub fn beside(pictures: &[DisplayImage]) -> DisplayImage {
     const GAP: usize = 4;
     let width = pictures.iter().map(|p| p.width).sum::<usize>() + GAP * pictures.len().saturating_sub(1);

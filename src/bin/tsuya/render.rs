@@ -1,4 +1,4 @@
-//! `tsuya render`: pictures from any camera, under any point lights or an environment.
+//! `tsuya render`: images from any camera, under any point lights or an environment.
 
 use crate::surroundings::{self, EnvironmentSettings, JobAsset};
 use crate::values::{Numbers, OutsideArgument, find_view, numbers, size, triple};
@@ -15,18 +15,18 @@ use tsuya::metrics::to_display;
 use tsuya::relight::{self, AssetRenderer, JobEnvironment, JobEvaluator, RenderLayers, RenderLighting, RenderOptions};
 use tsuya::{Camera, PointLight};
 
-/// Renders pictures of the object.
+/// Renders images of the object.
 #[derive(Args)]
 pub struct Render {
     /// The file; - is standard input.
     #[arg(required_unless_present = "job", conflicts_with = "job")]
     file: Option<PathBuf>,
-    /// Takes everything from this file, JSON: mesh and material, or asset; environment, camera, size. The picture is linear, Rec. 709.
+    /// Takes everything from this file, JSON: mesh and material, or asset; environment, camera, size. The image is linear, Rec. 709.
     #[arg(long, value_name = "JOB.json", group = "around")]
     job: Option<PathBuf>,
     #[command(flatten)]
     surround: EnvironmentArguments,
-    /// The picture: .png (sRGB; the white board is 255, under an environment radiance 1 is) or .exr (linear radiance). With --orbit a number is put into the name.
+    /// The image: .png (sRGB; the white board is 255, under an environment radiance 1 is) or .exr (linear radiance). With --orbit a number is put into the name.
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
     #[command(flatten)]
@@ -37,7 +37,7 @@ pub struct Render {
     /// Upward direction of --camera [default: upward in the photographs].
     #[arg(long, value_name = "X,Y,Z", value_parser = triple, allow_hyphen_values = true, requires = "camera")]
     up: Option<[f64; 3]>,
-    /// Size of the picture [default: as the photographs].
+    /// Size of the image [default: as the photographs].
     #[arg(long, value_name = "WxH", value_parser = size)]
     size: Option<[u32; 2]>,
     /// A point light instead of the capture's: its place, and its intensity as one number or three [default: as the capture's];
@@ -53,7 +53,7 @@ pub struct Render {
     /// Takes the nearest captured view's residual instead of interpolating.
     #[arg(long, conflicts_with = "around")]
     nearest: bool,
-    /// Light that the object keeps from itself is not taken away.
+    /// Disables self-shadowing.
     #[arg(long)]
     no_shadows: bool,
     /// Brighter by this many stops.
@@ -61,7 +61,7 @@ pub struct Render {
     exposure: f64,
     #[command(flatten)]
     outside: OutsideArgument,
-    /// Overwrites existing pictures.
+    /// Overwrites existing images.
     #[arg(long)]
     force: bool,
 }
@@ -104,7 +104,7 @@ struct CameraArguments {
     /// From the camera of this captured view, by number or name [default: the first].
     #[arg(long, value_name = "VIEW")]
     view: Option<String>,
-    /// This many pictures around the object.
+    /// This many images around the object.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=10000))]
     orbit: Option<u16>,
     /// From this place, looking at that one: px,py,pz,tx,ty,tz.
@@ -221,7 +221,7 @@ impl Render {
         if is_exr { pictures::exr(&image, false) } else { pictures::png(&to_display(&image, white)) }
     }
 
-    /// Before long work: may the pictures be written?
+    /// Before long work: may the images be written?
     fn check(&self, paths: &[PathBuf], input: &Path) -> Result<()> {
         let inputs: Vec<&Path> = self.file.iter().map(|path| &**path).chain([input]).collect();
         output::check_outputs(&paths.iter().map(|path| &**path).collect::<Vec<_>>(), &inputs, self.force)
@@ -297,7 +297,7 @@ impl Render {
     }
 }
 
-/// The same view in a picture of another size; where the shape differs, more is shown rather than less.
+/// The same view in an image of another size; where the shape differs, more is shown rather than less.
 fn resized(camera: Camera, [width, height]: [u32; 2]) -> Camera {
     let scale = (width as f64 / camera.width as f64).min(height as f64 / camera.height as f64);
     let place = |principal: f64, old: u32, new: u32| (principal - old as f64 / 2.0) * scale + new as f64 / 2.0;

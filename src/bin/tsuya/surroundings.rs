@@ -1,4 +1,4 @@
-//! Pictures under an environment: what `render --env`, `render --job` and `composite` share.
+//! Images under an environment: what `render --env`, `render --job` and `composite` share.
 
 use crate::source;
 use crate::values::OutsideArgument;
@@ -79,7 +79,7 @@ pub struct JobLight {
     stored: Option<lighting::EnvironmentLobes>,
 }
 
-/// Reads the environment of a job: a picture, or the light of a `.tsuya` file.
+/// Reads the environment of a job: an image, or the light of a `.tsuya` file.
 pub fn light(job: &JobEnvironment, folder: &Folder) -> Result<JobLight> {
     if !(job.scale.is_finite() && job.scale >= 0.0 && job.rotation_y_deg.is_finite()) {
         return Err(
@@ -107,7 +107,7 @@ pub fn light(job: &JobEnvironment, folder: &Folder) -> Result<JobLight> {
     Ok(JobLight { environment, stored: None })
 }
 
-/// Pictures of a subject from several cameras.
+/// Images of a subject from several cameras.
 pub fn pictures(
     subject: &JobAsset,
     light: &JobLight,
@@ -206,7 +206,7 @@ pub fn subject(job: &Job, folder: &Folder, detail: bool) -> Result<JobAsset> {
     }
 }
 
-/// A picture in linear values: numbers as they are, not decoded from sRGB, unless it is a colour.
+/// An image in linear values: numbers as they are, not decoded from sRGB, unless it is a colour.
 fn read_texture(path: &Path, access: &FileAccess, colour: bool, scale: f64) -> Result<Texture> {
     let space = if colour { "srgb" } else { "linear" };
     let image: RgbImage = tsuya::image::read_linear_image(path, access, space)?;

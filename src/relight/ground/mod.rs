@@ -1,4 +1,4 @@
-//! The shadow that an object casts on the ground it is put on, and the picture of both (Sonoda 2011, equations 16 and 17).
+//! The shadow that an object casts on the ground it is put on, and the image of both (Sonoda 2011, equations 16 and 17).
 
 // Frames of a camera alone read kept shadows.
 #[cfg_attr(not(feature = "ar"), allow(dead_code))]

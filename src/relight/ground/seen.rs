@@ -1,4 +1,4 @@
-//! A kept shadow in the picture of a camera.
+//! A kept shadow in the image of a camera.
 
 use crate::image::Grid;
 use crate::views::Camera;
@@ -19,7 +19,7 @@ impl PlaneProjection {
     /// Prepares the projection onto a plane through `origin` with a normal and two more axes.
     pub(super) fn new(camera: &Camera, origin: Vec3, axes: &[Vec3; 3]) -> Self {
         let centre = Vec3::from_array(camera.centre().map(|x| x as f32)) - origin;
-        // Over the picture the rays change evenly; the small differences are taken in double precision.
+        // Over the image the rays change evenly; the small differences are taken in double precision.
         let [first, right, below] =
             [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]].map(|pixel| DVec3::from_array(camera.ray(pixel)));
         let axes = axes.map(|axis| {
@@ -45,7 +45,7 @@ impl PlaneProjection {
     }
 }
 
-/// A kept shadow in a camera's picture.
+/// A kept shadow in a camera's image.
 pub struct ProjectedShadow<'a> {
     pub(super) view: PlaneProjection,
     pub(super) texture: &'a Grid<Vec3A>,
