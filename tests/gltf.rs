@@ -191,8 +191,8 @@ fn damage_other_meshes_and_the_future_are_named() {
     assert!(exported.run(3, &["import", "cut.glb", "-o", "x.tsuya"]).contains("cut"));
     assert!(exported.run(3, &["inject", "spot.glb", "cut.glb", "-o", "x.glb"]).contains("not a .tsuya file"));
     tsuya(&["gltf", "import", text(&exported.path("a.tsuya")), "-o", "-"]).code(3);
-    // Profile paper has no atlas to bind to.
+    // Profile wavelet-texture has no atlas to bind to.
     let paper = exported.path("p.tsuya");
-    tsuya(&["encode", text(&sample()), "-o", text(&paper), "--profile", "paper", "--keep", "0.5"]).code(0);
+    tsuya(&["encode", text(&sample()), "-o", text(&paper), "--profile", "wavelet-texture", "--keep-percent", "0.5"]).code(0);
     assert!(exported.run(5, &["export", "p.tsuya", "-o", "p.glb"]).contains("atlas"));
 }

@@ -16,7 +16,7 @@ fn has_keys(value: &Value, wanted: &[&str]) {
 }
 
 #[test]
-fn tuned_there_and_back() {
+fn predictive_there_and_back() {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name);
     let (file, capture) = (path("a.tsuya"), sample());
@@ -75,7 +75,7 @@ fn tuned_there_and_back() {
     assert!(second > sum - 1.0, "{sum} {second}");
 
     let info = json(&["info", file, "--json"]);
-    assert_eq!((&info["profile"], &info["relightable"]), (&"tuned".into(), &true.into()));
+    assert_eq!((&info["profile"], &info["relightable"]), (&"predictive".into(), &true.into()));
     assert_eq!(info["views"].as_array().unwrap().len(), 36);
     assert_eq!(info["metadata"]["title"], "sample-spot");
     assert!(output(&["info", file]).contains("can be relit: yes"));
@@ -86,7 +86,7 @@ fn paper_with_its_figures() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("p.tsuya");
     let (file, capture) = (text(&file), sample());
-    let report = json(&["encode", text(&capture), "-o", file, "--profile", "paper", "--keep", "5", "--json"]);
+    let report = json(&["encode", text(&capture), "-o", file, "--profile", "wavelet-texture", "--keep-percent", "5", "--json"]);
     assert!((report["kept_percent"].as_f64().unwrap() - 5.0).abs() < 0.05);
     for domain in ["linear", "sqrt"] {
         for component in ["diffuse", "specular"] {
@@ -137,10 +137,16 @@ fn measured_lobes_take_the_place_of_torrance_and_sparrow() {
     let gltf = folder.path().join("l.glb");
     tsuya(&["gltf", "export", text(&file), "-o", text(&gltf)]).code(0);
 
-    let paper = ["--profile", "paper", "--specular", "dsbrdf"];
+    let paper = ["--profile", "wavelet-texture", "--specular", "dsbrdf"];
     let none = folder.path().join("none.tsuya");
     let refused = complaint(1, &[&["encode", text(&capture), "-o", text(&none)], &paper[..]].concat());
-    assert!(refused.contains("profile tuned"), "{refused}");
+    assert!(refused.contains("profile predictive"), "{refused}");
+    // Older names of options are read, but not shown.
+    let older = ["--profile", "paper", "--decoding", "fast", "--keep", "5"];
+    let refused = complaint(1, &[&["encode", text(&capture), "-o", text(&none)], &older[..]].concat());
+    assert!(refused.contains("--faster-decoding goes with profile predictive"), "{refused}");
+    let help = output(&["encode", "--help"]);
+    assert!(["tuned", "paper", "--decoding", "--keep "].iter().all(|name| !help.contains(name)), "{help}");
 }
 
 #[test]
@@ -197,7 +203,7 @@ fn views_between_are_interpolated_and_one_view_is_read_alone() {
 fn threads_do_not_change_the_file() {
     let folder = tempfile::tempdir().unwrap();
     let capture = variant(8, |_, _| {});
-    for profile in ["tuned", "paper"] {
+    for profile in ["predictive", "wavelet-texture"] {
         let files = ["1", "2"].map(|threads| {
             let file = folder.path().join(format!("{profile}-{threads}.tsuya"));
             let arguments = ["encode", text(capture.path()), "-o", text(&file), "--threads", threads, "--title", "x"];
@@ -287,7 +293,7 @@ fn the_demo_writes_its_files_and_no_other() {
     let capture = variant(8, |_, _| {});
     std::fs::write(folder.path().join("mine.txt"), b"kept").unwrap();
     let arguments = ["demo", "-o", text(folder.path()), "--capture", text(capture.path())];
-    assert!(output(&arguments).contains("tuned"));
+    assert!(output(&arguments).contains("predictive"));
     output(&arguments);
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 3 + 12 + 1);
     assert_eq!(std::fs::read(folder.path().join("mine.txt")).unwrap(), b"kept");

@@ -1,4 +1,4 @@
-//! Repeats the figures of Miyazaki, Shibata, Ikeuchi, "Wavelet-Texture Method", 2007, with profile `paper`.
+//! Repeats the figures of Miyazaki, Shibata, Ikeuchi, "Wavelet-Texture Method", 2007, with profile `wavelet-texture`.
 //!
 //! Prints, for one capture, the error on visible samples against the share of coefficients kept, beside the published
 //! figures and the true bytes of the bitstream.

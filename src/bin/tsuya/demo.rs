@@ -55,11 +55,11 @@ impl Demo {
         let photograph_bytes = photograph_bytes(&path)?;
         let mut text =
             format!("{}: {frames} views, photographs of {photograph_bytes} bytes\n\n", output::line(&captured.name));
-        text += "                     bytes   of photographs   diffuse  specular     sum     seconds\n";
+        text += "                         bytes   of photographs   diffuse  specular     sum     seconds\n";
         let rows = [
-            ("tuned, quality 75", Profile::Predictive, EncodeTarget::Quality(75.0)),
-            ("tuned, 45 dB", Profile::Predictive, EncodeTarget::PsnrDb(45.0)),
-            ("paper, 5 % kept", Profile::WaveletTexture, EncodeTarget::KeepPercent(5.0)),
+            ("predictive, quality 75", Profile::Predictive, EncodeTarget::Quality(75.0)),
+            ("predictive, 45 dB", Profile::Predictive, EncodeTarget::PsnrDb(45.0)),
+            ("wavelet-texture, 5 %", Profile::WaveletTexture, EncodeTarget::KeepPercent(5.0)),
         ];
         let mut file = None;
         for (name, profile, target) in rows {
@@ -76,11 +76,11 @@ impl Demo {
                     text += &row(name, &encoded, photograph_bytes, seconds);
                     file.get_or_insert(encoded);
                 }
-                Err(error) if file.is_some() => _ = writeln!(text, "{name:18} {error}"),
+                Err(error) if file.is_some() => _ = writeln!(text, "{name:22} {error}"),
                 Err(error) => return Err(error.into()),
             }
         }
-        text += "                                               image PSNR, dB\n";
+        text += "                                                   image PSNR, dB\n";
         let Some(file) = file else { return Ok(()) };
         folder.write("sample.tsuya", &file.bytes)?;
         pictures_of(&file.bytes, captured, &folder)?;
@@ -124,7 +124,7 @@ fn pictures_of(bytes: &[u8], mut captured: capture::Capture, folder: &output::Fo
 fn row(name: &str, encoded: &EncodedFile, photograph_bytes: u64, seconds: f64) -> String {
     let psnr = &encoded.image_psnr;
     format!(
-        "{name:18} {:8} {:14.2} % {:>9} {:>9} {:>7} {:9.1}\n",
+        "{name:22} {:8} {:14.2} % {:>9} {:>9} {:>7} {:9.1}\n",
         encoded.bytes.len(),
         100.0 * encoded.bytes.len() as f64 / photograph_bytes.max(1) as f64,
         decibel(psnr.diffuse),

@@ -24,13 +24,13 @@ pub struct Encode {
     output: PathBuf,
     #[command(flatten)]
     target: TargetArguments,
-    /// How the look is stored.
-    #[arg(long, value_enum, default_value = "tuned")]
+    /// How photographs are stored.
+    #[arg(long, value_enum, default_value = "predictive")]
     profile: ProfileName,
-    /// Profile tuned: what is spent, bytes or the decoder's time.
-    #[arg(long, value_enum, default_value = "small")]
-    decoding: DecodingName,
-    /// Leaves every K-th view out of the file, so that compare can judge pictures between the captured ones.
+    /// Profile predictive: trades file size for decoding speed.
+    #[arg(long, alias = "decoding", value_enum, default_value = "0", value_name = "LEVEL")]
+    faster_decoding: FasterDecoding,
+    /// Leaves every K-th view out of the file, so that compare can judge images between the captured ones.
     #[arg(long, value_name = "K")]
     hold_out: Option<usize>,
     #[command(flatten)]
@@ -38,10 +38,10 @@ pub struct Encode {
     /// Bits of a mesh coordinate, 8 to 20 [default: enough to move no vertex by more than an eighth of a pixel].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(8..=20))]
     position_bits: Option<u8>,
-    /// Profile tuned: what highlights are fitted with.
+    /// Profile predictive: model that highlights are fitted with.
     #[arg(long, value_enum, default_value = "torrance-sparrow", value_name = "MODEL")]
     specular: SpecularName,
-    /// Profile tuned: keeps specular radiance below zero (noise, double bounces), too.
+    /// Profile predictive: keeps specular radiance below zero (noise, double bounces), too.
     #[arg(long)]
     signed_specular: bool,
     /// Does not decode the finished file to compare every photograph with what the file states of it.
@@ -86,9 +86,9 @@ pub struct TargetArguments {
     /// Largest error of any pixel, on the square root of its radiance over the white board's.
     #[arg(long, value_name = "E")]
     max_error: Option<f64>,
-    /// Profile paper: wavelet coefficients kept, in per cent [default: 5].
-    #[arg(long, value_name = "PERCENT")]
-    keep: Option<f64>,
+    /// Profile wavelet-texture: coefficients kept, in per cent [default: 5].
+    #[arg(long, alias = "keep", value_name = "PERCENT")]
+    keep_percent: Option<f64>,
 }
 
 impl TargetArguments {
@@ -97,25 +97,30 @@ impl TargetArguments {
             .or(self.psnr.map(EncodeTarget::PsnrDb))
             .or(self.max_bytes.map(EncodeTarget::MaxBytes))
             .or(self.max_error.map(EncodeTarget::MaxError))
-            .or(self.keep.map(EncodeTarget::KeepPercent))
+            .or(self.keep_percent.map(EncodeTarget::KeepPercent))
     }
 }
 
 #[derive(Clone, Copy, ValueEnum)]
 enum ProfileName {
     /// Photographs predicted through the mesh from each other.
-    Tuned,
+    #[value(alias = "tuned")]
+    Predictive,
     /// The Wavelet-Texture method as published: residual volumes on patches of the surface.
-    Paper,
+    #[value(alias = "paper")]
+    WaveletTexture,
 }
 
 #[derive(Clone, Copy, PartialEq, ValueEnum)]
-enum DecodingName {
+enum FasterDecoding {
     /// The smallest file.
-    Small,
+    #[value(name = "0", alias = "small")]
+    Normal,
     /// About a fifth larger, a view in about a third of the time: for pages and apps that show views as they come.
+    #[value(name = "1", alias = "fast")]
     Fast,
     /// About a third larger, a view in about a fifth of the time.
+    #[value(name = "2", alias = "fastest")]
     Fastest,
 }
 
@@ -180,31 +185,30 @@ impl Encode {
             metadata.insert(key.into(), Value::String(value.into()));
         }
         let profile = match self.profile {
-            ProfileName::Tuned => Profile::Predictive,
-            ProfileName::Paper => Profile::WaveletTexture,
+            ProfileName::Predictive => Profile::Predictive,
+            ProfileName::WaveletTexture => Profile::WaveletTexture,
         };
         let specular = match self.specular {
             SpecularName::TorranceSparrow => SpecularModel::TorranceSparrow,
             SpecularName::Dsbrdf => SpecularModel::Dsbrdf,
         };
         if specular == SpecularModel::Dsbrdf && profile == Profile::WaveletTexture {
-            let message = "--specular dsbrdf goes with profile tuned: profile paper has the published model";
+            let message = "--specular dsbrdf goes with profile predictive: profile wavelet-texture has the published model";
             return Err(Error::parameter(message).into());
         }
-        let decoding = match self.decoding {
-            DecodingName::Small => DecodeSpeed::Normal,
-            DecodingName::Fast => DecodeSpeed::Fast,
-            DecodingName::Fastest => DecodeSpeed::Fastest,
+        let decode_speed = match self.faster_decoding {
+            FasterDecoding::Normal => DecodeSpeed::Normal,
+            FasterDecoding::Fast => DecodeSpeed::Fast,
+            FasterDecoding::Fastest => DecodeSpeed::Fastest,
         };
-        if decoding != DecodeSpeed::Normal && profile == Profile::WaveletTexture {
-            return Err(
-                Error::parameter("--decoding fast goes with profile tuned: profile paper has no predictions").into()
-            );
+        if decode_speed != DecodeSpeed::Normal && profile == Profile::WaveletTexture {
+            let message = "--faster-decoding goes with profile predictive: profile wavelet-texture has no predictions";
+            return Err(Error::parameter(message).into());
         }
         Ok(EncodeOptions {
             specular,
             profile,
-            decode_speed: decoding,
+            decode_speed,
             target: self.target.target(),
             hold_out: self.hold_out,
             position_bits: self.position_bits,

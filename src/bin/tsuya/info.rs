@@ -37,8 +37,8 @@ impl Info {
             })
             .collect();
         let profile = match (file.find(Tag::PLANES), file.find(Tag::WAVELET_TEXTURE)) {
-            (Some(_), _) => Some("tuned"),
-            (_, Some(_)) => Some("paper"),
+            (Some(_), _) => Some("predictive"),
+            (_, Some(_)) => Some("wavelet-texture"),
             _ => None,
         };
         let maps = asset.reflectance.as_ref();

@@ -46,7 +46,7 @@ export interface TsuyaFile {
   readonly facts: Facts;
   /** The captured views: cameras and lights, in the capture's order. */
   readonly views: ReadonlyArray<CapturedView>;
-  /** The order in which views are coded: key views first, each prefix spread evenly about the object. Empty in profile `paper`. */
+  /** The order in which views are coded: key views first, each prefix spread evenly about the object. Empty in profile `wavelet-texture`. */
   readonly order: ReadonlyArray<CodedView>;
   /** Bytes taken from the source so far, and the file's length. */
   readonly progress: Progress;
@@ -81,8 +81,8 @@ export type Component = "diffuse" | "specular" | "combined";
 export interface Facts {
   /** `major.minor` of the format. */
   version: string;
-  /** `tuned`, `paper`, or null for a file without photographs. */
-  profile: "tuned" | "paper" | null;
+  /** `predictive`, `wavelet-texture`, or null for a file without photographs. */
+  profile: "predictive" | "wavelet-texture" | null;
   /** Sections known so far; all of them once `sectionsComplete`. */
   sections: SectionFacts[];
   sectionsComplete: boolean;

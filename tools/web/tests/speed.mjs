@@ -33,11 +33,11 @@ test("the module is small", () => {
 const capture = process.env.TSUYA_SPEED_CAPTURE ?? join(root, "tests/data/sample-spot");
 const target = (process.env.TSUYA_SPEED_TARGET ?? "--quality 75").split(" ");
 
-for (const decoding of ["small", "fast", "fastest"]) {
-  test(`time of a view, --decoding ${decoding}`, async () => {
+for (const decoding of ["0", "1", "2"]) {
+  test(`time of a view, --faster-decoding ${decoding}`, async () => {
     const folder = mkdtempSync(join(tmpdir(), "tsuya-speed-"));
     const file = join(folder, "measured.tsuya");
-    run(program, ["encode", capture, "-o", file, ...target, "--decoding", decoding]);
+    run(program, ["encode", capture, "-o", file, ...target, "--faster-decoding", decoding]);
     const bytes = readFileSync(file);
     const server = await serve(web, new Map([["/page.html", PAGE], ["/file.tsuya", bytes]]));
     const browser = await launch();
@@ -66,7 +66,7 @@ for (const decoding of ["small", "fast", "fastest"]) {
           env: { ...process.env, CARGO_TARGET_DIR: join(process.env.CARGO_TARGET_DIR ?? join(root, "target"), "web") },
         }),
       );
-      console.log(`# --decoding ${decoding}: ${bytes.length} bytes, views of ${pixels} pixels`);
+      console.log(`# --faster-decoding ${decoding}: ${bytes.length} bytes, views of ${pixels} pixels`);
       const tell = (name, times) => {
         const sorted = [...times].sort((a, b) => a - b);
         const mean = times.reduce((a, b) => a + b) / times.length;

@@ -10,8 +10,8 @@ pub fn opened(opened: &FileHeader) -> Value {
     let FileHeader { metadata, capture, photographs } = opened;
     let profile = match photographs {
         PhotographCoding::None => None,
-        PhotographCoding::Predictive { .. } => Some("tuned"),
-        PhotographCoding::WaveletTexture => Some("paper"),
+        PhotographCoding::Predictive { .. } => Some("predictive"),
+        PhotographCoding::WaveletTexture => Some("wavelet-texture"),
     };
     let order: Vec<Value> = match photographs {
         PhotographCoding::Predictive { header, streams } => {
