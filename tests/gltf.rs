@@ -193,6 +193,7 @@ fn damage_other_meshes_and_the_future_are_named() {
     tsuya(&["gltf", "import", text(&exported.path("a.tsuya")), "-o", "-"]).code(3);
     // Profile wavelet-texture has no atlas to bind to.
     let paper = exported.path("p.tsuya");
-    tsuya(&["encode", text(&sample()), "-o", text(&paper), "--profile", "wavelet-texture", "--keep-percent", "0.5"]).code(0);
+    tsuya(&["encode", text(&sample()), "-o", text(&paper), "--profile", "wavelet-texture", "--keep-percent", "0.5"])
+        .code(0);
     assert!(exported.run(5, &["export", "p.tsuya", "-o", "p.glb"]).contains("atlas"));
 }

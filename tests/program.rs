@@ -86,7 +86,8 @@ fn paper_with_its_figures() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("p.tsuya");
     let (file, capture) = (text(&file), sample());
-    let report = json(&["encode", text(&capture), "-o", file, "--profile", "wavelet-texture", "--keep-percent", "5", "--json"]);
+    let report =
+        json(&["encode", text(&capture), "-o", file, "--profile", "wavelet-texture", "--keep-percent", "5", "--json"]);
     assert!((report["kept_percent"].as_f64().unwrap() - 5.0).abs() < 0.05);
     for domain in ["linear", "sqrt"] {
         for component in ["diffuse", "specular"] {

@@ -193,7 +193,8 @@ impl Encode {
             SpecularName::Dsbrdf => SpecularModel::Dsbrdf,
         };
         if specular == SpecularModel::Dsbrdf && profile == Profile::WaveletTexture {
-            let message = "--specular dsbrdf goes with profile predictive: profile wavelet-texture has the published model";
+            let message =
+                "--specular dsbrdf goes with profile predictive: profile wavelet-texture has the published model";
             return Err(Error::parameter(message).into());
         }
         let decode_speed = match self.faster_decoding {
