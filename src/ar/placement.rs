@@ -45,7 +45,7 @@ pub struct Placement {
 impl Placement {
     /// Puts the mesh with its lowest vertex on the ground at the height of `at`, the middle of its box above `at`.
     ///
-    /// `upright` brings what is up in it to +Y first (`views::upright`), then it is turned about +Y by `turn_degrees`, counter-clockwise
+    /// `upright` brings what is up in it to +Y first ([`crate::View::upright_rotation`]), then it is turned about +Y by `turn_degrees`, counter-clockwise
     /// seen from above.
     pub fn on_ground(
         mesh: &Mesh,

@@ -1,4 +1,4 @@
-//! How far a fitted material is from the measured one.
+//! Errors of a fitted material against the measured one.
 
 use super::Brdf;
 use super::merl::{MerlGrid, MerlTable, THETA_D_BINS, THETA_H_BINS};
@@ -13,15 +13,15 @@ use std::f64::consts::{FRAC_PI_2, PI};
 pub struct ErrorReport {
     /// Root mean square of `ln(1 + f cos) - ln(1 + f' cos)` over valid cells, colours together; `cos` is that of the incident light.
     pub log_rmse: f64,
-    /// The same over cells whose `theta_h` is 5 degrees or more: without the centre of the highlight.
+    /// `log_rmse` over cells whose `theta_h` is 5 degrees or more: without the centre of the highlight.
     pub log_rmse_from_5_deg: f64,
     /// Root mean square of `(f - f') cos` over valid cells, colours together.
     pub cosine_rmse: f64,
-    /// The fitted material's greatest [`albedo`] over [`ALBEDO_ANGLES_DEG`] and colours; more than 1 makes light of nothing.
+    /// The fitted material's greatest [`albedo`] over [`ALBEDO_ANGLES_DEG`] and colours; values above 1 violate energy conservation.
     pub albedo_max: f64,
     /// The fitted material's [`reciprocity_error`].
     pub reciprocity: f64,
-    /// Of a rendered sphere.
+    /// PSNR of a rendered sphere, dB.
     pub sphere_psnr_db: SpherePsnr,
 }
 
@@ -38,7 +38,7 @@ impl<'a> MeasuredReference<'a> {
         MeasuredReference { measured, scenes, pictures: scenes.images(&measured.interpolated()) }
     }
 
-    /// How far a fitted material is from the measured one.
+    /// Computes the errors of a fitted material.
     pub fn report(&self, fitted: &impl Brdf) -> ErrorReport {
         let cells = cell_errors(self.measured, fitted);
         ErrorReport {
@@ -59,7 +59,7 @@ impl ErrorReport {
     }
 }
 
-/// The errors over cells.
+/// Error metrics over the valid cells of a table.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CellErrors {
     /// See [`ErrorReport::log_rmse`].

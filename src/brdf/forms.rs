@@ -9,25 +9,25 @@ use super::plan::{MeasurementPlan, PlanMethod, PlannedAngles};
 use super::{Brdf, BrdfSample};
 use crate::Result;
 
-/// A form by name.
+/// A form that a measured material can be fitted in.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum BrdfForm {
-    /// [`compact::CompactMaterial`]: the smallest error for its bytes.
+    /// [`compact::CompactMaterial`]: a polynomial of three angles, the smallest error for its bytes.
     Compact,
-    /// [`dsbrdf::DsbrdfMaterial`]: the lobes of the half angle as published.
+    /// [`dsbrdf::DsbrdfMaterial`]: lobes of the half angle.
     Dsbrdf,
     /// A classical model.
     Classical(ClassicalForm),
 }
 
 impl BrdfForm {
-    /// All of them.
+    /// Returns all forms.
     pub fn all() -> Vec<BrdfForm> {
         let classical = ClassicalForm::ALL.into_iter().map(BrdfForm::Classical);
         [BrdfForm::Compact, BrdfForm::Dsbrdf].into_iter().chain(classical).collect()
     }
 
-    /// Its name.
+    /// Returns the form's name, as the CLI and reports have it.
     pub fn name(self) -> &'static str {
         match self {
             BrdfForm::Compact => "compact",
@@ -36,7 +36,7 @@ impl BrdfForm {
         }
     }
 
-    /// The form of a name.
+    /// Returns the form of a name, `None` for an unknown one.
     pub fn from_name(name: &str) -> Option<Self> {
         match name {
             // Names of earlier versions.
@@ -47,14 +47,14 @@ impl BrdfForm {
     }
 }
 
-/// How to fit, for each kind of form.
+/// Fit options for each kind of form.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct FitSettings {
-    /// Of [`BrdfForm::Compact`].
+    /// Options of [`BrdfForm::Compact`].
     pub compact: compact::CompactFitOptions,
-    /// Of [`BrdfForm::Dsbrdf`].
+    /// Options of [`BrdfForm::Dsbrdf`].
     pub dsbrdf: dsbrdf::DsbrdfFitOptions,
-    /// Of [`BrdfForm::Classical`].
+    /// Objective of [`BrdfForm::Classical`].
     pub objective: FitObjective,
 }
 
@@ -121,7 +121,7 @@ pub fn fit_samples(samples: &[BrdfSample], form: BrdfForm, settings: &FitSetting
 /// Fits a table from its values at a plan's angles only.
 ///
 /// # Errors
-/// As [`fit_samples`], and where no angle has a value.
+/// [`crate::Error::Parameter`] for a classical model, for too few samples, and if no angle has a value.
 pub fn fit_planned(
     table: &MerlTable,
     plan: &MeasurementPlan,
@@ -131,7 +131,7 @@ pub fn fit_planned(
     fit_samples(&planned_samples(table, plan, form)?, form, settings)
 }
 
-/// What a form is fitted to, when a table is seen at a plan's angles only: the values themselves for lobes along `theta_h`, else the most
+/// Returns the samples that a form is fitted to from a table's values at a plan's angles: the values themselves for lobes, else the most
 /// probable material. Values are interpolated between cells.
 ///
 /// # Errors

@@ -11,7 +11,7 @@ use std::collections::HashSet;
 /// A material that a few hundred bytes describe.
 #[derive(Debug, Clone, PartialEq)]
 pub enum FittedMaterial {
-    /// Lobes of the half angle, as published.
+    /// Lobes of the half angle (DSBRDF).
     Dsbrdf(DsbrdfMaterial),
     /// The project's own form.
     Compact(CompactMaterial),

@@ -1,4 +1,4 @@
-//! Materials whose reflectance was measured: reading tables, fitting lobes, planning what to measure.
+//! Measured materials (BRDFs): reading MERL tables and RGL files, fitting them in several forms, planning measurements.
 
 mod angles;
 pub(crate) mod compact;
@@ -41,7 +41,7 @@ pub use forms::{
 };
 pub use materials::{FittedMaterial, NamedMaterial, decode_materials, encode_materials};
 #[cfg(feature = "encode")]
-pub use merl::{InterpolatedMerl, MerlCell, MerlGrid, MerlTable, PHI_D_BINS, THETA_D_BINS, THETA_H_BINS};
+pub use merl::{InterpolatedMerl, MERL_CELLS, MerlCell, MerlGrid, MerlTable, PHI_D_BINS, THETA_D_BINS, THETA_H_BINS};
 #[cfg(feature = "encode")]
 pub use models::{
     ClassicalForm, FitObjective, MeasuredPair, PublishedFit, fit_classical, fit_classical_pairs, read_published,

@@ -1,4 +1,4 @@
-//! Where tests find measured materials.
+//! Paths of the measured materials that tests read.
 
 use std::path::PathBuf;
 

@@ -1,4 +1,4 @@
-//! Whether mesh, cameras and masks of a capture belong together, from small versions of some views.
+//! Agreement of a capture's mesh, cameras and masks, from small versions of some views.
 
 use super::{Capture, CaptureFrame};
 use crate::error::{Error, Result};
@@ -47,7 +47,7 @@ pub struct Agreement {
 /// A mistake that explains why mesh and masks disagree.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Cause {
-    /// What is wrong and what mends it, one sentence.
+    /// The fault and its remedy, one sentence.
     pub sentence: String,
     /// Mean intersection over union without the mistake.
     pub silhouette_iou: f64,
@@ -248,7 +248,7 @@ fn conventions() -> [(&'static str, fn(&Camera) -> Camera); 5] {
 }
 
 impl Agreement {
-    /// Whether mesh and masks have nothing to do with each other.
+    /// Returns `true` if mesh and masks have nothing to do with each other.
     pub fn is_refused(&self) -> bool {
         self.silhouette_iou.is_some_and(|iou| iou < REFUSED)
     }
@@ -257,7 +257,7 @@ impl Agreement {
         self.front_facing.is_some_and(|share| share < INWARDS)
     }
 
-    /// What is wrong or doubtful, one sentence each; none where everything agrees.
+    /// Faults and doubts, one sentence each; none if everything agrees.
     pub fn sentences(&self) -> Vec<String> {
         let percent = |share: f64| format!("{:.0} %", 100.0 * share);
         let mut all = Vec::new();

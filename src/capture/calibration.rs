@@ -23,7 +23,7 @@ const MAX_BYTES: u64 = 1 << 20;
 const MAX_NODES: u64 = 100_000;
 /// Lists and maps in each other, at most.
 const MAX_DEPTH: usize = 32;
-/// What a value takes in memory, with a list that has grown.
+/// Memory of a value, with a list that has grown, bytes.
 const NODE_BYTES: u64 = 256;
 
 /// A camera without a place, and its lens.
@@ -31,7 +31,7 @@ const NODE_BYTES: u64 = 256;
 pub struct Calibration {
     /// Size, focal lengths, principal point; at the origin, looking to +z.
     pub camera: Camera,
-    /// What the lens adds.
+    /// Lens distortion.
     pub lens: Lens,
 }
 

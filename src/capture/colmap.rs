@@ -312,7 +312,7 @@ fn read_images_txt(path: &Path, access: &FileAccess) -> Result<Vec<ColmapPose>> 
     Ok(poses)
 }
 
-/// Whether a line of `images.txt` lists points: x, y and number of each. An image has ten words, of which the last is a name.
+/// Returns `true` if a line of `images.txt` lists points: x, y and number of each. An image has ten words, of which the last is a name.
 fn is_point_list(row: &str) -> bool {
     let mut words = 0;
     row.split_whitespace().all(|word| {

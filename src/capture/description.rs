@@ -1,4 +1,4 @@
-//! What a capture says about itself before any picture is opened.
+//! Description of a capture, read before any photograph is opened.
 
 use super::CaptureReadOptions;
 use super::lens::Lens;
@@ -25,7 +25,7 @@ pub struct CaptureDescription {
     pub white_reference: Option<WhiteReference>,
     /// Declared colour space of display-referred pictures.
     pub color_space: Option<String>,
-    /// What should be said to the user.
+    /// Non-fatal problems, one sentence each.
     pub warnings: Vec<String>,
 }
 
@@ -43,7 +43,7 @@ pub struct WhiteReference {
 pub struct FrameDescription {
     /// Name, pinhole camera and light.
     pub view: View,
-    /// What stands between the pinhole camera and the photograph as it is stored.
+    /// Lens distortion of the photograph as it is stored.
     pub lens: Lens,
     /// The photograph.
     pub photograph: PathBuf,
@@ -120,7 +120,7 @@ pub(super) fn folder_name(folder: &Path) -> String {
     full.file_name().map_or_else(|| "capture".to_owned(), |n| n.to_string_lossy().into_owned())
 }
 
-/// What can't be a camera of ours, said in words.
+/// Returns why a camera is unusable, or `None`.
 pub(super) fn camera_fault(camera: &Camera) -> Option<String> {
     let side = Limits::default().image_side;
     let size_fits = (1..=side).contains(&camera.width) && (1..=side).contains(&camera.height);

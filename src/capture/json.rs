@@ -25,7 +25,7 @@ pub(crate) struct JsonNode<'a> {
     pub(crate) key: String,
 }
 
-/// What the values of a JSON text take in memory, at most; lists and objects may have grown to twice their need.
+/// Returns an upper bound of the memory of a JSON text's values; lists and objects may have grown to twice their need.
 fn parsed_bytes(text: &str) -> u64 {
     let cost = |byte: u8| match byte {
         b'{' => 512,
@@ -151,7 +151,7 @@ impl<'a> JsonNode<'a> {
     }
 }
 
-/// Where a walk stands in an object or a list.
+/// Position of a walk in an object or a list.
 enum JsonLevel<'a> {
     Object { key: &'a str, expects_key: bool },
     List { index: usize },

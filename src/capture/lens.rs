@@ -3,7 +3,7 @@
 use crate::image::{Mask, RgbImage};
 use crate::views::Camera;
 
-/// How a lens bends the ideal image position `(x, y) = (q.x / q.z, q.y / q.z)` before focal length and principal point apply.
+/// Lens model: maps the ideal image position `(x, y) = (q.x / q.z, q.y / q.z)` before focal length and principal point apply.
 /// The models and coefficient orders are OpenCV's and COLMAP's.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum Lens {
@@ -28,7 +28,7 @@ pub enum Lens {
 }
 
 impl Lens {
-    /// Whether the lens bends nothing.
+    /// Returns `true` if the lens distorts nothing.
     pub fn is_pinhole(&self) -> bool {
         match self {
             Lens::Pinhole => true,
@@ -39,7 +39,7 @@ impl Lens {
         }
     }
 
-    /// Where the lens puts an ideal image position (both in focal lengths from the principal point).
+    /// Returns the distorted position of an ideal image position (both in focal lengths from the principal point).
     pub fn distort(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         let square = x * x + y * y;
         let scale = self.radial_scale(square.sqrt());
@@ -152,7 +152,7 @@ impl Lens {
         result
     }
 
-    /// As [`Lens::undistort_image`] for a mask: bilinear, set from one half on; not set beyond the photograph.
+    /// Removes the distortion from a mask: bilinear, set from one half on; not set beyond the photograph.
     pub fn undistort_mask(&self, camera: &Camera, mask: &Mask) -> Mask {
         let mut result = Mask::filled(mask.width, mask.height, false);
         self.source_positions(camera, |index, position| {

@@ -62,7 +62,7 @@ pub struct Capture {
     pub beta: Option<[f64; 3]>,
     /// Colour space of the pixels in memory, always a linear one: `linear-rec709`, or the declared `linear-NAME`.
     pub color_space: String,
-    /// What the user should know, one sentence each.
+    /// Non-fatal problems found while reading, one sentence each.
     pub warnings: Vec<String>,
     /// Frames left out: pictures missing or unreadable, without cross photograph where others have one, with an empty mask.
     pub skipped_frames: usize,
@@ -83,7 +83,7 @@ pub struct CaptureFrame {
     pub mask: Option<Mask>,
 }
 
-/// What the caller knows better than the capture.
+/// Overrides for values that a capture states or lacks, and the limits of reading.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct CaptureReadOptions {
     /// The mesh file. Default: the one that the capture names, else the only one in its folder.
@@ -97,19 +97,19 @@ pub struct CaptureReadOptions {
     /// Factor of the mesh's coordinates, before its pose. Default: 1, and an error where the mesh is so large or so small for the
     /// cameras that its unit must be another than theirs.
     pub mesh_scale: Option<f64>,
-    /// Whether the masks show the background, not the object.
+    /// `true` if the masks show the background, not the object.
     pub invert_masks: bool,
     /// Takes mesh, cameras and masks as they are, whether they agree or not, and the mesh's winding. Default: a mesh that is wound inwards is
     /// turned, and an error where the mesh's silhouette and the masks have nothing to do with each other, see [`agreement`].
     pub unchecked: bool,
-    /// What everything that is read may use, together.
+    /// Limits of everything that is read, together.
     pub limits: Limits,
-    /// Whether files that the capture names may be hidden, or lie outside its folder.
+    /// Allows files that the capture names to be hidden, or to lie outside its folder.
     pub allow_outside: bool,
 }
 
 impl CaptureReadOptions {
-    /// The account of one capture.
+    /// Returns the memory account and rules of access of one capture.
     pub fn access(&self) -> FileAccess {
         FileAccess::new(self.limits).allow_outside(self.allow_outside)
     }
@@ -121,7 +121,7 @@ pub fn read(path: impl AsRef<Path>, options: &CaptureReadOptions) -> Result<Capt
     read_with_progress(path, options, &|_, _| {})
 }
 
-/// As [`read`]; `progress` hears of the frames done and their total, from any thread of the current pool.
+/// Reads a capture as [`read`] does; `progress(done, total)` is called after each frame, from any thread of the current pool.
 pub fn read_with_progress(
     path: impl AsRef<Path>,
     options: &CaptureReadOptions,
@@ -285,7 +285,7 @@ fn read_frames(
     Ok(outcomes)
 }
 
-/// How the photographs and masks of a capture are read.
+/// Settings of reading the photographs and masks of a capture.
 struct FrameSettings {
     space: ColorSpace,
     invert_masks: bool,
@@ -335,7 +335,7 @@ const MAX_PROJECTIONS: usize = 20_000_000;
 /// Below this share of vertices in any picture the user is warned.
 const FEW_IN_VIEW: f64 = 0.02;
 
-/// Whether the cameras look at the mesh at all: the commonest mistake is a mesh in other coordinates.
+/// Checks that the cameras look at the mesh at all: the commonest mistake is a mesh in other coordinates.
 fn check_registration(path: &Path, mesh: &Mesh, frames: &[FrameDescription], warnings: &mut Vec<String>) -> Result<()> {
     let in_view = |p: [f64; 3]| {
         frames.iter().any(|frame| {
@@ -384,7 +384,7 @@ fn check_registration(path: &Path, mesh: &Mesh, frames: &[FrameDescription], war
     Ok(())
 }
 
-/// Whether a ray meets a triangle from either side (Moeller and Trumbore 1997).
+/// Returns `true` if a ray meets a triangle from either side (Moeller and Trumbore 1997).
 fn ray_meets(mesh: &Mesh, triangle: &[u32; 3], origin: glam::DVec3, direction: glam::DVec3) -> bool {
     let [a, b, c] = triangle.map(|v| glam::DVec3::from_array(mesh.positions[v as usize].map(f64::from)));
     let (ab, ac) = (b - a, c - a);

@@ -1,4 +1,4 @@
-//! Whether the mesh is in the cameras' unit of length.
+//! Check of the mesh's unit of length against the cameras'.
 
 use super::align::apply_pose;
 use super::description::FrameDescription;
@@ -76,7 +76,7 @@ fn grouped(number: f64) -> String {
     text
 }
 
-/// How many times larger the mesh is than an object that the cameras were pointed at. `None` where the cameras don't tell how far away
+/// Returns how many times larger the mesh is than an object that the cameras were pointed at. `None` if the cameras don't determine how far away
 /// they stand: a single one, or all in parallel.
 fn factor(mesh: &Mesh, frames: &[FrameDescription]) -> Option<f64> {
     // The point nearest to all optical axes.

@@ -192,7 +192,7 @@ pub(crate) fn nearest_rotation(rows: [[f64; 3]; 3]) -> std::result::Result<[[f64
     Ok(rotation.transpose().to_cols_array_2d())
 }
 
-/// What should be said of the lights, however many frames it is true of.
+/// Warnings about lights, each given once for all frames.
 #[derive(Default)]
 struct LightWarnings {
     /// Types that are not points, the first few.

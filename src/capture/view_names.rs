@@ -1,4 +1,4 @@
-//! What views are called.
+//! Names of views, from the paths of their photographs.
 
 use crate::input::Folder;
 use std::path::Path;

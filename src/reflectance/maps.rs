@@ -14,7 +14,7 @@ use crate::views::Component;
 /// `K_s (L / r^2) / cos(theta_r) exp(-alpha^2 / (2 sigma^2))` (Miyazaki 2007, equations 7 and 8, after division by the
 /// light's irradiance). Where the lights are unknown `diffuse` is the weighted mean radiance over the views, the others
 /// are empty, and the object can't be relit. Where there is a palette, its lobes replace the specular formula, see
-/// `reflectance::palette`.
+/// `spec/reflectance.md`.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct ReflectanceMaps {
     /// Whether the lights were known, so that `diffuse` is a reflectance and not a radiance.

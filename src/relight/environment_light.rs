@@ -90,7 +90,7 @@ impl PreparedEnvironment {
     }
 
     /// Radiance around a direction, given by its place on the octahedral square, averaged with a spherical Gaussian; without the
-    /// distant lights. `level` counts in [`SHARPNESS`].
+    /// distant lights. `level` counts in `SHARPNESS`.
     #[inline]
     pub(super) fn filtered_radiance(&self, square: glam::Vec2, level: f32) -> Vec3 {
         let level = level.clamp(0.0, (SHARPNESS.len() - 1) as f32);

@@ -25,7 +25,7 @@ use std::f64::consts::FRAC_PI_2;
 
 /// Visibility of a mesh's places: `distance(place, direction) = mean(direction) + sum_k weight(place, k) base(direction, k)`.
 ///
-/// Directions are those of the mesh's world. Bases are functions on the octahedral grid of `sphere::octahedral`,
+/// Directions are those of the mesh's world. Bases are functions on the octahedral grid,
 /// bilinear between its cells, already multiplied by the steps of their weights; weights are integers of 8 bits.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Visibility {
@@ -88,7 +88,7 @@ impl Visibility {
         let terms = self.terms();
         self.weights.get(place.saturating_mul(terms)..).and_then(|rest| rest.get(..terms)).unwrap_or(&[])
     }
-    /// Weights between three places, see `SurfaceSamples::interpolation`: as many as `out` holds, [`Visibility::terms`] at most.
+    /// Interpolates the weights of three places by their shares: as many as `out` holds, [`Visibility::terms`] at most.
     pub fn interpolate(&self, places: [u32; 3], shares: [f32; 3], out: &mut [f32]) {
         out.fill(0.0);
         for (place, share) in places.into_iter().zip(shares) {

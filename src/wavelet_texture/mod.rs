@@ -55,7 +55,7 @@ struct WaveletHeader {
 
 impl WaveletHeader {
     #[cfg(feature = "encode")]
-    fn to_bytes(&self) -> Vec<u8> {
+    fn to_bytes(self) -> Vec<u8> {
         let flags = self.modelled as u8 | (self.relightable as u8) << 1 | (self.lobes as u8) << 2;
         let mut bytes = vec![VERSION, flags, self.components, self.view_levels];
         bytes.extend(self.views.to_le_bytes());

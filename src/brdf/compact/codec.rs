@@ -61,7 +61,7 @@ pub(super) fn level(degrees: TermDegrees, channel: usize, gain: u8) -> i32 {
     gain as i32 - table.0[degrees[0]] as i32 - table.1[degrees[1]] as i32 - table.2[degrees[2]] as i32
 }
 
-/// How a level is coded: low bits that are equiprobable, and the row of [`CONTINUE_PROBABILITIES`] for what is above them.
+/// Returns how a level is coded: the number of equiprobable low bits, and the row of [`CONTINUE_PROBABILITIES`] for the rest.
 fn row_of(level: i32) -> (u32, usize) {
     let last = CONTINUE_PROBABILITIES.len() as i32 - 1;
     let index = level + ORDINARY;

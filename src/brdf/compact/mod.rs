@@ -42,10 +42,10 @@ fn degrees(reciprocal: bool) -> &'static [TermDegrees] {
     &ALL[reciprocal as usize]
 }
 
-/// What a coded material begins with.
+/// Header of a coded material.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct CompactHeader {
-    /// Whether exchanging both directions changes nothing.
+    /// `true` if exchanging both directions changes nothing.
     reciprocal: bool,
     /// Step number, 0 to 63: the step is `(8 + n % 8) * 2^(n / 8 - 13)`.
     step: u8,
@@ -113,7 +113,7 @@ impl CompactMaterial {
         (in_range && small).then(|| Self::new(header, coefficients))
     }
 
-    /// Whether exchanging both directions changes nothing.
+    /// `true` if exchanging both directions changes nothing.
     pub fn is_reciprocal(&self) -> bool {
         self.header.reciprocal
     }

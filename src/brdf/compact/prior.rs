@@ -1,4 +1,4 @@
-//! What the coder knows about coefficients beforehand. Part of the format.
+//! Fixed probabilities of coefficients. Part of the format.
 
 /// Row of [`CONTINUE_PROBABILITIES`] whose coefficients have a magnitude of about one step.
 pub(super) const ORDINARY: i32 = 10;

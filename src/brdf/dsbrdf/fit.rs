@@ -9,7 +9,7 @@ use crate::brdf::BrdfSample;
 use crate::error::{Error, Result};
 use std::f64::consts::FRAC_PI_2;
 
-/// How many lobes.
+/// Number of lobes of each colour.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum LobeCount {
     /// This many, 1 to 5.
@@ -18,14 +18,14 @@ pub enum LobeCount {
     ByError,
 }
 
-/// How to fit.
+/// Options of [`fit_dsbrdf`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DsbrdfFitOptions {
-    /// Slices of `theta_d`: 18 of 5 degrees and 6 of 15 degrees are the published ones. 1 to 90.
+    /// Slices of `theta_d`: 1 to 90; the authors use 18 of 5 degrees and 6 of 15 degrees.
     pub slices: usize,
-    /// How many lobes.
+    /// Number of lobes of each colour.
     pub lobes: LobeCount,
-    /// Whether lobes have an amplitude of their own.
+    /// `true` gives each lobe an amplitude of its own.
     pub amplitudes: bool,
     /// Samples of a smaller `theta_h` are left out, degrees: measurements close to the highlight's centre are unreliable.
     pub min_theta_h_deg: f64,

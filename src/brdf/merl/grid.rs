@@ -7,7 +7,7 @@ use std::f64::consts::{FRAC_PI_2, PI};
 /// A valid cell of a table.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MerlCell {
-    /// Its place in the file.
+    /// Index in the file.
     pub index: usize,
     /// Angles at its middle.
     pub angles: HalfDifference,

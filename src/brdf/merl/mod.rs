@@ -20,13 +20,13 @@ pub const THETA_D_BINS: usize = 90;
 /// Bins of `phi_d`, one degree each, 0 to 180.
 pub const PHI_D_BINS: usize = 180;
 /// Cells of a table.
-pub(crate) const MERL_CELLS: usize = THETA_H_BINS * THETA_D_BINS * PHI_D_BINS;
-/// What a stored red, green, blue value is multiplied by to be a BRDF per steradian.
+pub const MERL_CELLS: usize = THETA_H_BINS * THETA_D_BINS * PHI_D_BINS;
+/// Factors of stored red, green, blue values that make them a BRDF per steradian.
 pub(crate) const MERL_SCALES: [f64; 3] = [1.0 / 1500.0, 1.15 / 1500.0, 1.66 / 1500.0];
 
 /// A measured isotropic material: 90 x 90 x 180 cells of red, green and blue.
 ///
-/// As a [`Brdf`] it answers as the database's own program does, with the value of the cell that the directions fall into;
+/// As a [`Brdf`] it returns what the database's own program does, the value of the cell that the directions fall into;
 /// [`MerlTable::interpolated`] interpolates. 17.5 MB.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MerlTable {
@@ -79,7 +79,7 @@ impl MerlTable {
         self.valid_cells_of_plane(grid, 0..THETA_H_BINS)
     }
 
-    /// The same for some bins of `theta_h`, so that threads can share the work.
+    /// Returns the valid cells of some bins of `theta_h`, so that threads can share the work.
     pub fn valid_cells_of_plane<'a>(
         &'a self,
         grid: &'a MerlGrid,
@@ -90,7 +90,7 @@ impl MerlTable {
         range.filter_map(|index| self.cell(index).and_then(|value| grid.cell(index, value)))
     }
 
-    /// How many cells are valid.
+    /// Returns the number of valid cells.
     pub fn valid_count(&self) -> usize {
         self.cells.iter().filter(|cell| !cell[0].is_nan()).count()
     }

@@ -10,10 +10,10 @@ use crate::optimise::levenberg_marquardt::{Minimum, minimise};
 use crate::{Error, Result};
 use std::f64::consts::PI;
 
-/// What a fit makes small.
+/// Error that a fit minimises.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum FitObjective {
-    /// What the error report calls log RMSE: the mean square of `ln(1 + f cos) - ln(1 + f' cos)` over valid cells, colours together.
+    /// Log RMSE of the error report: the mean square of `ln(1 + f cos) - ln(1 + f' cos)` over valid cells, colours together.
     Logarithm,
     /// The mean square of differences as a picture shows them: of `(x / (x + white))^(1/2.2)`, `x = f cos`, each cell with the area of
     /// half vectors and difference vectors that it stands for.
@@ -47,7 +47,7 @@ struct FitSample {
     weights: [f64; 2],
 }
 
-/// What is compared, a function of `f cos`.
+/// Function of `f cos` whose differences are minimised.
 #[derive(Clone, Copy)]
 enum FitSignal {
     Logarithm,

@@ -43,7 +43,7 @@ impl ClassicalForm {
         [a, b, c, d, e, f, g, ClassicalForm::WardAnisotropic, ClassicalForm::AshikhminShirleyAnisotropic]
     };
 
-    /// Its name: the lobe's, but that the anisotropic form of Ashikhmin and Shirley has one of its own.
+    /// Returns the form's name: the lobe's, except for the anisotropic form of Ashikhmin and Shirley.
     pub fn name(self) -> &'static str {
         match self {
             ClassicalForm::AshikhminShirleyAnisotropic => "ashikhmin-shirley-anisotropic",
@@ -51,7 +51,7 @@ impl ClassicalForm {
         }
     }
 
-    /// Whether it has two widths.
+    /// Returns `true` for forms with two widths.
     pub fn is_anisotropic(self) -> bool {
         matches!(self, ClassicalForm::WardAnisotropic | ClassicalForm::AshikhminShirleyAnisotropic)
     }
@@ -89,7 +89,7 @@ impl ClassicalForm {
         }
     }
 
-    /// Where the second number starts, and its range.
+    /// Returns start and range of the second number.
     pub(super) fn second(self) -> (f64, (f64, f64)) {
         match self {
             ClassicalForm::Lafortune => (0.0, (-1.0, 1.0)),

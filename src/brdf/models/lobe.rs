@@ -5,7 +5,7 @@ use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 
-/// What the lobes depend on.
+/// Cosines and half vector that lobes depend on.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ScatteringAngles {
     /// Cosine of the incident light's angle to the normal.
@@ -21,7 +21,7 @@ pub struct ScatteringAngles {
 }
 
 impl ScatteringAngles {
-    /// Of a pair of unit directions.
+    /// Computes them from a pair of unit directions.
     pub fn from_directions(incoming: [f64; 3], outgoing: [f64; 3]) -> Self {
         let sum: [f64; 3] = std::array::from_fn(|k| incoming[k] + outgoing[k]);
         let length = (sum[0] * sum[0] + sum[1] * sum[1] + sum[2] * sum[2]).sqrt().max(1e-12);
@@ -34,7 +34,7 @@ impl ScatteringAngles {
         }
     }
 
-    /// Of angles; the half vector has azimuth 0.
+    /// Computes them from half and difference angles; the half vector has azimuth 0.
     pub fn from_half_difference(angles: HalfDifference) -> Self {
         let ((sin_h, cos_h), (sin_d, cos_d)) = (angles.theta_h.sin_cos(), angles.theta_d.sin_cos());
         let side = sin_h * sin_d * angles.phi_d.cos();
@@ -88,7 +88,7 @@ pub enum ClassicalLobe {
         /// `a`.
         roughness: f64,
     },
-    /// The same with two widths.
+    /// Lobe of the previous variant with two widths.
     WardAnisotropic {
         /// Along the surface's first and second axis.
         roughness: [f64; 2],
@@ -169,7 +169,7 @@ fn schlick(reflectance: f64, cosine: f64) -> f64 {
 }
 
 impl ClassicalLobe {
-    /// Its name: that of the model.
+    /// Returns the model's name.
     pub fn name(&self) -> &'static str {
         match self {
             ClassicalLobe::Lambert => "lambert",

@@ -12,7 +12,7 @@ use std::path::Path;
 pub struct PublishedFit {
     /// The material, as MERL calls it.
     pub material: String,
-    /// Its fit.
+    /// The fitted model.
     pub model: ClassicalModel,
 }
 

@@ -5,22 +5,22 @@ use crate::brdf::HalfDifference;
 use crate::vector::dot_slices;
 use std::f64::consts::FRAC_PI_2;
 
-/// What errors within 5 degrees of the highlight's centre count when samples are chosen: they are ten times those elsewhere, and would
+/// Weight of errors within 5 degrees of the highlight's centre when samples are chosen: they are ten times those elsewhere, and would
 /// otherwise take nearly all samples. Found by cross-validation.
 const PEAK_IMPORTANCE: f64 = 0.005;
 /// Angle from which errors count fully, radians.
 const PEAK: f64 = 5.0 / 180.0 * std::f64::consts::PI;
-/// Slices of `theta_d` at most, as published.
+/// Largest number of slices of `theta_d`, that of DSBRDF.
 const MAX_SLICES: usize = 18;
 
-/// As many slices as leave five samples for each, up to the published 18.
+/// Returns the number of slices that leaves five samples for each, at most [`MAX_SLICES`].
 pub(super) fn slices(count: usize) -> usize {
     ((count as f64 / 5.0).sqrt().round() as usize).clamp(1, MAX_SLICES)
 }
 
 /// Steps along `theta_h`.
 pub(super) struct ThetaHSteps<'a> {
-    /// Where they begin, radians.
+    /// First `theta_h`, radians.
     pub min_theta_h: f64,
     /// Variances, one a degree from 0 to 90: steps follow equations 10 and 11. Equal ones without.
     pub variance: Option<&'a [f64]>,
@@ -79,7 +79,7 @@ pub(super) struct OptimalDesign<'a> {
     pub along: &'a [Vec<f64>],
     /// Variance that the components leave over at each cell.
     pub left: &'a [f64],
-    /// What squared errors count at each cell.
+    /// Weight of squared errors at each cell.
     pub weights: &'a [f64],
     /// Half angles of the cells, radians.
     pub theta_h: &'a [f64],
@@ -88,7 +88,7 @@ pub(super) struct OptimalDesign<'a> {
 }
 
 impl OptimalDesign<'_> {
-    /// What an error along the components counts, over all cells, those near the highlight's centre `peak` times.
+    /// Returns the weights of errors along the components, summed over all cells; those near the highlight's centre count `peak` times.
     fn metric(&self, peak: f64) -> Vec<Vec<f64>> {
         let count = self.variances.len();
         let mut metric = vec![vec![0.0; count]; count];

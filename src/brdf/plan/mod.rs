@@ -1,4 +1,4 @@
-//! What to measure: angles for a budget of samples, chosen from a population of measured materials, and materials out of such samples.
+//! Measurement plans: angles for a budget of samples, chosen from a population of measured materials, and materials from such samples.
 //!
 //! Three methods. **Uniform**: equal steps of `theta_h` in equal slices of `theta_d`. **Variance** (DSBRDF, equations 10 and 11): steps
 //! of `theta_h` that shrink where the materials' `ln(1 + f)` varies more, `theta'_i = 90 deg A_i / A_89` with `A_i = sum 1 / sigma_k^2`.
@@ -20,7 +20,7 @@ use crate::vector::dot_slices;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 
-/// How angles are chosen.
+/// Method by which angles are chosen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum PlanMethod {
@@ -48,7 +48,7 @@ pub struct PlannedAngles {
 }
 
 impl PlannedAngles {
-    /// The same in radians.
+    /// Returns the angles in radians.
     pub fn half_difference(&self) -> super::HalfDifference {
         let [theta_h, theta_d, phi_d] = [self.theta_h_deg, self.theta_d_deg, self.phi_d_deg].map(f64::to_radians);
         super::HalfDifference { theta_h, theta_d, phi_d }
@@ -63,11 +63,11 @@ impl PlannedAngles {
     }
 }
 
-/// What a population of materials has in common: mean and principal components of `ln(f + floor)` as coefficients of the compact form's terms.
+/// Mean and principal components of a population's `ln(f + floor)`, as coefficients of the compact form's terms.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PopulationComponents {
-    /// What is added to the BRDF before its logarithm is taken.
+    /// Floor added to the BRDF before its logarithm is taken.
     pub floor: f64,
     /// Coefficients of the mean.
     pub mean: Vec<f64>,
@@ -81,9 +81,9 @@ pub struct PopulationComponents {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MeasurementPlan {
-    /// What the file is: [`PLAN_FORMAT`].
+    /// File format, [`PLAN_FORMAT`].
     pub format: String,
-    /// How the angles were chosen.
+    /// Method by which the angles were chosen.
     pub method: PlanMethod,
     /// Materials that the plan was made from.
     pub materials: usize,
@@ -91,7 +91,7 @@ pub struct MeasurementPlan {
     pub expected_log_rmse: f64,
     /// The angles.
     pub angles: Vec<PlannedAngles>,
-    /// What the population has in common.
+    /// Mean and principal components of the population.
     pub components: PopulationComponents,
 }
 

@@ -1,4 +1,4 @@
-//! What is known of a population of materials.
+//! Statistics of a population of measured materials, and plans made from them.
 
 use super::principal::{self, PrincipalComponents};
 use super::{MeasurementPlan, NOISE, PLAN_FORMAT, PlanMethod, PlannedAngles, PopulationComponents, choose};
@@ -8,7 +8,7 @@ use crate::brdf::{BrdfSample, HalfDifference};
 use crate::error::{Error, Result};
 use crate::vector::dot_slices;
 
-/// What is added to the BRDF before its logarithm is taken.
+/// Floor added to the BRDF before its logarithm is taken.
 const FLOOR: f64 = 0.003;
 /// Principal components that are kept.
 const COMPONENTS: usize = 40;
@@ -140,7 +140,7 @@ impl Population {
 
     /// A uniform or variance plan of `slices` of `theta_d`, each of `count` samples; for the optimal one only their product counts.
     /// # Errors
-    /// As [`Population::plan`].
+    /// [`Error::Parameter`] as [`Population::plan`].
     pub fn plan_slices(&self, slices: usize, count: usize, method: PlanMethod) -> Result<MeasurementPlan> {
         self.plan_of(slices.saturating_mul(count), slices.clamp(1, 90), method)
     }

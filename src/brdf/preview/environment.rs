@@ -14,7 +14,7 @@ pub struct PreviewEnvironment {
 }
 
 impl PreviewEnvironment {
-    /// Of a lat-long picture of linear radiance. Negative values and those that are not numbers count as 0. An empty picture is black.
+    /// Creates an environment from a lat-long image of linear radiance. Negative values and those that are not numbers count as 0. An empty image is black.
     pub fn new(picture: &RgbImage) -> Self {
         let known = |x: f32| if x.is_finite() { x.max(0.0) } else { 0.0 };
         let mut level = picture.map(|pixel| pixel.map(known));

@@ -37,7 +37,7 @@ const POINT_SAMPLES: usize = 3;
 /// 16 KB a pixel: 50 MB.
 const MAX_KEPT_SIDE: usize = 64;
 
-/// What all pictures of spheres share: lights and where they are sampled.
+/// Lights and sampling directions that all images of spheres share.
 #[derive(Debug, Clone)]
 pub struct SphereScenes {
     side: usize,
@@ -57,7 +57,7 @@ pub struct SpherePair {
     pub measured: RgbImage,
     /// The fitted one.
     pub fitted: RgbImage,
-    /// What is shown as white.
+    /// Radiance shown as white.
     pub white: f64,
 }
 
@@ -99,7 +99,7 @@ impl SphereScenes {
         (0..SAMPLES).map(sample).collect()
     }
 
-    /// The same for point lights only: the environment is black.
+    /// Creates scenes for point lights only: the environment is black.
     pub fn point_lights(side: usize) -> Self {
         let place = |k: usize| (2 * k + 1) as f64 / side as f64 - 1.0;
         let away = |k: usize| place(k % side).hypot(place(k / side));
@@ -211,7 +211,7 @@ impl SphereScenes {
         }
     }
 
-    /// The same, of materials.
+    /// Computes the PSNR of a fitted material's spheres against those of a measured one.
     pub fn psnr(&self, measured: &impl Brdf, fitted: &impl Brdf) -> SpherePsnr {
         self.psnr_of(&self.images(measured), fitted)
     }

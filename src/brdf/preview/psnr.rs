@@ -2,7 +2,7 @@
 
 use crate::image::{Mask, RgbImage, to_srgb};
 
-/// What is shown as white: the 95th percentile over the mask of each pixel's greatest colour.
+/// Returns the radiance shown as white: the 95th percentile over the mask of each pixel's greatest colour.
 pub fn sphere_exposure(picture: &RgbImage, mask: &Mask) -> f64 {
     let greatest = |pixel: &[f32; 3]| pixel.iter().copied().fold(0.0, f32::max);
     let inside = picture.data.iter().zip(&mask.data).filter(|(_, inside)| **inside);

@@ -35,7 +35,7 @@ pub struct RglMaterial {
     vndf: MarginalWarp,
     /// Three slices an elevation.
     colour: MarginalWarp,
-    /// Whether `colour` is to be multiplied by `ndf / (4 sigma)`.
+    /// `true` if `colour` is to be multiplied by `ndf / (4 sigma)`.
     jacobian: bool,
 }
 
@@ -122,7 +122,7 @@ impl RglMaterial {
         Ok(material)
     }
 
-    /// What the file says about the material.
+    /// Returns the file's description of the material.
     pub fn description(&self) -> &str {
         &self.description
     }
@@ -160,7 +160,7 @@ impl RglMaterial {
         })
     }
 
-    /// The same material made reciprocal: both orders of the directions averaged, each with the weight of its cosine, so that the
+    /// Returns the material made reciprocal: both orders of the directions averaged, each with the weight of its cosine, so that the
     /// order measured under less noise counts more. For tables that keep one value of both orders.
     pub fn reciprocal(&self) -> ReciprocalRgl<'_> {
         ReciprocalRgl(self)

@@ -29,7 +29,7 @@ struct TensorField<'a> {
 pub(crate) struct TensorFloats {
     /// Lengths, slowest first.
     pub shape: Vec<usize>,
-    /// As many as the shape says.
+    /// Values, their number the product of `shape`.
     pub values: Vec<f64>,
 }
 
@@ -102,7 +102,7 @@ impl<'a> TensorFile<'a> {
         Ok(TensorFile { path, fields })
     }
 
-    /// Whether there is such a field.
+    /// Returns `true` if the file has a field of this name.
     pub(crate) fn has(&self, name: &str) -> bool {
         self.fields.iter().any(|field| field.name == name)
     }
@@ -126,7 +126,7 @@ impl<'a> TensorFile<'a> {
             }
             FLOAT64 => {
                 let chunks = field.bytes.chunks_exact(8);
-                chunks.map(|b| LittleEndian::read_f64(b)).collect()
+                chunks.map(LittleEndian::read_f64).collect()
             }
             other => return Err(wrong(format!("numbers of type {other}, floats expected"))),
         };

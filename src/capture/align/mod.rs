@@ -43,7 +43,7 @@ pub struct Correspondence {
     pub mesh: [f64; 3],
 }
 
-/// Where the mesh stands in the capture's world, and how well that fits.
+/// Pose of the mesh in the capture's world, and its errors.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Alignment {
     /// Mesh to world, rows: rotation times scale, and translation.

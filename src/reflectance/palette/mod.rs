@@ -38,7 +38,7 @@ pub struct PaletteEntry {
 }
 
 impl PaletteEntry {
-    /// Returns the width of the highlight that the entry stands for, see `ReflectanceMaps::sigma`.
+    /// Returns the width of the highlight that the entry stands for, see [`crate::ReflectanceMaps::sigma`].
     pub fn sigma(&self) -> f32 {
         sigma_of_level(self.level.into())
     }

@@ -51,7 +51,7 @@ pub struct Fit {
     json: bool,
 }
 
-/// What is fitted, and how.
+/// Form and options of a fit.
 #[derive(Args)]
 pub struct Forms {
     /// compact (the least error for its bytes), dsbrdf (lobes of the half angle), lambert, blinn-phong, cook-torrance-beckmann,
@@ -73,7 +73,7 @@ pub struct Forms {
     /// Form dsbrdf: half angles from here on, in degrees; nearer to the highlight's centre measurements are unreliable. 0 keeps all.
     #[arg(long, alias = "least-theta-h", value_name = "DEG", default_value_t = 5.0)]
     min_theta_h: f64,
-    /// What the fit of a classical model makes small.
+    /// Error that the fit of a classical model minimises.
     #[arg(long, value_enum, default_value_t = Goal::Both)]
     objective: Goal,
 }
@@ -111,7 +111,7 @@ impl Forms {
         }
     }
 
-    /// Whether no form was asked for.
+    /// Returns `true` if no form was asked for.
     pub fn is_default(&self) -> bool {
         self.form.is_none()
     }

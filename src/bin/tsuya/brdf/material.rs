@@ -25,7 +25,7 @@ pub struct Named {
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ModelFile {
-    /// What the file is: [`MODEL_FORMAT`].
+    /// File format, [`MODEL_FORMAT`].
     pub format: String,
     pub materials: Vec<ModelEntry>,
 }

@@ -21,7 +21,7 @@ pub struct Plan {
     /// Samples: pairs of directions to measure.
     #[arg(long, value_name = "N")]
     samples: usize,
-    /// How angles are chosen.
+    /// Method by which angles are chosen.
     #[arg(long, value_enum, default_value_t = Method::Optimal)]
     method: Method,
     /// Methods uniform and variance: half angles from here on, in degrees. 5 suits a fit of form dsbrdf, which leaves smaller ones out.

@@ -20,7 +20,7 @@ pub struct Render {
     /// The picture: .png (sRGB) or .exr (linear).
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
-    /// What lights the sphere.
+    /// Light on the sphere.
     #[arg(long, value_enum, default_value_t = SphereLighting::Environment)]
     scene: SphereLighting,
     /// A lat-long picture as the environment [default: one of the program's own].

@@ -6,7 +6,7 @@ use tsuya::brdf::{Brdf, SpherePair, SphereScenes, sphere_exposure};
 use tsuya::image::{Grid, RgbImage};
 use tsuya::metrics::{DisplayImage, difference, to_display};
 
-/// How much differences are amplified: `128 + 5 * 127 * (s - s')` of the square roots of radiance over white.
+/// Amplification of differences: `128 + 5 * 127 * (s - s')` of the square roots of radiance over white.
 const AMPLIFICATION: f64 = 5.0;
 const BACKGROUND: [u8; 3] = [24; 3];
 const GAP: usize = 4;

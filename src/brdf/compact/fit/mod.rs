@@ -9,7 +9,7 @@ use crate::error::{Error, Result};
 use moments::{Moments, WeightedSample};
 use quantise::NormalEquations;
 
-/// Whether the order of both directions counts.
+/// Treatment of the order of incoming and outgoing direction.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum FitDirections {
     /// Exchanging the directions changes nothing; what the samples say against it is averaged. A MERL table keeps one value of both
@@ -20,12 +20,12 @@ pub enum FitDirections {
     AsMeasured,
 }
 
-/// How to fit.
+/// Options of [`fit_compact`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CompactFitOptions {
     /// Most bytes of the coded material, at least 32.
     pub bytes: usize,
-    /// Whether the order of both directions counts.
+    /// Treatment of the order of incoming and outgoing direction.
     pub direction: FitDirections,
     /// Weight of errors as a rendered sphere shows them, against those of `ln(1 + f cos)` over the samples.
     pub picture_weight: f64,
@@ -99,12 +99,12 @@ pub(in crate::brdf) fn coefficients(samples: &[BrdfSample], floor: f64) -> [Vec<
     [combine([1.0, 1.0]), combine([0.0, -2.0]), combine([-1.0, 1.0])]
 }
 
-/// How often a rendered sphere's pixels show a sample's angles.
+/// Returns the density of a rendered sphere's pixels at a sample's angles.
 fn density(sample: &BrdfSample) -> f64 {
     (2.0 * sample.theta_d).sin() * sample.theta_h.sin() * sample.theta_h.sqrt() * sample.cos_outgoing
 }
 
-/// What a picture shows as white: the 95th percentile of `f cos_i` over a sphere, about.
+/// Estimates the white of a rendered sphere: about the 95th percentile of `f cos_i`.
 fn white(samples: &[BrdfSample]) -> f64 {
     let mut shown: Vec<(f64, f64)> = (samples.iter().filter(|s| s.theta_d < 1.0))
         .map(|s| (s.value.into_iter().fold(0.0, f64::max) * s.cos_incoming, density(s)))
@@ -118,7 +118,7 @@ fn white(samples: &[BrdfSample]) -> f64 {
     at.map_or(0.3, |s| s.0).clamp(1e-4, 1e2)
 }
 
-/// What squared errors of the logarithm count: those of `ln(1 + f cos_i)`, and those of a sphere's display values, by how often its
+/// Returns the weights of squared errors of the logarithm: those of `ln(1 + f cos_i)`, and those of a sphere's display values, by how often its
 /// pixels show such angles. Mean about `1 + picture_weight`.
 fn weights(samples: &[BrdfSample], picture_weight: f64, white: f64, floor: f64) -> Vec<f64> {
     let each: Vec<[f64; 2]> = samples

@@ -5,7 +5,7 @@ use crate::brdf::compact::{CHANNEL_STEPS, TermDegrees, step_size};
 
 /// Squared steps that a bit is worth.
 const BIT_WORTH: f64 = 0.1;
-/// How often the gain may change.
+/// Largest number of changes of the gain.
 const ROUNDS_OF_GAIN: usize = 4;
 /// Added to the diagonal of the normal equations, whose entries are of order 1: where no sample lies, the smallest coefficients win.
 const RIDGE: f64 = 1e-5;
