@@ -66,13 +66,3 @@ pub(crate) fn for_each_chunk_pair<A: Send, B: Send>(
         parts.enumerate().for_each(|(k, (a, b))| f(k, a, b));
     }
 }
-
-/// `f` on a thread of its own, for faer: its kernels (private-gemm-x86 0.1) leave the upper halves of the vector registers in use, and from then
-/// on everything else on the same thread runs at half its speed or less (Intel's optimization manual, "Mixing AVX code with SSE code").
-#[cfg(feature = "encode")]
-pub(crate) fn on_own_thread<T: Send>(f: impl FnOnce() -> T + Send) -> T {
-    std::thread::scope(|scope| match scope.spawn(f).join() {
-        Ok(result) => result,
-        Err(panic) => std::panic::resume_unwind(panic),
-    })
-}

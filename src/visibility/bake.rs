@@ -93,7 +93,7 @@ pub fn bake(mesh: &Mesh, options: &BakeOptions) -> Result<BakedVisibility> {
     let projection = principal::least_squares(&stored);
     let project = |values: &[f32]| {
         let centred: Vec<f32> = values.iter().enumerate().map(|(i, x)| x - stored_mean[i % cells]).collect();
-        principal::project(&centred, cells, projection.as_ref())
+        principal::project(&centred, cells, &projection)
     };
     let mut weights = vec![0.0f32; count_of_places * count];
     let mut put = |list: &[usize], values: &[f32]| {

@@ -1,14 +1,14 @@
 //! Principal components of many functions on the sphere, by subspace iteration on their covariance.
 
-use crate::parallel::on_own_thread;
-use faer::linalg::matmul::triangular::{BlockStructure, matmul as matmul_triangular};
-use faer::{Accum, Mat, MatRef, Par, Side};
+use nalgebra::{DMatrix, DMatrixView, SymmetricEigen};
 
 /// Rows whose products are summed at a time; the result does not depend on threads because blocks are summed in order.
 const BLOCK: usize = 512;
 /// Vectors iterated beyond those wanted, and iterations.
 const EXTRA: usize = 12;
 const ITERATIONS: usize = 8;
+/// Bound on the iterations of the eigenvalues of the small matrix: about two are taken for each value.
+const MAX_EIGEN_ITERATIONS: usize = 10_000;
 
 /// Mean and principal components of `rows.len() / columns` functions of `columns` values, `count` components at most (fewer where
 /// the functions span fewer dimensions; the others are 0). Components are orthonormal, the one of largest variance first.
@@ -20,36 +20,33 @@ pub(crate) fn components(rows: &[f32], columns: usize, count: usize) -> (Vec<f32
     }
     let mean: Vec<f32> = sums.iter().map(|sum| (sum / samples.max(1) as f64) as f32).collect();
     let covariance = covariance(rows, &mean);
-    let components = on_own_thread(|| leading(&covariance, count, samples));
+    let components = leading(&covariance, count, samples);
     (mean, components)
 }
 
-/// The eigenvectors of the largest eigenvalues.
-fn leading(covariance: &Mat<f32>, count: usize, samples: usize) -> Vec<Vec<f32>> {
+/// Returns the eigenvectors of the largest eigenvalues.
+fn leading(covariance: &DMatrix<f32>, count: usize, samples: usize) -> Vec<Vec<f32>> {
     let columns = covariance.ncols();
     let width = (count + EXTRA).min(columns);
     let mut state = 0x9e37_79b9_7f4a_7c15u64;
-    let mut vectors = Mat::from_fn(columns, width, |_, _| {
+    let mut vectors = DMatrix::from_fn(columns, width, |_, _| {
         state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (state >> 40) as f32 / (1 << 23) as f32 - 1.0
     });
     for _ in 0..ITERATIONS {
-        let next = multiply(covariance, vectors.as_ref());
-        vectors = next.qr().compute_thin_Q();
+        vectors = (covariance * &vectors).qr().q();
     }
     // Rayleigh and Ritz: the principal directions within the subspace.
-    let next = multiply(covariance, vectors.as_ref());
-    let mut small = Mat::<f32>::zeros(width, width);
-    faer::linalg::matmul::matmul(&mut small, Accum::Replace, vectors.transpose(), &next, 1.0, Par::Seq);
+    let small = vectors.transpose() * (covariance * &vectors);
     let mut result = vec![vec![0.0; columns]; count];
-    let Ok(eigen) = small.self_adjoint_eigen(Side::Lower) else { return result };
-    let rotated = multiply_any(vectors.as_ref(), eigen.U());
-    let values = eigen.S().column_vector();
-    for (k, component) in result.iter_mut().enumerate().take(width.min(samples)) {
-        // Ascending order.
-        let column = width - 1 - k;
-        if values[column] > 1e-7 * values[width - 1] && values[column] > 0.0 {
-            component.iter_mut().enumerate().for_each(|(i, x)| *x = rotated[(i, column)]);
+    let Some(eigen) = SymmetricEigen::try_new(small, f32::EPSILON, MAX_EIGEN_ITERATIONS) else { return result };
+    let rotated = vectors * &eigen.eigenvectors;
+    let values = &eigen.eigenvalues;
+    let mut order: Vec<usize> = (0..width).collect();
+    order.sort_by(|&a, &b| values[b].total_cmp(&values[a]));
+    for (component, &column) in result.iter_mut().zip(&order).take(samples) {
+        if values[column] > 1e-7 * values[order[0]] && values[column] > 0.0 {
+            component.iter_mut().zip(&rotated.column(column)).for_each(|(x, &value)| *x = value);
             // The sign is free: the largest value is positive.
             let largest = component.iter().fold(0.0f32, |a, &b| if b.abs() > a.abs() { b } else { a });
             component.iter_mut().for_each(|x| *x *= largest.signum());
@@ -58,70 +55,42 @@ fn leading(covariance: &Mat<f32>, count: usize, samples: usize) -> Vec<Vec<f32>>
     result
 }
 
-fn covariance(rows: &[f32], mean: &[f32]) -> Mat<f32> {
+fn covariance(rows: &[f32], mean: &[f32]) -> DMatrix<f32> {
     let columns = mean.len();
     let blocks: Vec<&[f32]> = rows.chunks(BLOCK * columns).collect();
     let products = crate::parallel::map(blocks.len(), |k| {
         let block = blocks[k];
         let centred: Vec<f32> = block.iter().enumerate().map(|(i, x)| x - mean[i % columns]).collect();
-        let matrix = MatRef::from_row_major_slice(&centred, block.len() / columns, columns);
-        on_own_thread(|| {
-            let mut product = Mat::<f32>::zeros(columns, columns);
-            matmul_triangular(
-                &mut product,
-                BlockStructure::TriangularLower,
-                Accum::Replace,
-                matrix.transpose(),
-                BlockStructure::Rectangular,
-                matrix,
-                BlockStructure::Rectangular,
-                1.0,
-                Par::Seq,
-            );
-            product
-        })
+        let matrix = DMatrix::from_vec(columns, block.len() / columns, centred);
+        &matrix * matrix.transpose()
     });
-    let mut sum = Mat::<f32>::zeros(columns, columns);
+    let mut sum = DMatrix::zeros(columns, columns);
     products.iter().for_each(|product| sum += product);
-    for j in 0..columns {
-        for i in 0..j {
-            sum[(i, j)] = sum[(j, i)];
-        }
-    }
+    sum.fill_upper_triangle_with_lower_triangle();
     sum
 }
 
-fn multiply(matrix: &Mat<f32>, vectors: MatRef<'_, f32>) -> Mat<f32> {
-    multiply_any(matrix.as_ref(), vectors)
+/// Returns the rows of `left` (of `columns` values) times a matrix of `columns` rows, row by row. The matrix is given transposed.
+pub(crate) fn project(left: &[f32], columns: usize, transposed: &DMatrix<f32>) -> Vec<f32> {
+    let rows = DMatrixView::from_slice(left, columns, left.len() / columns);
+    (transposed * rows).as_slice().to_vec()
 }
 
-fn multiply_any(left: MatRef<'_, f32>, right: MatRef<'_, f32>) -> Mat<f32> {
-    let mut product = Mat::<f32>::zeros(left.nrows(), right.ncols());
-    faer::linalg::matmul::matmul(&mut product, Accum::Replace, left, right, 1.0, Par::Seq);
-    product
-}
-
-/// The rows of `left` (of `columns` values) times a matrix of `columns` rows, row by row.
-pub(crate) fn project(left: &[f32], columns: usize, right: MatRef<'_, f32>) -> Vec<f32> {
-    let rows = MatRef::from_row_major_slice(left, left.len() / columns, columns);
-    let product = on_own_thread(|| multiply_any(rows, right));
-    (0..product.nrows()).flat_map(|i| (0..product.ncols()).map(move |j| (i, j))).map(|at| product[at]).collect()
-}
-
-/// The matrix that gives the least-squares weights of a function from its values: `bases (bases^T bases)^-1`, one column a base.
-/// Bases that are 0 have weights of 0.
-pub(crate) fn least_squares(bases: &[Vec<f32>]) -> Mat<f32> {
+/// Returns the matrix that gives the least-squares weights of a function from its values: `(bases^T bases)^-1 bases^T`, one row a
+/// base. Bases that are 0 have weights of 0.
+pub(crate) fn least_squares(bases: &[Vec<f32>]) -> DMatrix<f32> {
     let columns = bases.first().map_or(0, Vec::len);
     let count = bases.len();
     let dot = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(x, y)| *x as f64 * *y as f64).sum::<f64>();
-    let gram = Mat::from_fn(count, count, |i, j| {
+    let gram = DMatrix::from_fn(count, count, |i, j| {
         let product = dot(&bases[i], &bases[j]);
         if i == j && product <= 0.0 { 1.0 } else { product }
     });
-    let matrix = Mat::from_fn(columns, count, |i, k| bases[k][i] as f64);
-    use faer::linalg::solvers::Solve;
-    let solved = on_own_thread(|| gram.partial_piv_lu().solve(matrix.transpose()));
-    Mat::from_fn(columns, count, |i, k| solved[(k, i)] as f32)
+    let matrix = DMatrix::from_fn(count, columns, |k, i| bases[k][i] as f64);
+    match gram.lu().solve(&matrix) {
+        Some(solved) => solved.map(|x| x as f32),
+        None => DMatrix::zeros(count, columns),
+    }
 }
 
 #[cfg(test)]
@@ -145,7 +114,7 @@ mod tests {
         let weights = project(
             &rows.iter().enumerate().map(|(i, x)| x - mean[i % columns]).collect::<Vec<_>>(),
             columns,
-            least_squares(&found[..3]).as_ref(),
+            &least_squares(&found[..3]),
         );
         for (n, row) in rows.chunks_exact(columns).enumerate() {
             for i in 0..columns {

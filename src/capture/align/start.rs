@@ -2,14 +2,15 @@
 
 use super::{Correspondence, MIN_POINTS, Similarity};
 use crate::error::{Error, Result};
-use crate::parallel::on_own_thread;
 use crate::views::Camera;
-use faer::Mat;
 use glam::{DMat3, DVec3};
+use nalgebra::{DMatrix, Dyn, SVD};
 
 /// Points whose spread in their narrowest direction is below this share of the widest one count as coplanar (collinear for the
 /// middle direction).
 const FLAT: f64 = 1e-3;
+/// Bound on the iterations of a singular value decomposition: about two are taken for each value.
+const MAX_SVD_ITERATIONS: usize = 10_000;
 /// Frames that the direct linear transform is tried on.
 const MAX_FRAMES: usize = 8;
 
@@ -68,14 +69,14 @@ fn distinct(points: impl Iterator<Item = [f64; 3]>) -> Vec<DVec3> {
 /// Standard deviations along the principal axes, widest first.
 fn spread(points: &[DVec3]) -> [f64; 3] {
     let centre = points.iter().sum::<DVec3>() / points.len().max(1) as f64;
-    let matrix = Mat::from_fn(points.len().max(3), 3, |i, j| points.get(i).map_or(0.0, |p| (*p - centre)[j]));
-    match on_own_thread(|| matrix.thin_svd()) {
-        Ok(svd) => {
-            let values = svd.S().column_vector();
-            [values[0], values[1], values[2]]
-        }
-        Err(_) => [0.0; 3],
-    }
+    let matrix = DMatrix::from_fn(points.len().max(3), 3, |i, j| points.get(i).map_or(0.0, |p| (*p - centre)[j]));
+    singular_values(matrix).map_or([0.0; 3], |svd| std::array::from_fn(|k| svd.singular_values[k]))
+}
+
+/// Returns the singular value decomposition with falling values, `None` where it does not converge.
+fn singular_values(matrix: DMatrix<f64>) -> Option<SVD<f64, Dyn, Dyn>> {
+    let finite = matrix.iter().all(|value| value.is_finite());
+    finite.then(|| matrix.try_svd(true, true, 5.0 * f64::EPSILON, MAX_SVD_ITERATIONS)).flatten()
 }
 
 /// Rotation and translation from mesh to camera coordinates by the direct linear transform, both image and mesh points
@@ -92,7 +93,7 @@ fn direct_linear(camera: &Camera, points: &[Correspondence]) -> Option<(DMat3, D
     if size <= 0.0 || radius <= 0.0 {
         return None;
     }
-    let matrix = Mat::from_fn(2 * points.len(), 12, |row, column| {
+    let matrix = DMatrix::from_fn(2 * points.len(), 12, |row, column| {
         let (index, axis) = (row / 2, row % 2);
         let mesh = (DVec3::from_array(points[index].mesh) - centre) / size;
         let coordinate = (image[index][axis] - middle[axis]) / radius;
@@ -103,12 +104,13 @@ fn direct_linear(camera: &Camera, points: &[Correspondence]) -> Option<(DMat3, D
             _ => 0.0,
         }
     });
-    let svd = on_own_thread(|| matrix.thin_svd()).ok()?;
-    let values = svd.S().column_vector();
+    let svd = singular_values(matrix)?;
+    let values = &svd.singular_values;
     if values[10] <= 1e-9 * values[0] {
         return None;
     }
-    let null = svd.V().col(11);
+    let transposed = svd.v_t?;
+    let null = transposed.row(11);
     let row = |i: usize| [null[4 * i], null[4 * i + 1], null[4 * i + 2], null[4 * i + 3]];
     // Undo the normalisation: image rows are radius * (row) + middle * (third row), mesh (X - centre) / size.
     let third = row(2);
@@ -125,15 +127,14 @@ fn direct_linear(camera: &Camera, points: &[Correspondence]) -> Option<(DMat3, D
 
 /// The rotation nearest to a matrix, and the mean of its singular values.
 pub(crate) fn nearest_rotation(matrix: DMat3) -> Option<(DMat3, f64)> {
-    let svd = on_own_thread(|| Mat::from_fn(3, 3, |i, j| matrix.col(j)[i]).svd()).ok()?;
-    let values = svd.S().column_vector();
-    let take = |m: faer::MatRef<'_, f64>| {
-        DMat3::from_cols_array_2d(&std::array::from_fn(|j| std::array::from_fn(|i| m[(i, j)])))
-    };
-    let (u, v) = (take(svd.U()), take(svd.V()));
-    let flip = DMat3::from_diagonal(DVec3::new(1.0, 1.0, (u * v.transpose()).determinant().signum()));
+    let svd = singular_values(DMatrix::from_fn(3, 3, |i, j| matrix.col(j)[i]))?;
+    let values = svd.singular_values;
+    let take =
+        |m: DMatrix<f64>| DMat3::from_cols_array_2d(&std::array::from_fn(|j| std::array::from_fn(|i| m[(i, j)])));
+    let (u, v_transposed) = (take(svd.u?), take(svd.v_t?));
+    let flip = DMat3::from_diagonal(DVec3::new(1.0, 1.0, (u * v_transposed).determinant().signum()));
     let scale = (values[0] + values[1] + values[2]) / 3.0;
-    (scale > 0.0).then(|| (u * flip * v.transpose(), scale))
+    (scale > 0.0).then(|| (u * flip * v_transposed, scale))
 }
 
 fn camera_pose(camera: &Camera) -> (DMat3, DVec3) {
