@@ -268,13 +268,7 @@ fn read_frames(
     };
     let mut outcomes = Vec::with_capacity(described.len());
     for some in described.chunks(at_once) {
-        #[cfg(feature = "parallel")]
-        {
-            use rayon::prelude::*;
-            outcomes.par_extend(some.par_iter().map(one));
-        }
-        #[cfg(not(feature = "parallel"))]
-        outcomes.extend(some.iter().map(one));
+        outcomes.extend(crate::parallel::map(some.len(), |k| one(&some[k])));
     }
     // Some need more than their size tells, such as those of many channels: alone they may have it.
     for (outcome, frame) in outcomes.iter_mut().zip(described) {

@@ -50,17 +50,13 @@ pub(crate) fn reduced(image: &RgbImage) -> RgbImage {
 /// [`Error::Parameter`] if the image has no pixels.
 #[cfg(feature = "encode")]
 pub(crate) fn write_png(image: &Grid<[u8; 3]>) -> Result<Vec<u8>> {
-    let mut png = std::io::Cursor::new(Vec::new());
-    ::image::write_buffer_with_format(
-        &mut png,
-        image.data.as_flattened(),
-        image.width as u32,
-        image.height as u32,
-        ::image::ExtendedColorType::Rgb8,
-        ::image::ImageFormat::Png,
-    )
-    .map_err(|error| Error::parameter(format!("thumbnail: {error}")))?;
-    Ok(png.into_inner())
+    use ::image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
+    let (width, height) = (image.width as u32, image.height as u32);
+    let mut png = Vec::new();
+    PngEncoder::new(&mut png)
+        .write_image(image.data.as_flattened(), width, height, ExtendedColorType::Rgb8)
+        .map_err(|error| Error::parameter(format!("thumbnail: {error}")))?;
+    Ok(png)
 }
 
 /// Checks a PNG file's head; the bytes are the section's content.

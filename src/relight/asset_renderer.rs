@@ -129,16 +129,9 @@ impl<'a> AssetRenderer<'a> {
         };
         let (width, height) = (camera.width as usize, camera.height as usize);
         let mut pixels = vec![RenderedPixel { components: [[0.0; 3]; 2], hit: false, coverage: false }; width * height];
-        let row = |(y, row): (usize, &mut [RenderedPixel])| {
+        crate::parallel::for_each_chunk(&mut pixels, width, |y, row| {
             row.iter_mut().enumerate().for_each(|(x, pixel)| *pixel = scene.pixel(y * width + x));
-        };
-        #[cfg(feature = "parallel")]
-        {
-            use rayon::prelude::*;
-            pixels.par_chunks_mut(width).enumerate().for_each(row);
-        }
-        #[cfg(not(feature = "parallel"))]
-        pixels.chunks_mut(width).enumerate().for_each(row);
+        });
         let plane = |value: &dyn Fn(&RenderedPixel) -> [f32; 3]| -> RgbImage {
             Grid { width, height, data: pixels.iter().map(value).collect() }
         };

@@ -2,7 +2,8 @@
 
 use anyhow::{Context, Result};
 use exr::prelude::{Encoding, Image, SpecificChannels, Vec2, WritableImage, f16};
-use image::{ExtendedColorType, ImageFormat};
+use image::codecs::png::PngEncoder;
+use image::{ExtendedColorType, ImageEncoder};
 use std::io::Cursor;
 use tsuya::image::{Grid, Mask, RgbImage, to_srgb};
 use tsuya::metrics::DisplayImage;
@@ -33,10 +34,9 @@ pub fn mask_png(mask: &Mask) -> Result<Vec<u8>> {
 }
 
 fn encode_png(bytes: &[u8], width: usize, height: usize, colour: ExtendedColorType) -> Result<Vec<u8>> {
-    let mut file = Cursor::new(Vec::new());
-    image::write_buffer_with_format(&mut file, bytes, width as u32, height as u32, colour, ImageFormat::Png)
-        .context("PNG")?;
-    Ok(file.into_inner())
+    let mut file = Vec::new();
+    PngEncoder::new(&mut file).write_image(bytes, width as u32, height as u32, colour).context("PNG")?;
+    Ok(file)
 }
 
 /// What lies outside the mask is zero and costs next to nothing with run lengths; ZIP would take ten times as long to save a third.
