@@ -26,7 +26,7 @@ pub(super) struct LensCanvas {
     places: Option<Vec<[f32; 2]>>,
 }
 
-/// Bilinear at a place of an image of the object, in pixels, colour and coverage; nothing beyond it.
+/// Returns colour and coverage at a position of the object's image, in pixels, bilinear; nothing beyond it.
 fn between(frame: &RealtimeFrame, [x, y]: [f32; 2]) -> ([f32; 3], f32) {
     let (x, y) = (x - 0.5, y - 0.5);
     let (left, top) = (x.floor(), y.floor());
@@ -139,7 +139,7 @@ impl LensCanvas {
         [0, 0, self.size[0], self.size[1]]
     }
 
-    /// Changes pixels of a part of the frame, by their places on the canvas; `frame` chooses the noise.
+    /// Changes pixels of a part of the frame, by their positions on the canvas; `frame` chooses the noise.
     fn change(
         &self,
         plate: &mut Plate,

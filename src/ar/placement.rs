@@ -47,6 +47,10 @@ impl Placement {
     ///
     /// `upright` brings what is up in it to +Y first ([`crate::View::upright_rotation`]), then it is turned about +Y by `turn_degrees`, counter-clockwise
     /// seen from above.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Parameter`] for a mesh without vertices, numbers that are not finite, or a scale of 0 or less.
     pub fn on_ground(
         mesh: &Mesh,
         upright: Option<[f32; 4]>,

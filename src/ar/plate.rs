@@ -35,7 +35,11 @@ impl Plate {
         })
     }
 
-    /// From rows of red, green, blue bytes.
+    /// Makes a plate of rows of red, green, blue bytes.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Parameter`] if the number of bytes is another.
     pub fn from_bytes(width: usize, height: usize, bytes: &[u8]) -> Result<Self> {
         let (data, rest) = bytes.as_chunks::<3>();
         if data.len() != width * height || !rest.is_empty() {

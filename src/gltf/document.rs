@@ -116,7 +116,11 @@ impl GltfDocument {
         text.ok_or_else(|| self.wrong("the GLB has no JSON chunk"))
     }
 
-    /// The file's bytes: GLB or JSON, as it was read.
+    /// Returns the file's bytes: GLB or JSON, as it was read.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Parameter`] for a GLB beyond 4 GiB.
     pub fn to_bytes(&self) -> Result<Vec<u8>> {
         let unwritable = |e| Error::parameter(format!("glTF JSON: {e}"));
         if !self.is_glb {

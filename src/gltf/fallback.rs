@@ -31,6 +31,10 @@ pub struct Fallback {
 
 /// Bakes the material. `white_albedo` is the diffuse albedo of the capture's white board: colours are relative to it, so that the
 /// capture's exposure and the colour of its lights don't matter.
+///
+/// # Errors
+///
+/// [`Error::Unsupported`] for an asset without reflectance.
 pub fn bake_fallback(asset: &Asset, white_albedo: f64) -> Result<Fallback> {
     let charts = charts(asset)?;
     let Some(maps) = &asset.reflectance else {

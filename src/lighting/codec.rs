@@ -1,4 +1,4 @@
-//! Section `lIGt`: spherical Gaussians as they are, levels as images of logarithms through the wavelet and the coefficient
+//! Section `lIGt`: spherical Gaussians as they are, maps as images of logarithms through the wavelet and the coefficient
 //! coder of the photographs. Normative text: `spec/lighting.md`.
 
 use super::{EnvironmentLobes, PrefilteredMap, SphericalGaussian};
@@ -13,12 +13,12 @@ use crate::transform::shape_adaptive::{ColourLanes, WaveletPlan};
 use byteorder::{ByteOrder, LittleEndian};
 
 const VERSION: u8 = 0;
-/// Most lobes and levels. Part of the format.
+/// Most lobes and maps. Part of the format.
 const MAX_LOBES: usize = 64;
 const MAX_MAPS: usize = 16;
-/// Most cells along a side of a level. Part of the format.
+/// Most cells along a side of a map. Part of the format.
 const MAX_SIZE: usize = 1024;
-/// Bytes of a lobe and of a level's head.
+/// Bytes of a lobe and of a map's head.
 const LOBE_BYTES: usize = 7 * 4;
 const LEVEL_BYTES: usize = 2 + 3 * 4;
 /// Steps of a doubling. Part of the format.
@@ -43,7 +43,7 @@ impl Default for LightCodingOptions {
     }
 }
 
-/// A level's head.
+/// A map's head.
 struct LightHeader {
     size: usize,
     sharpness: f32,
@@ -52,8 +52,11 @@ struct LightHeader {
     step: f32,
 }
 
-/// Bytes of the section, and the light as the decoder has it. Lobes become singles; beyond 64 lobes or 16 levels, or with a level
-/// of more than 1024 cells a side, it is an error.
+/// Returns the bytes of the section, and the light as the decoder has it. Lobes become singles.
+///
+/// # Errors
+///
+/// [`Error::Parameter`] for more than 64 lobes or 16 maps, a map of more than 1024 cells a side, or a step out of range.
 #[cfg(feature = "encode")]
 pub fn encode(light: &EnvironmentLobes, options: &LightCodingOptions) -> Result<(Vec<u8>, EnvironmentLobes)> {
     if light.diffuse.len() > MAX_LOBES || light.prefiltered.len() > MAX_MAPS {
@@ -98,7 +101,11 @@ pub fn encode(light: &EnvironmentLobes, options: &LightCodingOptions) -> Result<
     Ok((bytes, decoded))
 }
 
-/// The light of a section.
+/// Decodes the light of a section.
+///
+/// # Errors
+///
+/// [`Error::Format`] for bytes that are no such section, [`Error::Limits`] beyond the budget.
 pub fn decode(bytes: &[u8], budget: &Budget) -> Result<EnvironmentLobes> {
     let wrong = |at: usize, message: String| Error::format(Tag::LIGHT, at as u64, message);
     let Some((&[version, lobes, levels], rest)) = bytes.split_first_chunk::<3>() else {
@@ -177,7 +184,7 @@ fn parse_head(bytes: &[u8]) -> Option<LightHeader> {
     right.then_some(LightHeader { size, sharpness, floor, step })
 }
 
-/// Codes one level: channels green, red - green, blue - green. In decoding there are no `pixels`.
+/// Codes one map: channels green, red - green, blue - green. In decoding there are no `pixels`.
 fn code_level<C: BitCoder>(coder: &mut C, head: &LightHeader, pixels: Option<&[ColourLanes]>) -> Vec<ColourLanes> {
     let plan = WaveletPlan::new(&Mask::filled(head.size, head.size, true));
     let target = pixels.map(|pixels| plan.forward(pixels.to_vec()));
@@ -187,7 +194,7 @@ fn code_level<C: BitCoder>(coder: &mut C, head: &LightHeader, pixels: Option<&[C
     plan.inverse(&coefficients)
 }
 
-/// Value of a bit of the levels, in squared steps. The encoder's choice.
+/// Value of a bit of the maps, in squared steps. The encoder's choice.
 const LAMBDA: f32 = 0.1;
 
 /// `2^(k / 64)`: products of repeated square roots of 2, so that they are the same everywhere.

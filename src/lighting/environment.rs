@@ -58,7 +58,11 @@ pub(crate) fn clean(image: &mut RgbImage) -> CleanedPixels {
 }
 
 impl EnvironmentMap {
-    /// An environment from a latitude-longitude image of at least 2 x 1 pixels, cleaned.
+    /// Makes an environment of a latitude-longitude image of at least 2 x 1 pixels, cleaned.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Parameter`] for a smaller image.
     pub fn new(mut image: RgbImage) -> Result<(Self, CleanedPixels)> {
         if image.width < 2 || image.height < 1 || image.data.len() != image.width * image.height {
             return Err(Error::parameter("an environment needs 2 x 1 pixels at least"));
@@ -83,11 +87,11 @@ impl EnvironmentMap {
     pub fn image(&self) -> &RgbImage {
         &self.image
     }
-    /// World direction of a place in the image, in pixels (centres at +0.5).
+    /// Returns the world direction of a position in the image, in pixels (centres at +0.5).
     pub fn direction(&self, x: f64, y: f64) -> [f64; 3] {
         direction_at(self.image.width, self.image.height, x, y)
     }
-    /// Place in the image, in pixels, of a unit direction.
+    /// Returns the position in the image, in pixels, of a unit direction.
     pub fn pixel_at(&self, direction: [f64; 3]) -> [f64; 2] {
         let u = direction[0].atan2(-direction[2]) / (2.0 * PI);
         let v = direction[1].clamp(-1.0, 1.0).acos() / PI;
@@ -205,7 +209,7 @@ pub fn turn_y(direction: [f64; 3], degrees: f64) -> [f64; 3] {
     [cosine * x + sine * z, y, cosine * z - sine * x]
 }
 
-/// Direction of a place, in pixels, of a latitude-longitude image.
+/// Returns the direction of a position, in pixels, of a latitude-longitude image.
 pub(crate) fn direction_at(width: usize, height: usize, x: f64, y: f64) -> [f64; 3] {
     let (phi, theta) = (2.0 * PI * x / width as f64, PI * y / height as f64);
     let (sine, cosine) = theta.sin_cos();

@@ -1,6 +1,6 @@
-//! Light that moves: lobes and levels of an environment from those of the one before, many times a second.
+//! Light that changes: lobes and prefiltered maps of an environment from those of the one before, many times a second.
 //!
-//! Lobes start from the last ones. Sharp levels are blurred along rows, then along columns, of the latitude-longitude image reduced to
+//! Lobes start from the last ones. Sharp maps are blurred along rows, then along columns, of the latitude-longitude image reduced to
 //! what the lobe can show: with the angles `t` from the pole and `p` around it
 //! `exp(l (cos a - 1)) = exp(l (cos(t - t') - 1)) exp(-l sin t sin t' (1 - cos(p - p')))`, where `sin t` in the second factor is taken to be
 //! `sin t'`. Around the poles, where that fails, and for wide lobes all pixels of a small image are summed, with weights that depend on its
@@ -18,11 +18,11 @@ use std::sync::{Arc, OnceLock};
 
 /// Columns of the image at most.
 const COLUMNS: usize = 512;
-/// Sharp levels, blurred by rows and columns.
+/// Sharp maps, blurred by rows and columns.
 const SHARP: usize = 4;
-/// Columns at least of the images for wide levels: a pixel is less than half of the lobe's standard deviation.
+/// Columns at least of the images for wide maps: a pixel is less than half of the lobe's standard deviation.
 const WIDE_COLUMNS: [usize; 3] = [128, 64, 32];
-/// Cells along a side of the levels, at most: half of the image's columns.
+/// Cells along a side of the maps, at most: half of the image's columns.
 const SIZES: [usize; 7] = [256, 256, 256, 184, 64, 32, 24];
 /// Within this many standard deviations of a lobe from a pole cells are summed directly.
 const POLAR: f64 = 4.0;
@@ -41,7 +41,7 @@ fn wide_halvings(columns: usize, level: usize) -> usize {
     (columns / WIDE_COLUMNS[level - SHARP]).ilog2() as usize
 }
 
-/// Cells along a side of a level.
+/// Cells along a side of a map.
 fn size(columns: usize, level: usize) -> usize {
     SIZES[level].min(columns / 2)
 }
@@ -56,7 +56,7 @@ pub struct LightFollower {
     light: Arc<EnvironmentLobes>,
 }
 
-/// The sums of a wide level, which depend on the size of the image alone.
+/// The sums of a wide map, which depend on the size of the image alone.
 struct WideBlur {
     size: usize,
     /// For each cell where its pixels begin, and at last their number.
@@ -66,7 +66,7 @@ struct WideBlur {
 }
 
 impl WideBlur {
-    /// Of a level of `size` cells along a side and an image of `width` x `width / 2` pixels.
+    /// Prepares a map of `size` cells along a side of an image of `width` x `width / 2` pixels.
     fn new(width: usize, number: usize, size: usize) -> Self {
         use std::f64::consts::PI;
         let height = width / 2;
@@ -128,7 +128,7 @@ struct BlurPlan {
 /// Source of a cell's value.
 #[derive(Clone, Copy)]
 enum CellSource {
-    /// In the blurred image, whose rows are one pixel longer: the upper left pixel and the place between that and the next.
+    /// In the blurred image, whose rows are one pixel longer: the upper left pixel and the position between that and the next.
     Between(u32, f32, f32),
     /// Around a pole: a sum over a part of [`BlurPlan::polar`].
     Polar(u32, u32),
@@ -195,7 +195,7 @@ struct ColourPlanes {
     width: usize,
     height: usize,
     lists: [Vec<f32>; 3],
-    /// [`Self::pixels`], once they were asked for: several levels take one image.
+    /// [`Self::pixels`], once they were asked for: several maps take one image.
     pixels: OnceLock<Vec<Vec3A>>,
 }
 
@@ -236,7 +236,7 @@ impl ColourPlanes {
 }
 
 impl BlurPlan {
-    /// Of a level of `size` cells along a side and an image of `width` x `width / 2` pixels.
+    /// Prepares a map of `size` cells along a side of an image of `width` x `width / 2` pixels.
     fn new(width: usize, number: usize, size: usize) -> Self {
         use std::f64::consts::PI;
         let (height, sharpness) = (width / 2, SHARPNESS[number]);

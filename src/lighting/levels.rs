@@ -1,7 +1,7 @@
 //! The environment through lobes of falling sharpness, for specular reflection.
 //!
-//! For each level the environment is resampled so that a lobe covers some ten pixels each way, rows near the poles with fewer
-//! columns; then every cell of the level sums the pixels about its direction. Averaging pixels before blurs by their own width,
+//! For each map the environment is resampled so that a lobe covers some ten pixels each way, rows near the poles with fewer
+//! columns; then every cell of the map sums the pixels about its direction. Averaging pixels before blurs by their own width,
 //! interpolating between cells after by that of a cell: both are taken off the lobe's.
 
 use super::prefiltered::{PrefilteredMap, SHARPNESS};
@@ -15,13 +15,13 @@ const REACH: f64 = 7.0;
 /// Pixels that are worked on at a time.
 const LANES: usize = 8;
 
-/// Cells along a side of the level of a sharpness: some three for a standard deviation, `largest` at most.
+/// Cells along a side of the map of a sharpness: some three for a standard deviation, `largest` at most.
 pub(crate) fn map_size(sharpness: f64, largest: usize) -> usize {
     let wanted = 10.1 * sharpness.sqrt();
     (wanted.min(8192.0) as usize).next_multiple_of(8).min(largest.max(8))
 }
 
-/// All levels of `SHARPNESS`, the sharpest with `largest` cells a side at most (512 is a good number for environments of
+/// All maps of `SHARPNESS`, the sharpest with `largest` cells a side at most (512 is a good number for environments of
 /// 512 x 256 pixels).
 pub fn prefiltered_maps(environment: &EnvironmentMap, largest: usize) -> Vec<PrefilteredMap> {
     SHARPNESS
@@ -30,7 +30,7 @@ pub fn prefiltered_maps(environment: &EnvironmentMap, largest: usize) -> Vec<Pre
         .collect()
 }
 
-/// One level.
+/// Returns one map; `None` if `size` or `sharpness` is not positive.
 pub fn prefiltered_map(environment: &EnvironmentMap, sharpness: f64, size: usize) -> Option<PrefilteredMap> {
     let rows = EnvironmentRows::new(environment, sharpness);
     let (directions, angles) = (directions(size), solid_angles(size));
@@ -212,7 +212,7 @@ impl FineEnvironment {
     }
 }
 
-/// For each level the root mean square error over the root mean square, in `count` directions between its cells, against
+/// For each map the root mean square error over the root mean square, in `count` directions between its cells, against
 /// the sum over all points of the environment.
 pub fn prefiltered_errors(environment: &EnvironmentMap, levels: &[PrefilteredMap], count: usize) -> Vec<f64> {
     let directions: Vec<[f64; 3]> = spread_directions(count).collect();

@@ -1,4 +1,4 @@
-//! Light from all around: environment maps, spherical Gaussians fitted to them, prefiltered levels.
+//! Light from all around: environment maps, spherical Gaussians fitted to them, prefiltered maps.
 
 pub(crate) mod codec;
 pub(crate) mod environment;

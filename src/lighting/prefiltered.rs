@@ -1,10 +1,10 @@
-//! Light ready for shading: a few spherical Gaussians for diffuse reflection, prefiltered levels for specular reflection.
+//! Light ready for shading: a few spherical Gaussians for diffuse reflection, prefiltered maps for specular reflection.
 
 use super::SphericalGaussian;
 use super::environment::turn_y;
 use crate::sphere::octahedral::{OctahedralTaps, directions, solid_angles, taps};
 
-/// Sharpness of the levels that the encoder makes, from a mirror's to nearly diffuse (Sonoda 2011, section 4.2).
+/// Sharpness of the maps that the encoder makes, from a mirror's to nearly diffuse (Sonoda 2011, section 4.2).
 pub(crate) const SHARPNESS: [f64; 7] = [21_000.0, 5_250.0, 1_312.0, 328.0, 82.0, 20.0, 5.0];
 
 /// The light of an environment. What a file's section `lIGt` holds.
@@ -58,11 +58,11 @@ impl PrefilteredMap {
 
 impl EnvironmentLobes {
     /// Mean radiance weighted by a lobe of any sharpness about a direction, `int G L / int G`; interpolated between the two
-    /// levels about it in the logarithm of the sharpness; beyond them the outermost level.
-    /// Times the lobe's [`SphericalGaussian::integral`] it is the inner product of the lobe and the light. Black without levels.
+    /// maps about it in the logarithm of the sharpness; beyond them the outermost map.
+    /// Times the lobe's [`SphericalGaussian::integral`] it is the inner product of the lobe and the light. Black without maps.
     #[inline]
     pub fn prefiltered_radiance(&self, direction: [f64; 3], sharpness: f64) -> [f32; 3] {
-        // Levels come from sharp to dull.
+        // Maps come from sharp to dull.
         let below =
             self.prefiltered.iter().position(|level| level.sharpness <= sharpness).unwrap_or(self.prefiltered.len());
         let (Some(dull), Some(sharp)) =
@@ -100,7 +100,7 @@ impl EnvironmentLobes {
         let levels = self.prefiltered.into_iter().map(turned).collect();
         EnvironmentLobes { diffuse: self.diffuse.into_iter().map(turn).collect(), prefiltered: levels }
     }
-    /// The environment as its sharpest level has it; `None` without levels.
+    /// The environment as its sharpest map has it; `None` without maps.
     pub fn environment(&self) -> Option<super::EnvironmentMap> {
         let sharpest = self.prefiltered.first()?;
         // Pixels at the horizon about as large as cells.
@@ -115,7 +115,7 @@ impl EnvironmentLobes {
         }
         sum
     }
-    /// Mean radiance of all directions, by the least sharp level.
+    /// Mean radiance of all directions, by the least sharp map.
     pub fn mean_radiance(&self) -> [f64; 3] {
         let mut sum = [0.0; 3];
         if let Some(level) = self.prefiltered.last() {

@@ -125,7 +125,11 @@ impl Unwrapper {
         Ok(Unwrapper { size, columns, taps })
     }
 
-    /// The environment of an image of the size said before, linear radiance.
+    /// Returns the environment of an image of linear radiance.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Parameter`] if the image has another size than stated.
     pub fn environment(&self, picture: &RgbImage) -> Result<EnvironmentMap> {
         if [picture.width, picture.height] != self.size {
             let [width, height] = self.size;
@@ -146,7 +150,7 @@ impl Unwrapper {
     }
 }
 
-/// Four pixels and a place between them.
+/// Four pixels and a position between them.
 struct PixelTap {
     /// The upper left one, and what is added for the one on its right, modulo 2^32, and the one below.
     first: u32,
@@ -210,7 +214,7 @@ impl ProbeLens {
         }
     }
 
-    /// The pixels around the place that shows a direction; `None` outside a fisheye's field.
+    /// Returns the pixels around the position that shows a direction; `None` outside a fisheye's field.
     #[inline]
     fn tap(&self, direction: [f64; 3]) -> Option<PixelTap> {
         let [width, height] = self.size;

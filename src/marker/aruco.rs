@@ -25,7 +25,7 @@ fn codes(family: MarkerFamily) -> (&'static [u64], usize, u32) {
     }
 }
 
-/// Markers of these families, none twice at one place.
+/// Markers of these families, none twice at one position.
 pub(super) fn detect(families: &[MarkerFamily], grey: &Grid<u8>) -> Vec<MarkerDetection> {
     let (width, height) = (grey.width as u32, grey.height as u32);
     let mut binary = vec![0u8; grey.data.len()];

@@ -21,7 +21,11 @@ pub struct MarkerDetector {
 }
 
 impl MarkerDetector {
-    /// For these families, at least one.
+    /// Prepares a detector for these families, at least one.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Parameter`] without a family, [`Error::Unsupported`] if the AprilTag library refuses one.
     pub fn new(families: &[MarkerFamily]) -> Result<Self> {
         if families.is_empty() {
             return Err(Error::parameter("no marker family to look for"));

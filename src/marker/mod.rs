@@ -59,7 +59,11 @@ impl MarkerFamily {
         (MarkerFamily::ArucoMip36h12, "aruco-mip-36h12"),
     ];
 
-    /// The family of a name, capital letters or small.
+    /// Returns the family of a name, capital letters or small.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Parameter`] for an unknown name.
     pub fn from_name(name: &str) -> Result<Self> {
         let found = MarkerFamily::NAMES.iter().find(|(_, known)| known.eq_ignore_ascii_case(name));
         let known: Vec<&str> = MarkerFamily::NAMES.iter().map(|(_, name)| *name).collect();

@@ -1,4 +1,4 @@
-//! Markers whose places to each other are known.
+//! Rigs: markers whose poses relative to each other are known.
 
 use super::{MarkerFamily, Pose};
 use crate::capture::json::{JsonDocument, JsonNode};
@@ -39,7 +39,11 @@ pub struct Rig {
 }
 
 impl Rig {
-    /// One marker, whose frame is the rig's.
+    /// Makes a rig of one marker, whose frame is the rig's.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Parameter`] for a size that is not above 0.
     pub fn single(family: MarkerFamily, id: Option<u32>, size: f64) -> Result<Self> {
         if !(size.is_finite() && size > 0.0) {
             return Err(Error::parameter(format!("a marker's size is a length above 0, not {size}")));
@@ -47,7 +51,11 @@ impl Rig {
         Ok(Rig { markers: vec![RigMarker { family, id, size, pose: Pose::IDENTITY }] })
     }
 
-    /// A marker as `FAMILY:ID:SIZE`, as in `tag36h11:76:0.065`; `*` for the number takes any.
+    /// Parses a marker as `FAMILY:ID:SIZE`, as in `tag36h11:76:0.065`; `*` for the number takes any.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Parameter`] for any other text.
     pub fn parse(text: &str) -> Result<Self> {
         let wrong = || {
             Error::parameter(format!(
@@ -62,7 +70,7 @@ impl Rig {
     }
 
     /// Reads a rig: `{"markers": [{"family": "tag36h11", "id": 3, "size": 0.08, "pose": [[...] * 4]}]}`, `pose` the marker's frame in
-    /// the rig's by rows (a rotation and a place), the identity if it is left out.
+    /// the rig's by rows (a rotation and a translation), the identity if it is left out.
     pub fn read(path: impl AsRef<Path>, access: &FileAccess) -> Result<Self> {
         let document = JsonDocument::read(path.as_ref(), access)?;
         let mut markers: Vec<RigMarker> = Vec::new();

@@ -26,7 +26,7 @@ pub struct MarkerTracker {
 }
 
 impl MarkerTracker {
-    /// For one camera (its place is not used) and its lens.
+    /// For one camera (its pose is not used) and its lens.
     pub fn new(rig: Rig, camera: Camera, lens: Lens) -> Result<Self> {
         let detector = MarkerDetector::new(&rig.families())?;
         Ok(MarkerTracker { rig, camera, lens, detector, last: None, around: None })

@@ -47,7 +47,11 @@ struct RenderedPixel {
 }
 
 impl<'a> AssetRenderer<'a> {
-    /// Checks that the parts of the asset belong together.
+    /// Prepares a renderer, checking that the parts of the asset belong together.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Parameter`] if mesh, charts, maps and photographs do not fit each other.
     pub fn new(asset: &'a Asset) -> Result<Self> {
         let vertices = asset.mesh.positions.len();
         if asset.mesh.triangles.iter().flatten().any(|&v| v as usize >= vertices) {
@@ -93,6 +97,11 @@ impl<'a> AssetRenderer<'a> {
     }
 
     /// Renders one image.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Parameter`] for an image without pixels or of more than 2^28, a camera that is not finite, a light that no view
+    /// shows; [`Error::Unsupported`] for point lights where those of the capture are unknown.
     pub fn render(&self, camera: &Camera, options: &RenderOptions) -> Result<ViewRender> {
         if camera.width == 0 || camera.height == 0 || camera.width as u64 * camera.height as u64 > MAX_PIXELS {
             return Err(Error::parameter("the picture has no pixels or too many"));

@@ -9,14 +9,14 @@ use crate::sphere::octahedral::{directions, solid_angles, taps};
 use glam::Vec3;
 use std::sync::OnceLock;
 
-/// Cells along a side of the sharpest levels' grids.
+/// Cells along a side of the sharpest maps' grids.
 #[cfg(feature = "encode")]
 const MAX_MAP_SIZE: usize = 256;
 /// Most distant lights.
 #[cfg(feature = "encode")]
 const MAX_LIGHTS: usize = 64;
 
-/// A level that still shows where light comes from and has few cells: sharpness 82.
+/// A map that still shows where light comes from and has few cells: sharpness 82.
 const BLURRED: usize = 4;
 /// Cells along a side of the grid that it is summed in.
 pub(super) const BLURRED_SIDE: usize = 32;
@@ -35,7 +35,7 @@ pub struct DistantLight {
 /// Options of [`PreparedEnvironment::new`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PreparedEnvironmentOptions {
-    /// Distant lights at most, 64 or fewer; 0 leaves all light in the levels.
+    /// Distant lights at most, 64 or fewer; 0 leaves all light in the maps.
     pub distant_lights: usize,
     /// Radiance, in units of the mean, above which a pixel may belong to a distant light.
     pub threshold: f32,
@@ -55,7 +55,7 @@ pub struct PreparedEnvironment {
     levels: Vec<OctahedralMap>,
     /// [`Self::blurred_cell_flux`], once they were asked for.
     blurred: OnceLock<Vec<Vec3>>,
-    /// The levels are a file's, with all light in them.
+    /// The maps are a file's, with all light in them.
     pub(super) is_stored: bool,
 }
 
@@ -68,7 +68,7 @@ impl PreparedEnvironment {
         PreparedEnvironment { distant, is_stored: false, ..Self::from_prefiltered(&levels) }
     }
 
-    /// From a file's prefiltered levels, one for each of `SHARPNESS`; black where there are not as many.
+    /// From a file's prefiltered maps, one for each of `SHARPNESS`; black where there are not as many.
     pub fn from_prefiltered(levels: &[PrefilteredMap]) -> Self {
         let read = |level: &PrefilteredMap| {
             let side = level.size();
@@ -89,7 +89,7 @@ impl PreparedEnvironment {
         &self.distant
     }
 
-    /// Radiance around a direction, given by its place on the octahedral square, averaged with a spherical Gaussian; without the
+    /// Radiance around a direction, given by its position on the octahedral square, averaged with a spherical Gaussian; without the
     /// distant lights. `level` counts in `SHARPNESS`.
     #[inline]
     pub(super) fn filtered_radiance(&self, square: glam::Vec2, level: f32) -> Vec3 {
@@ -144,7 +144,7 @@ pub(super) fn level_of(sharpness: f32) -> f32 {
     0.5 * (log2(SHARPNESS[0] as f32) - log2(sharpness.max(1e-3)))
 }
 
-/// Logarithm to the base 2 of a positive number that is not subnormal, within 1e-5; levels need no more.
+/// Logarithm to the base 2 of a positive number that is not subnormal, within 1e-5; maps need no more.
 #[inline]
 pub(super) fn log2(x: f32) -> f32 {
     let bits = x.to_bits();

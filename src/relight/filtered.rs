@@ -136,7 +136,7 @@ impl Evaluator for FilteredEvaluator<'_> {
     }
 }
 
-/// Irradiance of every place from everything but the distant lights.
+/// Returns the irradiance at every surface sample from everything but the distant lights.
 fn irradiance(object: &RenderObject, surround: &PreparedEnvironment, shadows: bool) -> Vec<Vec3> {
     let occlusion = object.occlusion.filter(|_| shadows);
     let side = occlusion.map_or(SIDE, |o| o.side());

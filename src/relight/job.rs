@@ -94,7 +94,11 @@ pub struct JobCamera {
 }
 
 impl Job {
-    /// The job's camera.
+    /// Returns the job's camera.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Parameter`] for numbers out of range or not finite.
     pub fn camera(&self) -> Result<Camera> {
         let JobCamera { position, target, up, fov_y_deg } = self.camera;
         let [width, height] = self.size;
@@ -208,6 +212,10 @@ impl JobPair {
 
 impl JobMaterial {
     /// The specular part without its factor, `roughness` in place of the job's where it varies; `None` for `lambert`.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Parameter`] if a parameter that the model needs is missing, [`Error::Unsupported`] for an unknown model or distribution.
     pub fn specular_part(&self, roughness: Option<f64>) -> Result<Option<Box<dyn Brdf + Send>>> {
         let constant = match &self.roughness {
             Some(JobParameter::Constant(pair)) => Some(pair.values()),

@@ -1,4 +1,4 @@
-//! Signed spherical distances of all places of a mesh, ready to be read in any direction.
+//! Signed spherical distances of all samples of a mesh, ready to be read in any direction.
 
 use super::octahedral_map::to_square;
 use crate::sphere::octahedral;
@@ -10,18 +10,18 @@ use glam::{Vec2, Vec3};
 /// The angle, radians, that a stored byte of 127 stands for.
 const MAX_DISTANCE: f32 = std::f32::consts::FRAC_PI_2;
 
-/// Signed spherical distance functions of a mesh's places on one octahedral grid.
+/// Signed spherical distance functions of a mesh's samples on one octahedral grid.
 ///
 /// The distance in a direction is the angle to the nearest direction of the other kind, positive where nothing is in the way.
 pub struct Occlusion {
     side: usize,
     places: SurfaceSamples,
-    /// `(side + 2)^2` bytes a place, with a border.
+    /// `(side + 2)^2` bytes a sample, with a border.
     bytes: Vec<i8>,
 }
 
 impl Occlusion {
-    /// From `side * side` distances, radians, of each place in rows of an octahedral map; a place with another number
+    /// From `side * side` distances, radians, of each sample in rows of an octahedral map; a sample with another number
     /// of them counts as unshadowed.
     pub fn new<D: AsRef<[f32]>>(
         side: usize,
@@ -70,20 +70,20 @@ impl Occlusion {
         self.side
     }
 
-    /// Distance of a cell of a place, radians.
+    /// Distance of a cell of a sample, radians.
     #[inline]
     pub(super) fn cell_distance(&self, place: usize, x: usize, y: usize) -> f32 {
         let pitch = self.side + 2;
         self.bytes[place * pitch * pitch + (y + 1) * pitch + x + 1] as f32 * (MAX_DISTANCE / 127.0)
     }
 
-    /// Distance of a place in a direction, radians.
+    /// Distance of a sample in a direction, radians.
     #[inline]
     pub(super) fn place_distance(&self, place: usize, square: Vec2) -> f32 {
         self.between_cells(square)(place) * (MAX_DISTANCE / 127.0)
     }
 
-    /// Distance in a direction between three places, radians.
+    /// Distance in a direction between three samples, radians.
     #[inline]
     pub(super) fn interpolated_distance(&self, places: [u32; 3], shares: Vec3, square: Vec2) -> f32 {
         let read = self.between_cells(square);
@@ -91,7 +91,7 @@ impl Occlusion {
         (shares.x * a + shares.y * b + shares.z * c) * (MAX_DISTANCE / 127.0)
     }
 
-    /// Bytes of places, bilinear between the cells around a place of the square.
+    /// Bytes of samples, bilinear between the cells around a place of the square.
     #[inline]
     fn between_cells(&self, square: Vec2) -> impl Fn(usize) -> f32 {
         let pitch = self.side + 2;

@@ -28,6 +28,10 @@ impl Default for ReferenceOptions {
 }
 
 /// Renders one image.
+///
+/// # Errors
+///
+/// [`Error::Parameter`] for samples out of 1 to 8, or no rays.
 pub fn reference(
     object: &RenderObject,
     environment: &EnvironmentMap,
@@ -110,7 +114,7 @@ fn radiance(
     sum
 }
 
-/// The k-th place of an even sequence in the unit square (Roberts 2018), moved by `start`.
+/// Returns the k-th point of an even sequence in the unit square (Roberts 2018), moved by `start`.
 fn place(start: [f32; 2], k: usize) -> [f32; 2] {
     const STEP: [f64; 2] = [0.754_877_666_246_692_8, 0.569_840_290_998_053_3];
     std::array::from_fn(|i| ((start[i] as f64 + STEP[i] * (k + 1) as f64).fract() as f32).min(0.999_999_9))

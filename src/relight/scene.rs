@@ -42,13 +42,17 @@ impl Default for EnvironmentOptions {
 /// A mesh with what its shadows need.
 pub struct RenderObject<'a> {
     pub(super) mesh: &'a Mesh,
-    /// Unit normals of the places, those of the vertices first.
+    /// Unit normals of the samples, those of the vertices first.
     pub(super) normals: Vec<Vec3>,
     pub(super) occlusion: Option<&'a Occlusion>,
 }
 
 impl<'a> RenderObject<'a> {
-    /// A mesh; with `occlusion`, which has the mesh's places, shadows can be shown.
+    /// Prepares a mesh; `occlusion`, at the samples of its surface, is what shadows need.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Parameter`] if triangles name vertices that do not exist, or the visibility belongs to another mesh.
     pub fn new(mesh: &'a Mesh, occlusion: Option<&'a Occlusion>) -> Result<Self> {
         let vertices = mesh.positions.len();
         if mesh.triangles.iter().flatten().any(|&v| v as usize >= vertices) {
@@ -72,7 +76,7 @@ impl<'a> RenderObject<'a> {
         self.mesh
     }
 
-    /// The places around a point of a triangle and their shares, by its corners and their weights.
+    /// The samples around a point of a triangle and their shares, by its corners and their weights.
     #[inline]
     pub(super) fn around(&self, triangle: usize, corners: [u32; 3], weights: Vec3) -> ([u32; 3], Vec3) {
         let Some(occlusion) = self.occlusion else { return (corners, weights) };

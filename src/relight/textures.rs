@@ -53,7 +53,11 @@ pub struct AssetShading<'a> {
 }
 
 impl<'a> AssetShading<'a> {
-    /// An error for files without reflectance; `taps` as in [`PreparedSpecular::new`].
+    /// Prepares the reflectance of a decoded file; `taps` as in [`PreparedSpecular::new`].
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Unsupported`] for files without reflectance, [`Error::Parameter`] if mesh, charts and maps do not fit each other.
     pub fn new(asset: &'a Asset, taps: usize) -> Result<Self> {
         let (Some(charts), Some(maps)) = (&asset.charts, &asset.reflectance) else {
             return Err(Error::Unsupported("relighting: this file has no reflectance".into()));
@@ -150,6 +154,10 @@ pub struct TexturedShading {
 
 impl TexturedShading {
     /// `part` makes the specular part for a roughness. Coordinates must be there for all `triangles`.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Parameter`] if coordinates are missing or a texture has no pixels.
     pub fn new(
         material: Material,
         textures: Textures,

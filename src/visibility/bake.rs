@@ -49,8 +49,12 @@ const SAMPLES: usize = 4096;
 /// Places that are worked on at a time.
 const BLOCK: usize = 64;
 
-/// Computes the visibility of all vertices of a mesh whose positions are finite, and of places between them where more are asked for.
+/// Computes the visibility of all vertices of a mesh whose positions are finite, and of samples between them where more are asked for.
 /// Vertices and triangles keep their order: the mesh must be the one that the file's MESH decodes to.
+///
+/// # Errors
+///
+/// [`Error::Parameter`] for options out of range, a mesh without triangles, or positions that are not finite.
 pub fn bake(mesh: &Mesh, options: &BakeOptions) -> Result<BakedVisibility> {
     let start = Instant::now();
     check(mesh, options)?;

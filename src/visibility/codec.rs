@@ -1,6 +1,6 @@
 //! Section `vISB`: bases and weights as integers, coded in two groups of terms; the first alone is visibility of its own.
 //!
-//! Bases are images on the octahedral grid, predicted from the cells left and above; a place's weights are predicted from
+//! Bases are images on the octahedral grid, predicted from the cells left and above; a sample's weights are predicted from
 //! those neighbours in the cut mesh that came before it. Normative text: `spec/visibility.md`.
 
 use super::{Visibility, VisibilityError};
@@ -13,7 +13,7 @@ use crate::surface::samples::SurfaceSamples;
 use byteorder::{ByteOrder, LittleEndian};
 
 const VERSION: u8 = 0;
-/// Version, flags, cells a side, terms of both groups, places, spacing, two errors, length of the first stream.
+/// Version, flags, cells a side, terms of both groups, samples, spacing, two errors, length of the first stream.
 const HEADER_BYTES: usize = 5 + 8 + 8 + 4;
 /// Offset of the errors in the header.
 const ERRORS: usize = 13;
@@ -45,7 +45,7 @@ pub(super) struct VisibilityContent {
     pub mean: Vec<i32>,
     pub bases: Vec<Vec<i32>>,
     pub places: SurfaceSamples,
-    /// For each place one for each term.
+    /// For each sample one for each term.
     pub weights: Vec<i8>,
 }
 
@@ -97,7 +97,7 @@ pub(super) fn quantise(values: &[f32], step: f64) -> QuantisedValues {
     QuantisedValues { step, integers }
 }
 
-/// The section, for the mesh whose places the weights belong to.
+/// The section, for the mesh whose samples the weights belong to.
 #[cfg(feature = "encode")]
 pub(super) fn write(content: &VisibilityContent, mesh: &Mesh) -> Vec<u8> {
     let before = CodedNeighbours::new(&content.places.subdivided(mesh));
@@ -131,7 +131,11 @@ pub(super) fn state_error(bytes: &mut [u8], error: VisibilityError) {
     }
 }
 
-/// Visibility out of a section, for the mesh of the same file.
+/// Decodes the visibility of a section, for the mesh of the same file.
+///
+/// # Errors
+///
+/// [`Error::Format`] for bytes that are no such section of this mesh, [`Error::Limits`] beyond the budget.
 pub fn decode(bytes: &[u8], mesh: &Mesh, budget: &Budget) -> Result<Visibility> {
     let wrong = |at: usize, message: String| Error::format(Tag::VISIBILITY, at as u64, message);
     let Some((header, rest)) = bytes.split_first_chunk::<HEADER_BYTES>() else {
@@ -239,7 +243,7 @@ fn code_group<C: BitCoder>(
     let places = weights.len() / count;
     for place in 0..places {
         let neighbours = before.of(place);
-        // Magnitudes of this place's residuals so far, in quarters, fading.
+        // Magnitudes of this sample's residuals so far, in quarters, fading.
         let mut activity = 8u32;
         for (k, term) in range.clone().enumerate() {
             let sum: i32 = neighbours.iter().map(|&n| weights[n as usize * count + term] as i32).sum();

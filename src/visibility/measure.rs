@@ -9,7 +9,7 @@ use std::f32::consts::FRAC_PI_2;
 const PLACES: usize = 96;
 const SIZE: usize = 90;
 
-/// Compares with rays in 8,100 directions from up to 96 places spread over the list; each direction counts by its solid angle.
+/// Compares with rays in 8,100 directions from up to 96 samples spread over the list; each direction counts by its solid angle.
 pub(crate) fn measure(surroundings: &MeshRays, visibility: &Visibility) -> VisibilityError {
     let grid = DirectionGrid::new(SIZE);
     let angles = octahedral::solid_angles(SIZE);

@@ -1,10 +1,10 @@
-//! Visibility of all directions from the vertices of a mesh, or from places between them as well, as a signed distance on the sphere, in
-//! few numbers a place.
+//! Visibility of all directions from the vertices of a mesh, or from samples between them as well, as a signed distance on the sphere, in
+//! few numbers a sample.
 //!
 //! The signed spherical distance of a direction is its angle to the nearest direction of the other kind: positive where the
 //! direction is free, negative where the mesh blocks it (Wang 2009; Sonoda 2011, equation 2), here at most a right angle either
 //! way, beyond which no half-space differs from all or nothing. It is smooth enough for a
-//! principal component analysis over the places and for linear interpolation between them.
+//! principal component analysis over the samples and for linear interpolation between them.
 
 #[cfg(feature = "encode")]
 pub(crate) mod bake;
@@ -23,7 +23,7 @@ use crate::sphere::octahedral::{OctahedralTaps, taps};
 use crate::surface::samples::SurfaceSamples;
 use std::f64::consts::FRAC_PI_2;
 
-/// Visibility of a mesh's places: `distance(place, direction) = mean(direction) + sum_k weight(place, k) base(direction, k)`.
+/// Visibility of a mesh's surface samples: `distance(sample, direction) = mean(direction) + sum_k weight(sample, k) base(direction, k)`.
 ///
 /// Directions are those of the mesh's world. Bases are functions on the octahedral grid,
 /// bilinear between its cells, already multiplied by the steps of their weights; weights are integers of 8 bits.
@@ -37,7 +37,7 @@ pub struct Visibility {
     bases: Vec<f32>,
     /// Samples of the surface.
     places: SurfaceSamples,
-    /// For each place one integer for each term.
+    /// For each sample one integer for each term.
     weights: Vec<i8>,
 }
 
@@ -79,16 +79,16 @@ impl Visibility {
     pub fn bases(&self) -> &[f32] {
         &self.bases
     }
-    /// For each place one integer for each term; the vertices come first.
+    /// For each sample one integer for each term; the vertices come first.
     pub fn all_weights(&self) -> &[i8] {
         &self.weights
     }
-    /// Weights of a place, [`Visibility::terms`] of them; none for a place that there is not.
+    /// Returns the weights of a sample, [`Visibility::terms`] of them; none if it is out of range.
     pub fn weights(&self, place: usize) -> &[i8] {
         let terms = self.terms();
         self.weights.get(place.saturating_mul(terms)..).and_then(|rest| rest.get(..terms)).unwrap_or(&[])
     }
-    /// Interpolates the weights of three places by their shares: as many as `out` holds, [`Visibility::terms`] at most.
+    /// Interpolates the weights of three samples by their shares: as many as `out` holds, [`Visibility::terms`] at most.
     pub fn interpolate(&self, places: [u32; 3], shares: [f32; 3], out: &mut [f32]) {
         out.fill(0.0);
         for (place, share) in places.into_iter().zip(shares) {
@@ -98,7 +98,7 @@ impl Visibility {
         }
     }
     /// The mean and the bases in a direction: as many as `out` holds, [`Visibility::terms`] + 1 at most. With [`unbounded_distance`] they
-    /// serve for every place.
+    /// serve for every sample.
     pub fn basis(&self, direction: [f64; 3], out: &mut [f32]) {
         let stride = self.terms() + 1;
         let OctahedralTaps { cells, weights } = taps(direction, self.size);
@@ -109,7 +109,7 @@ impl Visibility {
             }
         }
     }
-    /// Signed distance in radians, -pi/2 to pi/2, of a unit direction as seen from a place.
+    /// Signed distance in radians, -pi/2 to pi/2, of a unit direction as seen from a sample.
     pub fn signed_distance(&self, place: usize, direction: [f64; 3]) -> f64 {
         let weights = self.weights(place);
         self.at_cells(direction, |values| {
@@ -133,7 +133,7 @@ impl Visibility {
     }
 }
 
-/// Signed distance in radians by a direction's [`Visibility::basis`] and a place's weights; may lie beyond a right angle.
+/// Signed distance in radians by a direction's [`Visibility::basis`] and a sample's weights; may lie beyond a right angle.
 #[inline]
 pub fn unbounded_distance(basis: &[f32], weights: &[i8]) -> f32 {
     let Some((mean, values)) = basis.split_first() else { return 0.0 };

@@ -64,7 +64,7 @@ impl MeshRays {
         }
     }
 
-    /// Number of places that rays start from.
+    /// Number of samples that rays start from.
     pub fn places(&self) -> usize {
         self.positions.len()
     }

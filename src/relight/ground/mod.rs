@@ -46,7 +46,11 @@ impl Ground {
     }
 }
 
-/// For each pixel that sees the ground the light on it with the object over the light without, red, green, blue (17); 1 elsewhere.
+/// Returns for each pixel that sees the ground the light on it with the object over the light without, red, green, blue (17); 1 elsewhere.
+///
+/// # Errors
+///
+/// [`Error::Parameter`] if the ground's normal is no unit vector.
 pub fn ground_shadow(
     mesh: &Mesh,
     surround: &PreparedEnvironment,
@@ -99,6 +103,10 @@ struct GroundLight {
 
 impl<'a> GroundShadow<'a> {
     /// Casts the rays, which serve for every light.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Parameter`] if the ground's normal is no unit vector.
     pub fn new(mesh: &'a Mesh, ground: &Ground) -> Result<Self> {
         let up = single(ground.up);
         if (up.length() - 1.0).abs() > 1e-3 {
@@ -240,7 +248,11 @@ impl<'a> GroundShadow<'a> {
     }
 }
 
-/// The object over a photograph, its shadow on the ground (16). All linear and of one size.
+/// Blends the object and its shadow with a photograph (16). All are linear and of one size.
+///
+/// # Errors
+///
+/// [`Error::Parameter`] if the sizes differ.
 pub fn composite(photograph: &RgbImage, object: &EnvironmentRender, shadow: &RgbImage) -> Result<RgbImage> {
     let size = (photograph.width, photograph.height);
     if size != (object.image.width, object.image.height) || size != (shadow.width, shadow.height) {
