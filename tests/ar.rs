@@ -193,7 +193,10 @@ fn the_program_puts_an_object_on_the_marker() {
     assert!(named == options(["--at", "--turn", "--still", "--no-match"]));
     let help = support::output(&["ar", "--help"]);
     assert!(
-        ["Light:", "Placement:", "Rendering:"].iter().all(|heading| help.contains(heading)) && !help.contains("--turn")
+        ["Object and camera:", "Light:", "Placement:", "Rendering:", "Output:"]
+            .iter()
+            .all(|heading| help.contains(heading))
+            && !help.contains("--turn")
     );
     // One photograph, all of it behind something.
     image::GrayImage::from_pixel(640, 480, image::Luma([255])).save(at("mask.png")).unwrap();

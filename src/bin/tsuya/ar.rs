@@ -40,14 +40,14 @@ pub struct Ar {
     /// A photograph, a folder of frames, or a video (read by ffmpeg).
     frames: PathBuf,
     /// The object, best with its visibility (tsuya bake). One; for another run it again on the images that were made.
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, help_heading = "Object and camera", value_name = "FILE")]
     asset: PathBuf,
     /// The marker, FAMILY:ID:SIZE as in tag36h11:76:0.065 (* for any number), or a JSON file with several that belong together.
     /// Families: tag36h11, tag25h9, tag16h5, tagStandard41h12, aruco, aruco-mip-36h12.
-    #[arg(long, value_name = "MARKER")]
+    #[arg(long, help_heading = "Object and camera", value_name = "MARKER")]
     marker: String,
     /// The camera's calibration: OpenCV or ROS YAML, or JSON.
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, help_heading = "Object and camera", value_name = "FILE")]
     camera: PathBuf,
     #[command(flatten)]
     light: LightArguments,
@@ -59,19 +59,19 @@ pub struct Ar {
     #[arg(long, value_name = "PATH")]
     occlusion: Option<PathBuf>,
     /// Where the images go: .png or .exr for a photograph, a folder, or a video (.mp4, .mkv, ..., written by ffmpeg).
-    #[arg(short, long, value_name = "PATH")]
+    #[arg(short, long, help_heading = "Output", value_name = "PATH")]
     output: PathBuf,
     /// Frames a second of a video made of a folder [default: 30].
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1000))]
+    #[arg(long, help_heading = "Output", value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1000))]
     rate: Option<u32>,
     /// The program that reads and writes videos.
-    #[arg(long, value_name = "PATH", default_value = "ffmpeg")]
+    #[arg(long, help_heading = "Output", value_name = "PATH", default_value = "ffmpeg")]
     ffmpeg: PathBuf,
     /// Overwrites existing images.
-    #[arg(long)]
+    #[arg(long, help_heading = "Output")]
     force: bool,
     /// Prints poses and times as JSON.
-    #[arg(long)]
+    #[arg(long, help_heading = "Output")]
     json: bool,
 }
 
