@@ -196,7 +196,7 @@ fn predictive_photographs<R: Read + Seek>(
     let header = PlaneHeader::parse(&head, asset.views.len(), asset.components.len(), budget)?;
     let stored = file.find(Tag::PLANES).map_or(0, |s| s.stored);
     if stored != length + header.stream_bytes() {
-        return Err(Error::format("PLAN", length, "the streams are not as long as the head says"));
+        return Err(Error::format(Tag::PLANES, length, "the streams are not as long as the head says"));
     }
     let read = |step: &predictive::header::CodedEntry| {
         let bytes = step.lengths.iter().map(|&l| l as u64).sum();

@@ -13,7 +13,7 @@ use crate::separate::MaskedPhotographs;
 pub use crate::separate::{Observations, ObservedView, recombine, separate};
 use crate::surface::{atlas, raster};
 use crate::views::{Component, Photograph};
-use crate::wavelet_texture::WaveletSampleError;
+pub use crate::wavelet_texture::WaveletSampleError;
 use crate::{mesh, predictive, views, wavelet_texture};
 
 mod check;

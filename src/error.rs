@@ -5,6 +5,27 @@ use std::path::{Path, PathBuf};
 /// Result of every fallible function of this crate.
 pub type Result<T, E = Error> = std::result::Result<T, E>;
 
+/// Part of a `.tsuya` file that is wrong.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum FilePart {
+    /// Bytes outside sections.
+    File,
+    /// The directory at the end of the file.
+    Directory,
+    /// A section, by the four letters of its tag.
+    Section([u8; 4]),
+}
+
+impl std::fmt::Display for FilePart {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            FilePart::File => f.write_str("file"),
+            FilePart::Directory => f.write_str("directory"),
+            FilePart::Section(tag) => tag.escape_ascii().fmt(f),
+        }
+    }
+}
+
 /// An error that names its actor: the system, the file, this build, the limits or the caller.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -21,9 +42,9 @@ pub enum Error {
     /// A `.tsuya` file is wrong: which section, at which byte of it, and what the specification asks for.
     #[error("section {section}, byte {offset}: {message}")]
     Format {
-        /// Four letters of the section, or `file` for what stands outside sections.
-        section: String,
-        /// Offset within the section (within the file for `file`).
+        /// Section, directory or file.
+        section: FilePart,
+        /// Offset within the section (within the file for [`FilePart::File`] and [`FilePart::Directory`]).
         offset: u64,
         /// What is wrong and what was expected.
         message: String,
@@ -75,7 +96,7 @@ impl Error {
         Error::Io { path: path.as_ref().to_owned(), source }
     }
     /// An error in a section of a `.tsuya` file.
-    pub fn format(section: impl Into<String>, offset: impl TryInto<u64>, message: impl Into<String>) -> Self {
+    pub fn format(section: impl Into<FilePart>, offset: impl TryInto<u64>, message: impl Into<String>) -> Self {
         Error::Format {
             section: section.into(),
             offset: offset.try_into().unwrap_or(u64::MAX),

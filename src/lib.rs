@@ -131,8 +131,8 @@ pub use asset::Asset;
 pub use decoder::{DecodeOptions, decode};
 #[cfg(feature = "encode")]
 pub use encoder::encode;
-pub use error::{Error, Result};
-pub use limits::{Budget, Limits};
+pub use error::{Error, FilePart, Result};
+pub use limits::{Budget, Limits, Reservation};
 pub use mesh::Mesh;
 pub use options::{DecodeSpeed, EncodeOptions, EncodeTarget, Profile, SpecularModel};
 pub use reflectance::maps::ReflectanceMaps;

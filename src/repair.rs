@@ -6,7 +6,7 @@
 use crate::container::metadata::{self, Metadata};
 use crate::container::survey::{Survey, survey, without_carriage_returns};
 use crate::container::{ContainerWriter, Section, SectionCodec, Tag, verify};
-use crate::error::{Error, Result};
+use crate::error::{Error, FilePart, Result};
 use crate::limits::{Budget, Limits};
 use crate::mesh::Mesh;
 use crate::views::Component;
@@ -126,7 +126,7 @@ impl FileRepair<'_> {
         if !sections.iter().any(|(tag, ..)| CONTENT.contains(tag)) {
             let reason = self.survey.faults.first().map_or("no section that can be used is whole", String::as_str);
             return Err(Error::format(
-                "file",
+                FilePart::File,
                 0u8,
                 format!("nothing can be saved: no mesh, views, materials or light is whole ({reason})"),
             ));

@@ -3,6 +3,7 @@
 use super::Brdf;
 use super::compact::CompactMaterial;
 use super::dsbrdf::DsbrdfMaterial;
+use crate::container::Tag;
 use crate::error::{Error, Result};
 use crate::limits::Budget;
 use byteorder::{ByteOrder, LittleEndian};
@@ -74,7 +75,7 @@ pub struct NamedMaterial {
     pub material: FittedMaterial,
 }
 
-const SECTION: &str = "mATl";
+const SECTION: Tag = Tag::MATERIALS;
 /// Version of the section's layout.
 const VERSION: u8 = 1;
 /// Memory of a decoded material at most: 744 integers and 1280 triples of doubles; 4050 integers and twice as many doubles.

@@ -5,6 +5,7 @@ use super::section::{Section, SectionCodec, directory_length};
 use super::{
     DIRECTORY_TAG, FILE_HEADER_BYTES, MAX_SECTIONS, SECTION_HEADER_BYTES, TRAILER_BYTES, Tag, check_file_header,
 };
+use crate::error::FilePart;
 use crate::limits::{Budget, Limits, check};
 use crate::{Error, Result};
 use std::collections::BTreeMap;
@@ -119,7 +120,7 @@ impl IncrementalReader {
     /// [`Error::Format`] where the file ends before.
     pub fn bytes(&self, range: Range<u64>) -> Result<Poll<&[u8]>> {
         if let Some(length) = self.length.filter(|length| range.end > *length) {
-            return Err(Error::format("file", length, format!("ends early: byte {} is needed", range.end)));
+            return Err(Error::format(FilePart::File, length, format!("ends early: byte {} is needed", range.end)));
         }
         if range.start >= range.end {
             return Ok(Poll::Ready(&[]));
@@ -181,7 +182,7 @@ impl IncrementalReader {
             None => {
                 let bytes = here!(self.bytes(0..FILE_HEADER_BYTES as u64)?);
                 let Some(head) = bytes.first_chunk().copied() else {
-                    return Err(Error::format("file", bytes.len(), "ends within its first 12 bytes"));
+                    return Err(Error::format(FilePart::File, bytes.len(), "ends within its first 12 bytes"));
                 };
                 check_file_header(&head)?;
                 self.head = Some(head);
@@ -215,13 +216,13 @@ impl IncrementalReader {
             self.length.map_or(u64::MAX, |length| length.saturating_sub(offset)).min(*SECTION_HEADER_BYTES.end());
         let bytes = here!(self.bytes(offset..offset.saturating_add(longest.max(4)))?);
         let Some((tag, mut rest)) = bytes.split_first_chunk::<4>() else {
-            return Err(Error::format("file", offset, "ends early"));
+            return Err(Error::format(FilePart::File, offset, "ends early"));
         };
         if *tag == DIRECTORY_TAG.0 {
             let end = offset + directory_length(&self.sections);
             let directory = here!(self.bytes(offset..end)?);
             if parse_directory(head, directory, offset)? != self.sections {
-                return Err(Error::format("directory", offset, "differs from the sections before it"));
+                return Err(Error::format(FilePart::Directory, offset, "differs from the sections before it"));
             }
             self.is_complete = true;
             return Ok(Poll::Ready(()));
@@ -232,7 +233,7 @@ impl IncrementalReader {
                 rest = tail;
                 Ok(*byte)
             }
-            None => Err(Error::format("file", offset, "ends within a section's header")),
+            None => Err(Error::format(FilePart::File, offset, "ends within a section's header")),
         })?;
         section.check_repetition(&self.sections)?;
         self.sections.push(section);
@@ -274,10 +275,10 @@ impl IncrementalReader {
         here!(self.bytes(0..length)?);
         let trailer = here!(self.bytes(length - TRAILER_BYTES as u64..length)?);
         if directory_offset(trailer, length)? != directory_at {
-            return Err(Error::format("file", length - TRAILER_BYTES as u64, "trailer is wrong"));
+            return Err(Error::format(FilePart::File, length - TRAILER_BYTES as u64, "trailer is wrong"));
         }
         if let Some(end) = self.length.filter(|end| *end != length) {
-            return Err(Error::format("file", length, format!("goes on after its end, up to byte {end}")));
+            return Err(Error::format(FilePart::File, length, format!("goes on after its end, up to byte {end}")));
         }
         for section in sections {
             here!(self.stored(section)?);

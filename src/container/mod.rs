@@ -68,10 +68,18 @@ pub(crate) fn file_header() -> [u8; FILE_HEADER_BYTES] {
 pub(crate) fn check_file_header(bytes: &[u8; FILE_HEADER_BYTES]) -> crate::Result<()> {
     use crate::Error;
     if bytes[1..4] == SIGNATURE[1..4] && bytes[..8] != SIGNATURE {
-        return Err(Error::format("file", 0u8, "signature damaged, perhaps by a transfer in text mode"));
+        return Err(Error::format(
+            crate::error::FilePart::File,
+            0u8,
+            "signature damaged, perhaps by a transfer in text mode",
+        ));
     }
     if bytes[..8] != SIGNATURE {
-        return Err(Error::format("file", 0u8, "not a .tsuya file: it must begin with E8 'TSY' 0D 0A 1A 0A"));
+        return Err(Error::format(
+            crate::error::FilePart::File,
+            0u8,
+            "not a .tsuya file: it must begin with E8 'TSY' 0D 0A 1A 0A",
+        ));
     }
     let version = (u16::from_le_bytes([bytes[8], bytes[9]]), u16::from_le_bytes([bytes[10], bytes[11]]));
     if version != VERSION {

@@ -5,6 +5,7 @@ use super::{
     DIRECTORY_TAG, END_SIGNATURE, FILE_HEADER_BYTES, MAX_SECTIONS, SECTION_HEADER_BYTES, TRAILER_BYTES, Tag,
     check_file_header,
 };
+use crate::error::FilePart;
 use crate::limits::{Budget, Limits};
 use crate::{Error, Result};
 use std::io::{Cursor, Read, Seek, SeekFrom};
@@ -52,7 +53,7 @@ impl<R: Read + Seek> Container<R> {
         let length = container.length;
         let head_bytes = container.read_at(0, length.min(FILE_HEADER_BYTES as u64))?;
         let Ok(head) = <[u8; FILE_HEADER_BYTES]>::try_from(&head_bytes[..]) else {
-            return Err(Error::format("file", length, "ends within its first 12 bytes"));
+            return Err(Error::format(FilePart::File, length, "ends within its first 12 bytes"));
         };
         check_file_header(&head)?;
         let trailer_at = length.saturating_sub(TRAILER_BYTES as u64);
@@ -75,7 +76,7 @@ impl<R: Read + Seek> Container<R> {
         let got = self.source.by_ref().take(length).read_to_end(&mut bytes).map_err(failed)?;
         self.bytes_read += got as u64;
         if got as u64 != length {
-            return Err(Error::format("file", offset + got as u64, "ends early"));
+            return Err(Error::format(FilePart::File, offset + got as u64, "ends early"));
         }
         Ok(bytes)
     }
@@ -149,22 +150,26 @@ impl<R: Read + Seek> Container<R> {
 pub(super) fn directory_offset(trailer: &[u8], length: u64) -> Result<u64> {
     let trailer_at = length.checked_sub(TRAILER_BYTES as u64).filter(|at| *at >= FILE_HEADER_BYTES as u64);
     let Some((trailer_at, (directory_length, end_signature))) = trailer_at.zip(trailer.split_first_chunk::<4>()) else {
-        return Err(Error::format("file", length, "ends before its directory"));
+        return Err(Error::format(FilePart::File, length, "ends before its directory"));
     };
     if *end_signature != END_SIGNATURE {
-        return Err(Error::format("file", trailer_at + 4, "end signature missing: the file is cut or extended"));
+        return Err(Error::format(
+            FilePart::File,
+            trailer_at + 4,
+            "end signature missing: the file is cut or extended",
+        ));
     }
     let directory_length = u32::from_le_bytes(*directory_length) as u64;
     let longest = 4 + 10 + MAX_SECTIONS * SECTION_HEADER_BYTES.end() + 4;
     let directory_at = trailer_at.checked_sub(directory_length).filter(|at| *at >= FILE_HEADER_BYTES as u64);
-    directory_at
-        .filter(|_| directory_length <= longest)
-        .ok_or_else(|| Error::format("file", trailer_at, format!("directory of {directory_length} bytes can't be")))
+    directory_at.filter(|_| directory_length <= longest).ok_or_else(|| {
+        Error::format(FilePart::File, trailer_at, format!("directory of {directory_length} bytes can't be"))
+    })
 }
 
 /// Sections of a directory that stands at `directory_at`, tag and checksum included. They must fill the file up to it.
 pub(super) fn parse_directory(head: &[u8], directory: &[u8], directory_at: u64) -> Result<Vec<Section>> {
-    let wrong = |message: &str| Error::format("directory", directory_at, message);
+    let wrong = |message: &str| Error::format(FilePart::Directory, directory_at, message);
     let Some((body, crc)) = directory.split_last_chunk::<4>() else { return Err(wrong("too short")) };
     let Some((tag, mut rest)) = body.split_first_chunk::<4>() else { return Err(wrong("too short")) };
     if *tag != DIRECTORY_TAG.0 {

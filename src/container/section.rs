@@ -2,6 +2,7 @@
 
 use super::tags::{Tag, known_rule, section_rule};
 use super::zstd_frame::{ZstdRefusal, decompress};
+use crate::error::FilePart;
 use crate::limits::Budget;
 use crate::{Error, Result};
 
@@ -62,7 +63,7 @@ impl Section {
     pub(crate) fn parse(tag: Tag, offset: u64, mut next: impl FnMut() -> Result<u8>) -> Result<Section> {
         if !tag.is_valid() {
             return Err(Error::format(
-                "file",
+                FilePart::File,
                 offset,
                 format!("'{tag}' is no section tag: four letters, the third upper case"),
             ));

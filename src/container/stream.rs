@@ -3,6 +3,7 @@
 use super::reader::parse_directory;
 use super::section::{Section, SectionCodec};
 use super::{DIRECTORY_TAG, END_SIGNATURE, FILE_HEADER_BYTES, MAX_SECTIONS, TRAILER_BYTES, Tag, check_file_header};
+use crate::error::FilePart;
 use crate::limits::{Budget, Limits};
 use crate::{Error, Result};
 use std::io::Read;
@@ -37,7 +38,7 @@ impl<R: Read> SectionStream<R> {
     /// The only place where bytes are taken.
     fn fill(&mut self, bytes: &mut [u8]) -> Result<()> {
         self.source.read_exact(bytes).map_err(|error| match error.kind() {
-            std::io::ErrorKind::UnexpectedEof => Error::format("file", self.offset, "ends early"),
+            std::io::ErrorKind::UnexpectedEof => Error::format(FilePart::File, self.offset, "ends early"),
             _ => Error::io("-", error),
         })?;
         self.offset += bytes.len() as u64;
@@ -111,17 +112,17 @@ impl<R: Read> SectionStream<R> {
         directory[..4].copy_from_slice(&DIRECTORY_TAG.0);
         self.fill(&mut directory[4..])?;
         if directory[..expected.len()] != expected[..] {
-            return Err(Error::format("directory", directory_at, "differs from the sections before it"));
+            return Err(Error::format(FilePart::Directory, directory_at, "differs from the sections before it"));
         }
         parse_directory(&self.head, &directory, directory_at)?;
         let mut trailer = [0; TRAILER_BYTES];
         self.fill(&mut trailer)?;
         if trailer[..4] != (directory.len() as u32).to_le_bytes() || trailer[4..] != END_SIGNATURE {
-            return Err(Error::format("file", self.offset - TRAILER_BYTES as u64, "trailer is wrong"));
+            return Err(Error::format(FilePart::File, self.offset - TRAILER_BYTES as u64, "trailer is wrong"));
         }
         match self.source.read(&mut [0]) {
             Ok(0) => Ok(()),
-            Ok(_) => Err(Error::format("file", self.offset, "goes on after its end")),
+            Ok(_) => Err(Error::format(FilePart::File, self.offset, "goes on after its end")),
             Err(error) => Err(Error::io("-", error)),
         }
     }

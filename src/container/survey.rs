@@ -8,6 +8,7 @@ use super::{
     DIRECTORY_TAG, END_SIGNATURE, FILE_HEADER_BYTES, MAX_SECTIONS, SIGNATURE, Tag, check_file_header, file_header,
     known_rule,
 };
+use crate::error::FilePart;
 use crate::{Error, Result};
 use std::ops::Range;
 
@@ -125,7 +126,8 @@ fn find_directory(bytes: &[u8]) -> Option<(Vec<Section>, Range<usize>)> {
     starts.rev().find_map(|at| {
         let mut position = at + 4;
         let mut next = || {
-            let byte = bytes.get(position).copied().ok_or_else(|| Error::format("directory", at, "ends early"))?;
+            let byte =
+                bytes.get(position).copied().ok_or_else(|| Error::format(FilePart::Directory, at, "ends early"))?;
             position += 1;
             Ok(byte)
         };
@@ -198,7 +200,7 @@ impl SectionSearch<'_> {
             }
             let mut rest = self.bytes[at + 4..].iter();
             let header = Section::parse(tag, at as u64, || {
-                rest.next().copied().ok_or_else(|| Error::format("file", at, "ends within a section's header"))
+                rest.next().copied().ok_or_else(|| Error::format(FilePart::File, at, "ends within a section's header"))
             });
             match header {
                 Ok(section) if self.is_content(&section, content_start(&section)) => {

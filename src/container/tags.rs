@@ -1,6 +1,7 @@
 //! Section tags and the table of what is known about them.
 
 use super::SectionCodec;
+use crate::error::FilePart;
 use std::fmt;
 
 /// Four ASCII letters whose case says, as in PNG, how a reader treats a section that it doesn't know: first letter upper case,
@@ -63,9 +64,9 @@ impl fmt::Debug for Tag {
     }
 }
 
-impl From<Tag> for String {
-    fn from(tag: Tag) -> String {
-        tag.to_string()
+impl From<Tag> for FilePart {
+    fn from(tag: Tag) -> FilePart {
+        FilePart::Section(tag.0)
     }
 }
 

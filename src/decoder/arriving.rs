@@ -196,7 +196,7 @@ impl IncrementalDecoder {
                 let header = PlaneHeader::parse(bytes, capture.views.len(), capture.components.len(), &budget)?;
                 let before = streams - (section.offset + section.header_bytes());
                 if section.stored != before + header.stream_bytes() {
-                    return Err(Error::format("PLAN", before, "the streams are not as long as the head says"));
+                    return Err(Error::format(Tag::PLANES, before, "the streams are not as long as the head says"));
                 }
                 PhotographCoding::Predictive { header, streams }
             }

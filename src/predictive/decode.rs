@@ -4,6 +4,7 @@ use super::header::{CodedEntry, PlaneHeader};
 use super::picture;
 use super::workspace::{ParallelBudget, PlaneWorkspaces, photograph_bytes};
 use super::{DecodedView, PredictionScene, order, run_waves};
+use crate::container::Tag;
 use crate::error::{Error, Result};
 use crate::image::{Mask, RgbImage};
 use crate::limits::Budget;
@@ -31,7 +32,7 @@ impl PlaneDecoder<'_> {
         }
         let name = &self.scene.views[coded.entry.view].name;
         let message = format!("checksum of view {name} does not match: the file is damaged");
-        Err(Error::format("PLAN", coded.offset, message))
+        Err(Error::format(Tag::PLANES, coded.offset, message))
     }
 
     /// Decodes a step of the order from its streams, one after the other; `decoded` holds what it needs.
@@ -48,7 +49,7 @@ impl PlaneDecoder<'_> {
         let mut parts = Vec::with_capacity(coded.lengths.len());
         for &length in &coded.lengths {
             let (part, after) = rest.split_at_checked(length as usize).ok_or_else(|| {
-                Error::format("PLAN", coded.offset, "a view's streams are shorter than the head says")
+                Error::format(Tag::PLANES, coded.offset, "a view's streams are shorter than the head says")
             })?;
             parts.push(part);
             rest = after;

@@ -5,6 +5,7 @@
 
 use super::order::{MAX_REFERENCES, OrderEntry};
 use super::{ComponentCoding, MAX_PREDICTION_LEVEL, MaskCoding, PlaneCoding};
+use crate::container::Tag;
 #[cfg(feature = "encode")]
 use crate::container::push_number;
 use crate::error::{Error, Result};
@@ -16,7 +17,7 @@ use byteorder::{ByteOrder, LittleEndian};
 pub const PREFIX_BYTES: usize = 8;
 /// Largest head, for a length that is read before anything can be checked.
 const MAX_HEAD_BYTES: u64 = 1 << 26;
-const SECTION: &str = "PLAN";
+const SECTION: Tag = Tag::PLANES;
 
 /// A step of the coding order with its streams.
 #[derive(Debug, Clone, PartialEq)]

@@ -6,6 +6,7 @@ use super::workspace::{PlaneWorkspace, PlaneWorkspaces, coding_bytes, drawing_by
 use super::{
     DecodedReference, DecodedView, MaskCoding, PlaneCoding, PredictionScene, PreparedView, Reprojections, ViewModels,
 };
+use crate::container::Tag;
 use crate::entropy::{BitCoder, RangeDecoder};
 use crate::error::{Error, Result};
 use crate::image::Mask;
@@ -77,7 +78,7 @@ pub(crate) fn decode(
     let damaged = |what: &str| {
         let message =
             format!("view {}: the stream of {what} does not end with what it tells: the file is damaged", view.name);
-        Error::format("PLAN", offset, message)
+        Error::format(Tag::PLANES, offset, message)
     };
     let _drawn = budget.reserve("a view being drawn", drawing_bytes(&view.camera))?;
     let admit = |frame: &Window| budget.reserve("a view being decoded", coding_bytes(frame.pixel_count(), coding));

@@ -6,6 +6,7 @@
 
 use super::maps::ReflectanceMaps;
 use super::maps::{ReflectancePlanes, from_planes};
+use crate::container::Tag;
 use crate::entropy::RangeDecoder;
 use crate::error::{Error, Result};
 use crate::image::{Grid, Mask};
@@ -19,7 +20,7 @@ use crate::surface::atlas::rasterise_atlas;
 use crate::surface::charts::Charts;
 use crate::transform::shape_adaptive::{ColourLanes, WaveletPlan};
 
-const SECTION: &str = "RFLC";
+const SECTION: Tag = Tag::REFLECTANCE;
 const VERSION: u8 = 0;
 /// Flag: the lights are known.
 const RELIGHTABLE: u8 = 1;

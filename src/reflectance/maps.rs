@@ -3,6 +3,7 @@
 use super::palette::{self, PaletteEntry};
 use super::torrance_sparrow::SIGMA_LEVELS;
 use super::{ReflectionGeometry, TorranceSparrowLobe, lambert, torrance_sparrow};
+use crate::container::Tag;
 use crate::error::{Error, Result};
 use crate::image::{Grid, Mask};
 use crate::surface::atlas::{sample_colour, sample_number};
@@ -130,7 +131,7 @@ pub(crate) fn to_planes(maps: &ReflectanceMaps, mask: &Mask) -> ReflectancePlane
 
 /// Maps of planes. Levels out of range (a lossy coder overshoots) are clamped.
 pub(crate) fn from_planes(planes: &ReflectancePlanes) -> Result<ReflectanceMaps> {
-    let wrong = |message: &str| Error::format("RFLC", 0u64, message);
+    let wrong = |message: &str| Error::format(Tag::REFLECTANCE, 0u64, message);
     let first = planes.planes.first().ok_or_else(|| wrong("no planes; 3 or 7 expected"))?;
     let count = planes.planes.len();
     if count != 3 && count != 7 {

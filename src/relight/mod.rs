@@ -40,7 +40,7 @@ pub use environment_light::{DistantLight, PreparedEnvironment, PreparedEnvironme
 #[cfg(feature = "ar")]
 pub(crate) use ground::RUN;
 #[cfg(feature = "encode")]
-pub use ground::{Ground, GroundShadow, composite, ground_shadow};
+pub use ground::{Ground, GroundShadow, ProjectedShadow, composite, ground_shadow};
 pub use hold_out::{HeldOut, hold_out};
 #[cfg(feature = "encode")]
 pub use job::{Job, JobCamera, JobColour, JobEnvironment, JobEvaluator, JobMaterial, JobPair, JobParameter};

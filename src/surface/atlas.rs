@@ -2,6 +2,7 @@
 
 use super::charts::Charts;
 use super::charts::NONE;
+use crate::container::Tag;
 use crate::error::{Error, Result};
 use crate::image::{Grid, Mask};
 use crate::limits::Budget;
@@ -119,7 +120,7 @@ pub fn rasterise_atlas(mesh: &Mesh, charts: &Charts) -> Result<AtlasRaster> {
             let end = ((right + 0.5).ceil().max(0.0) as usize).min(width);
             work += end.saturating_sub(start) as u64 + 1;
             if work > allowed {
-                return Err(Error::format("CHRT", 0u64, "the charts cover their atlas many times over"));
+                return Err(Error::format(Tag::CHARTS, 0u64, "the charts cover their atlas many times over"));
             }
             for x in start..end {
                 let column = x as f64 + 0.5;

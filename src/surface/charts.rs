@@ -3,6 +3,7 @@
 //! Triangles are visited in an order that follows from the mesh alone; each is predicted to belong to the chart of one of
 //! its neighbours that were visited before, so that only the borders between charts cost bits.
 
+use crate::container::Tag;
 use crate::entropy::{BitCoder, BitModel, NumberModel, RangeDecoder, RangeEncoder};
 use crate::error::{Error, Result};
 use crate::limits::{Budget, check};
@@ -59,7 +60,7 @@ impl Charts {
 pub(crate) const NONE: u32 = u32::MAX;
 
 /// Section tag, for errors.
-const SECTION: &str = "CHRT";
+const SECTION: Tag = Tag::CHARTS;
 
 /// For each triangle the triangles on the other side of its edges (corners 0-1, 1-2, 2-0), or [`NONE`]. Of an edge with more than two
 /// triangles the first two in mesh order are neighbours, then the next two, and so on. Part of the format.

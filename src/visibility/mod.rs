@@ -19,8 +19,9 @@ pub(crate) mod rays;
 #[cfg(feature = "encode")]
 pub use bake::{BakeOptions, BakedVisibility, bake};
 
+pub use crate::surface::samples::SurfaceSamples;
+
 use crate::sphere::octahedral::{OctahedralTaps, taps};
-use crate::surface::samples::SurfaceSamples;
 use std::f64::consts::FRAC_PI_2;
 
 /// Visibility of a mesh's surface samples: `distance(sample, direction) = mean(direction) + sum_k weight(sample, k) base(direction, k)`.

@@ -17,17 +17,18 @@ mod stream;
 pub(crate) use decode::DecodedWaveletTexture;
 pub use decode::decode;
 #[cfg(feature = "encode")]
-pub use encode::{EncodedWaveletTexture, WaveletOptions, encode};
+pub(crate) use encode::encode_to_target;
 #[cfg(feature = "encode")]
-pub(crate) use encode::{WaveletSampleError, encode_to_target};
+pub use encode::{EncodedWaveletTexture, WaveletOptions, WaveletSampleError, encode};
 #[cfg(feature = "encode")]
 pub use samples::{PosedPhotograph, WaveletSamples};
 
+use crate::container::Tag;
 use crate::quantise::dead_zone::DeadZone;
 use crate::transform::colour::{ColourRotation, IDENTITY};
 
 /// The section's four letters.
-pub(crate) const TAG: &str = "PAPR";
+pub(crate) const TAG: Tag = Tag::WAVELET_TEXTURE;
 /// Version of the section; 0 is experimental.
 const VERSION: u8 = 0;
 /// Bytes before the range coded part.

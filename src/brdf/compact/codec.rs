@@ -2,6 +2,7 @@
 
 use super::prior::{CONTINUE_PROBABILITIES, LEVELS, ORDINARY};
 use super::{CompactHeader, CompactMaterial, TermDegrees, degrees};
+use crate::container::Tag;
 use crate::entropy::{BitCoder, RangeDecoder, RangeEncoder, code_end, code_raw};
 use crate::error::{Error, Result};
 
@@ -22,7 +23,7 @@ impl CompactMaterial {
     /// Reads what [`CompactMaterial::encode`] wrote. Takes memory and time for at most [`crate::brdf::compact::COMPACT_DEGREES`]' product of coefficients.
     /// # Errors
     /// [`Error::Format`] where the bytes end too early or too late, or a coefficient is out of range.
-    pub fn decode(bytes: &[u8], section: &str) -> Result<Self> {
+    pub fn decode(bytes: &[u8], section: Tag) -> Result<Self> {
         let mut coder = RangeDecoder::new(bytes);
         let material = code(&mut coder, None).ok_or_else(|| {
             Error::format(section, 0, "a coefficient of a compact material is out of range, or it is cut")

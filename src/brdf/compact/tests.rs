@@ -1,4 +1,5 @@
 use super::*;
+use crate::container::Tag;
 
 #[test]
 fn bytes_come_back() {
@@ -7,9 +8,9 @@ fn bytes_come_back() {
     let header = CompactHeader { reciprocal: true, step: 20, floor: 8, ceiling: 60, gains: [12, 5, 3] };
     let material = CompactMaterial::new(header, coefficients);
     let bytes = material.encode();
-    assert!(CompactMaterial::decode(&bytes, "mATl").unwrap() == material);
+    assert!(CompactMaterial::decode(&bytes, Tag::MATERIALS).unwrap() == material);
     for cut in 0..bytes.len() {
-        assert!(CompactMaterial::decode(&bytes[..cut], "mATl").is_err(), "cut at {cut}");
+        assert!(CompactMaterial::decode(&bytes[..cut], Tag::MATERIALS).is_err(), "cut at {cut}");
     }
-    assert!(CompactMaterial::decode(&[bytes.as_slice(), &[7]].concat(), "mATl").is_err());
+    assert!(CompactMaterial::decode(&[bytes.as_slice(), &[7]].concat(), Tag::MATERIALS).is_err());
 }

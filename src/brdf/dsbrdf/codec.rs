@@ -1,6 +1,7 @@
 //! A material of lobes as bytes: each parameter as its difference from the slice before, adaptively range-coded.
 
 use super::{DsbrdfMaterial, MAX_LOBES, MAX_SLICES};
+use crate::container::Tag;
 use crate::entropy::{BitCoder, NumberModel, RangeDecoder, RangeEncoder, code_end, code_raw};
 use crate::error::{Error, Result};
 
@@ -15,7 +16,7 @@ impl DsbrdfMaterial {
     /// Reads what [`DsbrdfMaterial::encode`] wrote; at most 3 x 5 x 3 x 90 numbers.
     /// # Errors
     /// [`Error::Format`] where counts or parameters are out of range, or the bytes end too early or too late.
-    pub fn decode(bytes: &[u8], section: &str) -> Result<Self> {
+    pub fn decode(bytes: &[u8], section: Tag) -> Result<Self> {
         let mut coder = RangeDecoder::new(bytes);
         let material = code(&mut coder, None).ok_or_else(|| {
             Error::format(section, 0, "counts or parameters of a material of lobes are out of range, or it is cut")

@@ -1,5 +1,6 @@
 use super::*;
 use crate::brdf::BrdfSample;
+use crate::container::Tag;
 
 /// Two lobes whose parameters change with `theta_d`.
 struct TwoLobes;
@@ -29,11 +30,11 @@ fn known_lobes_are_found_and_come_back_from_bytes() {
     assert!(ninety < 0.08, "nine tenths within {ninety}");
     let bytes = material.encode();
     assert!(bytes.len() < 400, "{} bytes", bytes.len());
-    assert_eq!(DsbrdfMaterial::decode(&bytes, "mATl").unwrap(), material);
+    assert_eq!(DsbrdfMaterial::decode(&bytes, Tag::MATERIALS).unwrap(), material);
     for cut in 0..bytes.len() {
-        assert!(DsbrdfMaterial::decode(&bytes[..cut], "mATl").is_err(), "cut at {cut}");
+        assert!(DsbrdfMaterial::decode(&bytes[..cut], Tag::MATERIALS).is_err(), "cut at {cut}");
     }
-    assert!(DsbrdfMaterial::decode(&[bytes.as_slice(), &[7]].concat(), "mATl").is_err());
+    assert!(DsbrdfMaterial::decode(&[bytes.as_slice(), &[7]].concat(), Tag::MATERIALS).is_err());
 }
 
 #[test]
@@ -51,5 +52,5 @@ fn a_parameter_at_the_end_of_the_integers_is_out_of_range() {
     quantised[..2].copy_from_slice(&[-1, i32::MIN]);
     assert!(DsbrdfMaterial::new(2, 1, false, quantised.clone()).is_none());
     let bytes = DsbrdfMaterial { slices: 2, lobes: 1, amplitudes: false, quantised, curves: Vec::new() }.encode();
-    assert!(DsbrdfMaterial::decode(&bytes, "mATl").is_err());
+    assert!(DsbrdfMaterial::decode(&bytes, Tag::MATERIALS).is_err());
 }

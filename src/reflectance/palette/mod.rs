@@ -17,6 +17,7 @@ pub(super) use fit::fit;
 use super::torrance_sparrow::{level_of_sigma, sigma_of_level};
 use super::{ReflectionGeometry, TorranceSparrowLobe};
 use crate::brdf::dsbrdf::DsbrdfMaterial;
+use crate::container::Tag;
 use crate::error::{Error, Result};
 use crate::limits::Budget;
 use std::f64::consts::FRAC_PI_2;
@@ -114,7 +115,7 @@ pub(super) fn write_palette(palette: &[PaletteEntry], bytes: &mut Vec<u8>) -> Re
 pub(super) fn read_palette(
     bytes: &[u8],
     at: usize,
-    section: &str,
+    section: Tag,
     budget: &Budget,
 ) -> Result<(Vec<PaletteEntry>, usize)> {
     let mut place = at;

@@ -1,5 +1,6 @@
 use super::*;
 use crate::Limits;
+use crate::container::Tag;
 use crate::mesh::Mesh;
 use crate::reflectance::codec::{MapSteps, decode, encode};
 use crate::reflectance::maps::ReflectanceMaps;
@@ -61,23 +62,23 @@ fn palettes_come_back_and_damage_is_found() {
     let budget = || Budget::new(Limits { memory_bytes: 1 << 20, ..Limits::default() });
     let mut bytes = vec![7, 7];
     write_palette(&palette, &mut bytes).unwrap();
-    assert!(read_palette(&bytes, 2, "RFLC", &budget()).unwrap() == (palette.clone(), bytes.len()));
+    assert!(read_palette(&bytes, 2, Tag::REFLECTANCE, &budget()).unwrap() == (palette.clone(), bytes.len()));
     for cut in 2..bytes.len() {
-        assert!(read_palette(&bytes[..cut], 2, "RFLC", &budget()).is_err(), "cut at {cut}");
+        assert!(read_palette(&bytes[..cut], 2, Tag::REFLECTANCE, &budget()).is_err(), "cut at {cut}");
     }
     let changed = |at: usize, value: u8| {
         let mut bytes = bytes.clone();
         bytes[at] = value;
-        read_palette(&bytes, 2, "RFLC", &budget())
+        read_palette(&bytes, 2, Tag::REFLECTANCE, &budget())
     };
     assert!(changed(2, 0).is_err() && changed(2, 9).is_err());
-    assert!(read_palette(&bytes, bytes.len() + 9, "RFLC", &budget()).is_err());
+    assert!(read_palette(&bytes, bytes.len() + 9, Tag::REFLECTANCE, &budget()).is_err());
     let small = Budget::new(Limits { memory_bytes: 150_000, ..Limits::default() });
-    assert!(matches!(read_palette(&bytes, 2, "RFLC", &small), Err(Error::Limits { .. })));
+    assert!(matches!(read_palette(&bytes, 2, Tag::REFLECTANCE, &small), Err(Error::Limits { .. })));
     let twice = [palette[0].clone(), palette[0].clone()];
     let mut equal = Vec::new();
     write_palette(&twice, &mut equal).unwrap();
-    assert!(read_palette(&equal, 0, "RFLC", &budget()).unwrap_err().to_string().contains("rise"));
+    assert!(read_palette(&equal, 0, Tag::REFLECTANCE, &budget()).unwrap_err().to_string().contains("rise"));
     assert!(write_palette(&[], &mut equal).is_err());
     // Whatever decodes is finite.
     let geometry =

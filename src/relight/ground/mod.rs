@@ -14,7 +14,8 @@ use crate::mesh::Mesh;
 use crate::surface::occluders::Occluders;
 use crate::views::Camera;
 use glam::{Vec2, Vec3, Vec3A};
-use seen::{PlaneProjection, ProjectedShadow, VISIBLE, between, grid_place};
+pub use seen::ProjectedShadow;
+use seen::{PlaneProjection, VISIBLE, between, grid_place};
 
 #[cfg(any(test, feature = "ar"))]
 pub(crate) use seen::RUN;

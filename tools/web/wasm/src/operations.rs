@@ -3,13 +3,11 @@
 use crate::facts;
 use crate::output::{Output, to_halves};
 use serde_json::{Value, json};
-use tsuya::Component;
-use tsuya::RenderMesh;
 use tsuya::brdf::{Brdf, HalfDifference};
-use tsuya::container::Poll;
+use tsuya::container::{Poll, Tag};
 use tsuya::decoder::{IncrementalDecoder, ViewPhotograph, ViewStatus};
 use tsuya::image::Grid;
-use tsuya::{Error, Result};
+use tsuya::{Component, Error, RenderMesh, Result};
 
 /// How an operation ended.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -108,7 +106,7 @@ pub fn answer<T>(result: Option<Result<T>>, right: impl FnOnce(T) -> Answer) -> 
         _ => "internal",
     };
     let (section, offset) = match &error {
-        Error::Format { section, offset, .. } => (Some(section.clone()), Some(*offset)),
+        Error::Format { section, offset, .. } => (Some(section.to_string()), Some(*offset)),
         _ => (None, None),
     };
     let text = json!({"kind": kind, "message": error.to_string(), "section": section, "offset": offset});
@@ -187,7 +185,7 @@ fn reflectance(file: &mut IncrementalDecoder) -> Result<Answer> {
         whole.data.iter().zip(&map.data).zip(&mask.data).map(texel).collect::<Vec<_>>()
     };
     if maps.diffuse.data.len() != texels {
-        return Err(Error::format("RFLC", 0u8, "the map is not of the atlas' size"));
+        return Err(Error::format(Tag::REFLECTANCE, 0u8, "the map is not of the atlas' size"));
     }
     let diffuse = filled(&maps.diffuse);
     let diffuse = diffuse.iter().zip(&mask.data).map(|([r, g, b], used)| [*r, *g, *b, *used as u8 as f32]).collect();
