@@ -1,4 +1,4 @@
-//! What a `.tsuya` file holds, in memory.
+//! The content of a `.tsuya` file, in memory.
 
 use crate::brdf::materials::NamedMaterial;
 use crate::lighting::EnvironmentLobes;
@@ -29,7 +29,7 @@ pub struct Asset {
     pub photographs: Vec<Option<Photograph>>,
     /// Fitted materials by name.
     pub materials: Vec<NamedMaterial>,
-    /// What the mesh's vertices see.
+    /// Visibility of directions from the mesh's vertices or samples.
     pub visibility: Option<Visibility>,
     /// Light to show the object in.
     pub light: Option<EnvironmentLobes>,

@@ -182,7 +182,7 @@ fn decode_photographs<R: Read + Seek>(
     Ok(())
 }
 
-/// Photographs of profile `tuned`: the head of the section, then the streams of the views that are needed.
+/// Photographs of profile `predictive`: the head of the section, then the streams of the views that are needed.
 fn predictive_photographs<R: Read + Seek>(
     file: &mut Container<R>,
     asset: &Asset,
@@ -206,7 +206,7 @@ fn predictive_photographs<R: Read + Seek>(
     predictive::decode::for_each_view(&header, &asset.mesh, capture, wanted, read, budget, done)
 }
 
-/// Charges what a photograph of profile `paper` takes and checks that drawing it is bounded work.
+/// Charges what a photograph of profile `wavelet-texture` takes and checks that drawing it is bounded work.
 fn hold_wavelet_photograph<'b>(
     mesh: &Mesh,
     view: &View,

@@ -1,4 +1,4 @@
-//! What can go wrong, named after who is at fault.
+//! Errors, named after who is at fault.
 
 use std::path::{Path, PathBuf};
 
@@ -27,6 +27,8 @@ impl std::fmt::Display for FilePart {
 }
 
 /// An error that names its actor: the system, the file, this build, the limits or the caller.
+///
+/// Messages name options of this library in the form ``option `name` `` and functions by their path, never flags of a program.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
@@ -35,7 +37,7 @@ pub enum Error {
     Io {
         /// The file, or `-` for a stream.
         path: PathBuf,
-        /// What the system said.
+        /// The error of the operating system.
         #[source]
         source: std::io::Error,
     },
@@ -46,7 +48,7 @@ pub enum Error {
         section: FilePart,
         /// Offset within the section (within the file for [`FilePart::File`] and [`FilePart::Directory`]).
         offset: u64,
-        /// What is wrong and what was expected.
+        /// The fault and what was expected.
         message: String,
     },
     /// An input file (photograph, mesh, capture description) is wrong.
@@ -54,38 +56,38 @@ pub enum Error {
     Input {
         /// The file.
         path: PathBuf,
-        /// Where in it, what is wrong, and what to do.
+        /// Place within the file, fault, and remedy.
         message: String,
     },
     /// Valid, but not by this build or this version.
     #[error("not supported: {0}")]
     Unsupported(String),
     /// The input asks for more than its [`crate::Limits`] allow.
-    #[error("limit exceeded: {what} asks for {asked}, {allowed} allowed; raise the limit if the file is trusted")]
+    #[error("limit exceeded: {what} asks for {requested}, {allowed} allowed; raise the limit if the file is trusted")]
     Limits {
         /// The limited thing.
         what: &'static str,
-        /// What the input asked for.
-        asked: u64,
-        /// What is left of the limit.
+        /// Requested amount.
+        requested: u64,
+        /// Remaining amount.
         allowed: u64,
     },
     /// An input file asks for more memory than its [`crate::Limits`] allow.
-    #[error("{path}: {what}: {asked} bytes of memory are asked for, {allowed} are left; if the file is trusted, raise --max-memory", path = path.display())]
+    #[error("{path}: {what}: {requested} bytes of memory are requested, {allowed} are left; if the file is trusted, raise option `memory_bytes`", path = path.display())]
     InputMemory {
         /// The file.
         path: PathBuf,
-        /// What is charged.
+        /// The charged thing.
         what: &'static str,
-        /// Bytes that it asked for.
-        asked: u64,
-        /// Bytes that are left.
+        /// Requested bytes.
+        requested: u64,
+        /// Remaining bytes.
         allowed: u64,
     },
     /// A file that was just encoded does not give back what was put into it: a defect of the encoder or the decoder.
     #[error("{0}")]
     Check(String),
-    /// The caller asked for something impossible.
+    /// The caller requested for something impossible.
     #[error("{0}")]
     Parameter(String),
 }
@@ -107,11 +109,11 @@ impl Error {
     pub fn input(path: impl AsRef<Path>, message: impl Into<String>) -> Self {
         Error::Input { path: path.as_ref().to_owned(), message: message.into() }
     }
-    /// The same error, with the input file that asked for too much.
+    /// Turns a [`Error::Limits`] into [`Error::InputMemory`] of `path`; other errors stay.
     pub(crate) fn in_file(self, path: &Path) -> Self {
         match self {
-            Error::Limits { what, asked, allowed } => {
-                Error::InputMemory { path: path.to_owned(), what, asked, allowed }
+            Error::Limits { what, requested, allowed } => {
+                Error::InputMemory { path: path.to_owned(), what, requested, allowed }
             }
             other => other,
         }

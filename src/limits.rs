@@ -1,4 +1,4 @@
-//! Bounds on what a file may ask for, and the one account they are charged to.
+//! Bounds on what a file may request, and the memory budget that they are charged to.
 
 use crate::error::{Error, Result};
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -8,16 +8,16 @@ use std::sync::atomic::{AtomicU64, Ordering};
 pub struct Limits {
     /// Bytes of memory for everything that the file sizes, together.
     pub memory_bytes: u64,
-    /// Frames (captured photographs).
+    /// Views (captured photographs).
     pub views: u32,
-    /// Width or height of a picture, in pixels.
+    /// Width or height of an image, in pixels.
     pub image_side: u32,
     /// Vertices or triangles of the mesh.
     pub mesh_elements: u32,
 }
 
 impl Limits {
-    /// No bounds, for what is trusted.
+    /// No bounds, for trusted input.
     pub const UNLIMITED: Limits =
         Limits { memory_bytes: u64::MAX, views: u32::MAX, image_side: u32::MAX, mesh_elements: u32::MAX };
 }
@@ -28,7 +28,7 @@ impl Default for Limits {
     }
 }
 
-/// What is left of the memory limit. Shared by all threads of one decode.
+/// Remaining memory budget, shared by the threads of one decode.
 #[derive(Debug)]
 pub struct Budget {
     limits: Limits,
@@ -36,20 +36,22 @@ pub struct Budget {
 }
 
 impl Budget {
-    /// A fresh account.
+    /// Creates a budget of `limits.memory_bytes`.
     pub fn new(limits: Limits) -> Self {
         Budget { limits, left: AtomicU64::new(limits.memory_bytes) }
     }
-    /// The limits of this account.
+    /// The limits of this budget.
     pub fn limits(&self) -> &Limits {
         &self.limits
     }
-    /// Charges `bytes` for `what`; an error when they are not there.
+    /// Charges `bytes` for `what`.
+    /// # Errors
+    /// [`Error::Limits`] if fewer bytes are left.
     pub fn charge(&self, what: &'static str, bytes: u64) -> Result<()> {
         self.left
             .fetch_update(Ordering::Relaxed, Ordering::Relaxed, |left| left.checked_sub(bytes))
             .map(|_| ())
-            .map_err(|left| Error::Limits { what, asked: bytes, allowed: left })
+            .map_err(|left| Error::Limits { what, requested: bytes, allowed: left })
     }
     /// Charges `count` items of `size` bytes.
     pub fn charge_items(&self, what: &'static str, count: u64, size: usize) -> Result<()> {
@@ -65,28 +67,28 @@ impl Budget {
     pub fn left(&self) -> u64 {
         self.left.load(Ordering::Relaxed)
     }
-    /// Gives back what was charged for something that is freed again.
+    /// Returns charged bytes to the budget.
     pub fn release(&self, bytes: u64) {
         self.left.fetch_add(bytes, Ordering::Relaxed);
     }
 }
 
-/// What is charged for something that lives as long as this does.
+/// Memory charged to a [`Budget`] until this is dropped.
 #[derive(Debug)]
-#[must_use = "what is charged is given back when this is dropped"]
+#[must_use = "the bytes are released when this is dropped"]
 pub struct Reservation<'a> {
     budget: &'a Budget,
     bytes: u64,
 }
 
 impl Reservation<'_> {
-    /// Charges more for the same.
+    /// Charges more bytes to this reservation.
     pub fn grow(&mut self, what: &'static str, bytes: u64) -> Result<()> {
         self.budget.charge(what, bytes)?;
         self.bytes += bytes;
         Ok(())
     }
-    /// Leaves it charged for good.
+    /// Leaves the bytes charged for good.
     pub fn keep(mut self) {
         self.bytes = 0;
     }
@@ -99,6 +101,6 @@ impl Drop for Reservation<'_> {
 }
 
 /// Checks a count that the file claims against its limit.
-pub(crate) fn check(what: &'static str, asked: u64, allowed: u64) -> Result<()> {
-    if asked > allowed { Err(Error::Limits { what, asked, allowed }) } else { Ok(()) }
+pub(crate) fn check(what: &'static str, requested: u64, allowed: u64) -> Result<()> {
+    if requested > allowed { Err(Error::Limits { what, requested, allowed }) } else { Ok(()) }
 }

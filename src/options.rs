@@ -1,19 +1,21 @@
-//! What the caller of the encoder may choose.
+//! Options of the encoder.
 
 use serde::{Deserialize, Serialize};
 
-/// How the look is stored. See the chapter on profiles in `spec/`.
+/// Method by which photographs are stored. See the chapter on profiles in `spec/`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
+#[serde(rename_all = "kebab-case")]
 pub enum Profile {
-    /// The Wavelet-Texture method as published in 2007: residual volumes on surface patches.
+    /// The Wavelet-Texture method as published in 2007: residual volumes on surface patches (section `PAPR`).
+    #[serde(alias = "paper")]
     WaveletTexture,
-    /// Photograph planes predicted through the mesh.
+    /// Photograph planes predicted through the mesh (section `PLAN`).
     #[default]
+    #[serde(alias = "tuned")]
     Predictive,
 }
 
-/// What decides how fine the encoding is.
+/// Bound that the encoding is to reach with as few bytes, or as little error, as possible.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum EncodeTarget {
     /// 0 to 100; every 25 halve the quantiser step. 75 is about 38 to 40 dB.
@@ -24,15 +26,16 @@ pub enum EncodeTarget {
     MaxBytes(u64),
     /// Largest difference of the signal `sqrt(x / white)` on any covered pixel and colour of any component, at most.
     MaxError(f64),
-    /// Coefficients kept, per cent (profile `paper` only).
+    /// Coefficients kept, per cent (profile `wavelet-texture` only).
     KeepPercent(f64),
 }
 
-/// What profile `tuned` spends: bytes or the decoder's time.
+/// Trades file size for decoding speed (profile `predictive` only).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum DecodeSpeed {
     /// The smallest file.
+    #[serde(alias = "small")]
     #[default]
     Normal,
     /// About a fifth larger, a view in about a third of the time: predictions at half the size, and one or two symbols for a position's
@@ -42,27 +45,26 @@ pub enum DecodeSpeed {
     Fastest,
 }
 
-/// Everything the encoder may be told.
+/// Encoder options.
 #[derive(Debug, Clone)]
 pub struct EncodeOptions {
-    /// How the look is stored.
+    /// Method by which photographs are stored.
     pub profile: Profile,
-    /// How fine; by default quality 75, in profile `paper` 5 % of the coefficients.
+    /// Bound to reach; by default quality 75, in profile `wavelet-texture` 5 % of the coefficients.
     pub target: Option<EncodeTarget>,
-    /// Profile `tuned`: what is spent, bytes or the decoder's time.
+    /// Trade of file size for decoding speed (profile `predictive` only).
     pub decode_speed: DecodeSpeed,
-    /// Leaves every k-th view out (the k-th, the 2k-th ...), to judge views between the captured ones.
+    /// Leaves every k-th view out (the k-th, the 2k-th ...), to measure views between the captured ones.
     pub hold_out: Option<usize>,
     /// Bits of a mesh coordinate on the longest side, 8 to 20. By default as many as move no vertex by more than an eighth
     /// of a pixel.
     pub position_bits: Option<u8>,
     /// Texels of the reflectance atlas for one pixel of the photographs, each way.
     pub atlas_density: f64,
-    /// Profile `tuned`: what highlights are fitted with.
+    /// Model that highlights are fitted with (profile `predictive` only).
     #[cfg(feature = "encode")]
     pub specular: SpecularModel,
-    /// Profile `tuned`: also keep the sign of specular radiance below zero (noise and double bounces); profile `paper`
-    /// always keeps it.
+    /// Also keeps the sign of specular radiance below zero (noise and double bounces); profile `wavelet-texture` always does.
     pub signed_specular: bool,
     /// Decodes the finished file as a reader does and compares every photograph with what the file states of it.
     pub check: bool,
@@ -88,12 +90,12 @@ impl Default for EncodeOptions {
     }
 }
 
-/// What highlights are fitted with.
+/// Model that highlights are fitted with.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum SpecularModel {
     /// Torrance and Sparrow's lobe for every texel.
     #[default]
     TorranceSparrow,
-    /// The same widths, but shapes from a palette of measured lobes (DSBRDF).
+    /// Widths as in Torrance-Sparrow, shapes from a palette of measured lobes (DSBRDF).
     Dsbrdf,
 }

@@ -48,7 +48,7 @@ pub(crate) fn search_step<T>(
     match target {
         EncodeTarget::Quality(quality) if (0.0..=100.0).contains(&quality) => encode(step_of_quality(quality) as f32),
         EncodeTarget::Quality(_) => Err(Error::parameter("quality goes from 0 to 100")),
-        EncodeTarget::KeepPercent(_) => Err(Error::parameter("KeepPercent is a target of profile wavelet-texture")),
+        EncodeTarget::KeepPercent(_) => Err(Error::parameter("option `keep_percent` is for profile wavelet-texture")),
         _ => search(target, STEP_RANGE, 0.05, |step| encode(step as f32)),
     }
 }
@@ -71,7 +71,7 @@ pub(crate) fn search_keep_percent<T>(
     }
 }
 
-/// How far a trial is from the target in a unit where halving the step adds about 1, negative where it misses; and whether
+/// Distance of a trial from the target in a unit where halving the step adds about 1, negative where it misses; and whether
 /// it is near enough to stop.
 fn surplus<T>(target: EncodeTarget, trial: &Candidate<T>) -> (f64, bool) {
     match target {

@@ -11,7 +11,7 @@ use crate::views::{Camera, Component, Photograph, View};
 /// A capture's photographs as components of reflection.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Observations {
-    /// What each frame's images hold: diffuse and specular, or both combined.
+    /// Components of each view's images: diffuse and specular, or both combined.
     pub components: Vec<Component>,
     /// Radiance of the white board: the unit of `sqrt(x / white)`.
     pub white: [f64; 3],
@@ -39,7 +39,7 @@ impl Observations {
     pub fn holding_out(mut self, every: Option<usize>) -> Result<Self> {
         let Some(every) = every else { return Ok(self) };
         if every < 2 {
-            return Err(Error::parameter("hold_out takes 2 or more: every k-th view is left out"));
+            return Err(Error::parameter("option `hold_out` takes 2 or more: every k-th view is left out"));
         }
         let mut index = 0;
         self.views.retain(|_| {
@@ -125,7 +125,9 @@ impl MaskedPhotographs<'_> {
 pub fn separate(capture: &mut Capture) -> Result<Observations> {
     let polarised = capture.frames.first().is_some_and(|frame| frame.cross.is_some());
     if polarised && capture.beta.is_none() {
-        return Err(Error::parameter("separation needs the white board's on / off ratio of each colour: give --beta"));
+        return Err(Error::parameter(
+            "separation needs the white board's on / off ratio of each colour: give option `beta`",
+        ));
     }
     if let Some(frame) = capture.frames.iter().find(|frame| frame.cross.is_some() != polarised) {
         return Err(Error::parameter(format!(
@@ -242,7 +244,7 @@ mod tests {
 
         let cross = RgbImage::filled(2, 2, [0.5; 3]);
         let error = separate(&mut capture(Some(cross.clone()), None)).unwrap_err();
-        assert!(error.to_string().contains("--beta"));
+        assert!(error.to_string().contains("`beta`"));
         let mut mixed = capture(Some(cross), Some([0.5; 3]));
         mixed.frames.push(capture(None, None).frames.remove(0));
         assert!(separate(&mut mixed).is_err());

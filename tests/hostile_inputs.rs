@@ -149,7 +149,7 @@ fn pictures_are_measured_before_they_are_decoded() {
         let access = FileAccess::new(limits(64 << 20));
         let error = said(read_radiance(&folder.write(name, bytes), &access));
         assert!(error.contains(name) && error.contains(expected), "{error}\nexpected: {expected}");
-        assert_eq!(expected == memory, error.contains("raise --max-memory"), "{error}");
+        assert_eq!(expected == memory, error.contains("raise option `memory_bytes`"), "{error}");
         assert_eq!(access.budget().left(), 64 << 20, "{name}");
     }
     // The same picture is read where it may be.
@@ -177,7 +177,7 @@ fn ply_counts_stay_within_the_file() {
         let error = read(&format!("element vertex 1\n{xyz}element face 4294967295\n{list}"), &[b'0'; 12]);
         assert!(error.contains("PLY element 'face' of 4294967295") || error.contains("'vertex'"), "{error}");
         let error = read("element vertex 2000000\nproperty uchar x\n", &[b'\n'; 8_000_000]);
-        assert!(error.contains("a.ply: mesh: 144000000 bytes of memory are asked for"), "{error}");
+        assert!(error.contains("a.ply: mesh: 144000000 bytes of memory are requested"), "{error}");
         let error = read(&"comment\n".repeat(200_000), b"");
         assert!(error.contains("no end_header within 1048576 bytes"), "{error}");
     }
@@ -192,7 +192,7 @@ fn ply_counts_stay_within_the_file() {
 #[test]
 fn obj_text_is_charged_for_what_it_becomes() {
     let corners = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
-    let memory = |error: &str| error.contains("a.obj: ") && error.contains("raise --max-memory");
+    let memory = |error: &str| error.contains("a.obj: ") && error.contains("raise option `memory_bytes`");
     for endless in
         ["f 1 2 3\n".repeat(100_000), format!("f{}\n", " 1 2 3".repeat(100_000)), "o a\nf 1 2 3\n".repeat(20_000)]
     {
@@ -248,7 +248,7 @@ fn gltf_buffers_stay_in_the_folder_and_accessors_in_their_buffers() {
     for uri in references {
         let error = said(read(&gltf(uri), &access()));
         assert!(
-            error.contains("in/a.gltf: the path ") && error.contains("unless --allow-outside is given"),
+            error.contains("in/a.gltf: the path ") && error.contains("unless option `allow_outside` is given"),
             "{uri}: {error}"
         );
     }
@@ -260,7 +260,7 @@ fn gltf_buffers_stay_in_the_folder_and_accessors_in_their_buffers() {
     // One accessor, a hundred thousand times.
     let primitive = r#"{"attributes": {"POSITION": 0}}"#;
     let many = gltf("a%20b.bin").replace(primitive, &[primitive; 100_000].join(","));
-    assert!(said(read(&many, &access())).contains("raise --max-memory"));
+    assert!(said(read(&many, &access())).contains("raise option `memory_bytes`"));
     let nodes = gltf("a%20b.bin").replace("[{\"mesh\": 0}]", &format!("[{}]", ["{}"; 50_000].join(",")));
     assert!(said(read(&nodes, &access())).contains("glTF JSON: "));
 }
@@ -300,7 +300,7 @@ fn captures_name_only_their_own_files() {
         {
             let folder = capture(|text| text.replacen(value, &format!("\"{name}\""), 1));
             let error = said(describe(folder.0.path(), &access()));
-            let expected = error.contains("transforms.json: the path ") && error.contains("--allow-outside");
+            let expected = error.contains("transforms.json: the path ") && error.contains("`allow_outside`");
             assert!(expected, "{key} {name}: {error}");
         }
     }
@@ -320,7 +320,7 @@ fn no_absolute_name_gets_into_a_view() {
     let other = Folder::new();
     let elsewhere = other.write("somebody/first.exr", std::fs::read(folder.0.path().join(&first)).unwrap());
     folder.write("transforms.json", text.replacen(&format!("\"{first}\""), &format!("{elsewhere:?}"), 1));
-    assert!(said(read(folder.0.path(), &CaptureReadOptions::default())).contains("--allow-outside"));
+    assert!(said(read(folder.0.path(), &CaptureReadOptions::default())).contains("`allow_outside`"));
     let options = CaptureReadOptions { allow_outside: true, ..Default::default() };
     assert_eq!(read(folder.0.path(), &options).unwrap().frames[0].view.name, "first.exr");
 }
@@ -370,7 +370,7 @@ fn descriptions_of_any_length_are_bounded() {
     let small = FileAccess::new(limits(1 << 20));
     let path = folder.write("transforms.json", "0,".repeat(100_000));
     let error = said(tsuya::capture::describe(&path, &small));
-    assert!(error.contains("JSON document: ") && error.contains("raise --max-memory"), "{error}");
+    assert!(error.contains("JSON document: ") && error.contains("raise option `memory_bytes`"), "{error}");
     assert_eq!(small.budget().left(), 1 << 20);
 }
 
@@ -402,7 +402,7 @@ fn a_colmap_model_is_read_from_its_workspace() {
     for name in ["../../x.png", "/etc/passwd", ".ssh/id_rsa", "..\\..\\x.png"] {
         images(name);
         let error = said(describe(folder.0.path(), &access()));
-        assert!(error.contains("images.txt: the path ") && error.contains("--allow-outside"), "{name}: {error}");
+        assert!(error.contains("images.txt: the path ") && error.contains("`allow_outside`"), "{name}: {error}");
     }
     images(&"x".repeat(5000));
     assert!(said(describe(folder.0.path(), &access())).contains("line 1: a NAME of 5000 bytes, 4096 at most are read"));
@@ -417,7 +417,8 @@ fn photographs_are_charged_together() {
     let options = |memory_bytes| CaptureReadOptions { limits: limits(memory_bytes), ..Default::default() };
     let error = said(read(SAMPLE, &options(4 << 20)));
     assert!(
-        error.contains("transforms.json: photographs of the capture: ") && error.contains("raise --max-memory"),
+        error.contains("transforms.json: photographs of the capture: ")
+            && error.contains("raise option `memory_bytes`"),
         "{error}"
     );
     // As many are read at once as fit: little more than the photographs themselves is enough.

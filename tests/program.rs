@@ -82,7 +82,7 @@ fn predictive_there_and_back() {
 }
 
 #[test]
-fn paper_with_its_figures() {
+fn wavelet_texture_with_its_figures() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("p.tsuya");
     let (file, capture) = (text(&file), sample());
@@ -214,6 +214,21 @@ fn threads_do_not_change_the_file() {
         });
         assert!(files[0] == files[1], "{profile}");
     }
+}
+
+#[test]
+fn former_flags_are_taken() {
+    let folder = tempfile::tempdir().unwrap();
+    let capture = variant(8, |_, _| {});
+    let encoded = |name: &str, flags: &[&str]| {
+        let file = folder.path().join(name);
+        tsuya(&[&["encode", text(capture.path()), "-o", text(&file), "--title", "x"], flags].concat()).code(0);
+        std::fs::read(file).unwrap()
+    };
+    let predictive = ["--profile", "predictive", "--faster-decoding", "1"];
+    assert!(encoded("a", &predictive) == encoded("b", &["--profile", "tuned", "--decoding", "fast"]));
+    let wavelet_texture = ["--profile", "wavelet-texture", "--keep-percent", "3"];
+    assert!(encoded("c", &wavelet_texture) == encoded("d", &["--profile", "paper", "--keep", "3"]));
 }
 
 #[test]

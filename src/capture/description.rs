@@ -80,11 +80,11 @@ impl CaptureDescription {
             }
             [] => Err(Error::input(
                 &folder,
-                "the capture names no mesh and there is none beside it (a point cloud is none); give one with --mesh",
+                "the capture names no mesh and there is none beside it (a point cloud is none); give one with option `mesh`",
             )),
             [a, b, ..] => Err(Error::input(
                 &folder,
-                format!("several meshes ({}, {}, ...): give one with --mesh", a.display(), b.display()),
+                format!("several meshes ({}, {}, ...): give one with option `mesh`", a.display(), b.display()),
             )),
         }
     }

@@ -226,7 +226,7 @@ fn check_beta(description: &CaptureDescription, beta: Option<[f64; 3]>, crossed:
         return Err(Error::input(
             &description.path,
             "there are cross photographs but no white_reference with cross_file_path: add one, or give the board's on / off \
-             ratio of red, green and blue with --beta",
+             ratio of red, green and blue with option `beta`",
         ));
     }
     Ok(())
@@ -362,7 +362,7 @@ fn check_registration(path: &Path, mesh: &Mesh, frames: &[FrameDescription], war
             path,
             format!(
                 "none of the mesh's {} vertices projects into any of the {} pictures: check its coordinate system and unit, or \
-                 register it with `tsuya align`",
+                 register it with `capture::align`",
                 mesh.positions.len(),
                 frames.len()
             ),

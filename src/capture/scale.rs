@@ -58,8 +58,8 @@ fn message(factor: f64) -> String {
     let (times, word) = (grouped(10f64.powf(power.abs())), if factor > 1.0 { "larger" } else { "smaller" });
     let scale = 10f64.powf(-power);
     format!(
-        "the mesh is about {times} times {word} than the cameras' distance{unit} Scale it with --mesh-scale {scale}, or take it as \
-         it is with --mesh-scale 1"
+        "the mesh is about {times} times {word} than the cameras' distance{unit} Scale it with option `mesh_scale` {scale}, or take it as \
+         it is with option `mesh_scale` 1"
     )
 }
 

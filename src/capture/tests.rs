@@ -313,7 +313,7 @@ fn polarised_captures_have_beta_and_white() {
 
     let mut without_board = Small::new(true);
     without_board.keys.clear();
-    assert!(without_board.error().contains("--beta"));
+    assert!(without_board.error().contains("`beta`"));
     let given = without_board.read(&CaptureReadOptions { beta: Some([0.3; 3]), ..Default::default() }).unwrap();
     assert_eq!(given.white, [1.0; 3]);
 
@@ -439,7 +439,7 @@ fn a_mesh_beside_the_cameras_is_an_error() {
         fs::write(small.path("mesh.obj"), format!("v {x} 0 {z}\nv {} 0 {z}\nv {x} 1 {z}\nf 1 2 3\n", x + 1.0)).unwrap();
         let error = small.error();
         assert!(error.contains("none of the mesh's 3 vertices projects into any of the 3 pictures"), "{error}");
-        assert!(error.contains("tsuya align"));
+        assert!(error.contains("`capture::align`"));
     }
     // Moved into view by a given pose.
     let back = [[1.0, 0.0, 0.0, -100.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]];
@@ -463,7 +463,7 @@ fn a_mesh_beside_the_cameras_is_an_error() {
 fn the_mesh_is_found_or_asked_for() {
     let small = Small::new(false);
     fs::copy(small.path("mesh.obj"), small.path("second.obj")).unwrap();
-    assert!(small.error().contains("several meshes") && small.error().contains("--mesh"));
+    assert!(small.error().contains("several meshes") && small.error().contains("`mesh`"));
     let options = CaptureReadOptions { mesh: Some(small.path("second.obj")), ..Default::default() };
     assert!(small.read(&options).is_ok());
     fs::remove_file(small.path("mesh.obj")).unwrap();

@@ -72,7 +72,7 @@ impl<R: Read + Seek> Container<R> {
         self.source.seek(SeekFrom::Start(offset)).map_err(failed)?;
         let mut bytes = Vec::new();
         let reserved = usize::try_from(length).ok().and_then(|length| bytes.try_reserve_exact(length).ok());
-        reserved.ok_or(Error::Limits { what: "bytes of the file", asked: length, allowed: 0 })?;
+        reserved.ok_or(Error::Limits { what: "bytes of the file", requested: length, allowed: 0 })?;
         let got = self.source.by_ref().take(length).read_to_end(&mut bytes).map_err(failed)?;
         self.bytes_read += got as u64;
         if got as u64 != length {

@@ -133,7 +133,7 @@ impl Section {
             ZstdRefusal::NotOneFrame => wrong("must be exactly one zstd frame"),
             ZstdRefusal::Length => wrong("does not decompress to as many bytes as its header says"),
             ZstdRefusal::Damaged(message) => wrong(&format!("zstd: {message}")),
-            ZstdRefusal::Memory => Error::Limits { what: "decompressed section", asked: self.decoded, allowed: 0 },
+            ZstdRefusal::Memory => Error::Limits { what: "decompressed section", requested: self.decoded, allowed: 0 },
         })?;
         budget.release(stored.len() as u64);
         Ok(decoded)

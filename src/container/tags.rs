@@ -23,9 +23,9 @@ impl Tag {
     pub const CHARTS: Tag = Tag(*b"CHRT");
     /// Reflectance parameters on the atlas.
     pub const REFLECTANCE: Tag = Tag(*b"RFLC");
-    /// Residual planes of the `tuned` profile.
+    /// Residual planes of the `predictive` profile.
     pub const PLANES: Tag = Tag(*b"PLAN");
-    /// Residual volumes of the `paper` profile.
+    /// Residual volumes of the `wavelet-texture` profile.
     pub const WAVELET_TEXTURE: Tag = Tag(*b"PAPR");
     /// Fitted materials by name.
     pub const MATERIALS: Tag = Tag(*b"mATl");

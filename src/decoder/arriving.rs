@@ -55,14 +55,14 @@ pub struct FileHeader {
 pub enum PhotographCoding {
     /// There are none.
     None,
-    /// Profile `tuned`.
+    /// Profile `predictive`.
     Predictive {
         /// Head of the section.
         header: PlaneHeader,
         /// Where in the file the first step's streams begin.
         streams: u64,
     },
-    /// Profile `paper`.
+    /// Profile `wavelet-texture`.
     WaveletTexture,
 }
 
@@ -88,9 +88,9 @@ pub enum ViewStatus<T = Photograph> {
 /// A view as it is decoded.
 #[derive(Debug)]
 pub enum ViewPhotograph<'a> {
-    /// Of profile `tuned`.
+    /// Of profile `predictive`.
     Predictive(DecodedPhotograph<'a>),
-    /// Of profile `paper`.
+    /// Of profile `wavelet-texture`.
     WaveletTexture(Photograph),
 }
 

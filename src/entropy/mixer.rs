@@ -143,7 +143,7 @@ fn squash(tables: &MixerTables, odds: f32) -> u32 {
     tables.squash[(x.clamp(-MAX_LOG_ODDS, MAX_LOG_ODDS) + MAX_LOG_ODDS) as usize] as u32
 }
 
-/// What a bit costs, in 1/256 bit, given the probability of a 1 in 1/65536. Only the encoder's choices use it.
+/// Returns the cost of coding `bit`, in bits; the probability of a 1 is `probability_of_one / 65536`. For the encoder's choices only.
 pub(crate) fn bit_cost(probability_of_one: u32, bit: bool) -> f32 {
     let p = if bit { probability_of_one } else { 65536 - probability_of_one };
     COSTS[(p >> 4).min(4095) as usize]

@@ -13,8 +13,8 @@ pub use model::{BitModel, NumberModel, code_end};
 pub use range_coder::{RangeDecoder, RangeEncoder};
 pub use rans::{RansDecoder, RansEncoder};
 
-/// Where the bits of a model go: the encoder writes the given bit, the decoder returns the one it read.
-/// With it every model is written once for both directions.
+/// Binary arithmetic coder. Encoders write `bit`; decoders ignore it and return the decoded one, so that every model is written
+/// once for both directions.
 pub trait BitCoder {
     /// Codes one bit whose probability of being 1 is `probability_of_one / 65536`, in `1..=65535`.
     fn bit(&mut self, probability_of_one: u32, bit: bool) -> bool;

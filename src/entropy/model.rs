@@ -91,7 +91,7 @@ pub(crate) fn code_raw<C: BitCoder>(coder: &mut C, count: u32, value: u32) -> u3
     (0..count).rev().fold(0, |result, k| result << 1 | coder.bit(1 << 15, value >> k & 1 == 1) as u32)
 }
 
-/// What [`code_end`] codes. Part of the format.
+/// Mark coded by [`code_end`]. Part of the format.
 const END_MARK: u32 = 0x5aa5;
 
 /// Codes 16 fixed bits at the end of a stream; false where they are others: the stream is cut or damaged.

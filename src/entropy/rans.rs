@@ -15,7 +15,7 @@ const MIN_STATE: u64 = 1 << 32;
 /// Collects symbols; they are written from the last one to the first.
 #[derive(Debug, Clone, Default)]
 pub struct RansEncoder {
-    /// Where each symbol's interval starts, and its size.
+    /// Start and size of each symbol's interval.
     intervals: Vec<[u16; 2]>,
 }
 

@@ -8,7 +8,7 @@ use wide::i16x16;
 /// Number of values.
 pub(crate) const SYMBOL_VALUES: usize = 16;
 
-/// Where the values' intervals start, out of 65536, less 32768: the first one's lies at -32768.
+/// Starts of the values' intervals out of 65536, less 32768: the first is -32768.
 pub(crate) type SymbolStarts = [i16; SYMBOL_VALUES];
 
 /// A distribution's total.
@@ -16,7 +16,7 @@ const TOTAL: usize = 1 << 15;
 /// Least size of an interval.
 const MIN_INTERVAL: usize = 2;
 
-/// What the starts, less half of the total, move towards when a value has come: all of the total but the least sizes is its.
+/// Starts, less half of the total, that the model moves towards after a value: it gets all of the total but the smallest sizes of the others.
 const TARGETS: [SymbolStarts; SYMBOL_VALUES] = {
     let mut targets = [[0; SYMBOL_VALUES]; SYMBOL_VALUES];
     let mut value = 0;
@@ -56,7 +56,7 @@ const RATES: [u8; 80] = {
 #[derive(Debug, Clone)]
 struct SymbolDistributions {
     starts: Vec<SymbolStarts>,
-    /// How often each has learnt, at most 255.
+    /// Updates of each context, at most 255.
     counts: Vec<u8>,
 }
 

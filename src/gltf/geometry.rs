@@ -8,8 +8,7 @@ use crate::surface::charts::Charts;
 pub(super) fn charts(asset: &Asset) -> Result<&Charts> {
     let mesh = &asset.mesh;
     let Some(charts) = asset.charts.as_ref().filter(|_| !mesh.triangles.is_empty()) else {
-        let message =
-            "the file has no mesh with an atlas (profile paper?), which a glTF mesh needs for texture coordinates";
+        let message = "the file has no mesh with an atlas (profile wavelet-texture?), which a glTF mesh needs for texture coordinates";
         return Err(Error::Unsupported(message.into()));
     };
     let of_mesh = charts.chart_of_triangle.len() == mesh.triangles.len()

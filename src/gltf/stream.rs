@@ -65,7 +65,7 @@ pub fn extract(document: &GltfDocument, index: usize, files: ExternalFiles<'_>) 
 fn no_appearance(document: &GltfDocument) -> String {
     let trace = document.list("materials").iter().any(|m| m.get("extras").is_some_and(|e| e.get(EXTENSION).is_some()));
     if trace {
-        format!("the stream of {EXTENSION} was dropped by another program; put it back with tsuya gltf inject")
+        format!("the stream of {EXTENSION} was dropped by another program; put it back with `gltf::inject`")
     } else {
         format!("the document has no {EXTENSION}")
     }

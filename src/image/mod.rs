@@ -1,4 +1,4 @@
-//! Pictures in memory: linear RGB, integer planes and masks. Row-major, origin at the top left, pixel centres at +0.5.
+//! Images in memory: linear RGB, integer planes and masks. Row-major, origin at the top left, pixel centres at +0.5.
 
 mod fill;
 #[cfg(feature = "encode")]
@@ -35,7 +35,7 @@ impl<T: Clone> Grid<T> {
     pub fn row(&self, y: usize) -> &[T] {
         &self.data[y * self.width..(y + 1) * self.width]
     }
-    /// The same grid with every value mapped.
+    /// Returns the grid of the mapped values.
     pub fn map<U>(&self, f: impl FnMut(&T) -> U) -> Grid<U> {
         Grid { width: self.width, height: self.height, data: self.data.iter().map(f).collect() }
     }

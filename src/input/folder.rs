@@ -83,7 +83,7 @@ impl Folder {
 
     fn refused(&self, name: &str, why: &str) -> Error {
         let message = format!(
-            "the path {} {why}; only files in its own folder are read, unless --allow-outside is given",
+            "the path {} {why}; only files in its own folder are read, unless option `allow_outside` is given",
             quoted(name)
         );
         Error::input(&self.named_by, message)
@@ -202,14 +202,14 @@ mod tests {
             let error = folder.resolve(name).unwrap_err().to_string();
             assert!(error.contains("transforms.json: the path ") && error.contains(why), "{name}: {error}");
             if !why.contains("not one") {
-                assert!(error.contains("--allow-outside"), "{error}");
+                assert!(error.contains("`allow_outside`"), "{error}");
             }
         }
         let message = folder.resolve("../x\u{1b}[2J.png").unwrap_err().to_string();
         assert!(message.contains("\\u{1b}") && !message.contains('\u{1b}'), "{message}");
         assert_eq!(folder.resolve_uri("images/%61.png").unwrap(), root.join("images/a.png"));
         for uri in ["%2e%2e/secret.png", "..%5csecret.png", "%2Fetc/passwd", "file:///etc/passwd", "%2essh/id_rsa"] {
-            assert!(folder.resolve_uri(uri).unwrap_err().to_string().contains("--allow-outside"), "{uri}");
+            assert!(folder.resolve_uri(uri).unwrap_err().to_string().contains("`allow_outside`"), "{uri}");
         }
         assert_eq!(folder.resolve("images\\a.png").unwrap(), root.join("images/a.png"));
         assert!(folder.resolve_uri("a%2").unwrap_err().to_string().contains("wrong % escape"));

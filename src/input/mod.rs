@@ -14,7 +14,7 @@ use std::io::{Error as IoError, ErrorKind, Read};
 use std::ops::Deref;
 use std::path::Path;
 
-/// What reading may use and where it may go: one account for all the files of one job, and whether they may lie outside their folder.
+/// Permissions of reading: one memory budget for all files of a job, and whether they may lie outside their folder.
 #[derive(Debug)]
 pub struct FileAccess {
     budget: Budget,
@@ -33,7 +33,7 @@ impl FileAccess {
         FileAccess { budget: Budget::new(limits), allow_outside: false }
     }
 
-    /// The same, and files may name hidden files and such outside their folders where `allowed`.
+    /// Allows files to name hidden files and files outside their folders if `allowed`.
     pub fn allow_outside(self, allowed: bool) -> Self {
         FileAccess { allow_outside: allowed, ..self }
     }
@@ -200,7 +200,7 @@ pub fn escaped(text: &str) -> String {
     }
 }
 
-/// The same in quotes.
+/// Returns [`escaped`] text in quotes.
 pub fn quoted(text: &str) -> String {
     format!("\"{}\"", escaped(text))
 }
@@ -220,7 +220,7 @@ mod tests {
         let error = access.read_bytes(&path, "table", 1000).unwrap_err().to_string();
         assert!(
             error.ends_with(
-                "a: table: 1000 bytes of memory are asked for, 500 are left; if the file is trusted, raise --max-memory"
+                "a: table: 1000 bytes of memory are requested, 500 are left; if the file is trusted, raise option `memory_bytes`"
             ),
             "{error}"
         );
@@ -239,7 +239,7 @@ mod tests {
         assert_eq!(read(&mut &[5; 200_000][..], 1 << 20).unwrap().len(), 200_000);
         assert_eq!(access.budget().left(), 1 << 20);
         let endless = read(&mut std::io::repeat(1), u64::MAX).unwrap_err().to_string();
-        assert!(endless.contains("raise --max-memory"), "{endless}");
+        assert!(endless.contains("raise option `memory_bytes`"), "{endless}");
         let long = read(&mut std::io::repeat(1), 100).unwrap_err().to_string();
         assert_eq!(long, "-: more than 100 bytes, which a table has at most");
     }

@@ -1,4 +1,4 @@
-//! What scanners and exporters leave in a mesh that nothing later should meet: split seams, degenerate and repeated triangles.
+//! Cleaning of meshes from scanners and exporters: split seams, degenerate and repeated triangles.
 
 use super::Mesh;
 use crate::vector::cross;
@@ -7,7 +7,7 @@ use std::collections::HashMap;
 /// Below this ratio of doubled area to squared longest edge a triangle is a line: far under what `f32` positions resolve.
 const DEGENERATE_RATIO: f64 = 1e-9;
 
-/// What [`clean`] took out.
+/// Elements that [`clean`] removed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct CleanReport {
     /// Vertices merged into an earlier one at bit-identical coordinates.

@@ -26,13 +26,29 @@ pub struct Mesh {
 }
 
 impl Mesh {
-    /// Middle of the mesh's bounding box and radius of the sphere around it that holds the mesh.
+    /// Returns the lowest and the highest corner of the axis-aligned bounding box; `None` without a finite vertex.
+    pub fn bounding_box(&self) -> Option<[[f32; 3]; 2]> {
+        let mut finite = self.positions.iter().filter(|p| p.iter().all(|x| x.is_finite()));
+        let first = *finite.next()?;
+        let grow = |[low, high]: [[f32; 3]; 2], p: &[f32; 3]| {
+            [std::array::from_fn(|k| low[k].min(p[k])), std::array::from_fn(|k| high[k].max(p[k]))]
+        };
+        Some(finite.fold([first, first], grow))
+    }
+
+    /// Returns the length of the bounding box's diagonal; 0 without a finite vertex.
+    pub fn diagonal(&self) -> f64 {
+        let [low, high] = self.bounding_box().unwrap_or_default();
+        (0..3).map(|k| (high[k] as f64 - low[k] as f64).powi(2)).sum::<f64>().sqrt()
+    }
+
+    /// Returns the middle of the bounding box and the radius of the sphere around it that holds the mesh; the unit sphere
+    /// around the origin without a finite vertex.
     pub fn bounding_sphere(&self) -> ([f64; 3], f64) {
-        let points = || self.positions.iter().map(|p| DVec3::from_array(p.map(f64::from)));
-        let Some(first) = points().next() else { return ([0.0; 3], 1.0) };
-        let (low, high) = points().fold((first, first), |(low, high), p| (low.min(p), high.max(p)));
-        let middle = (low + high) / 2.0;
-        let radius = points().map(|p| (p - middle).length()).fold(0.0, f64::max);
+        let Some([low, high]) = self.bounding_box() else { return ([0.0; 3], 1.0) };
+        let middle = DVec3::from_array(std::array::from_fn(|k| (low[k] as f64 + high[k] as f64) / 2.0));
+        let points = self.positions.iter().map(|p| DVec3::from_array(p.map(f64::from)));
+        let radius = points.map(|p| (p - middle).length()).fold(0.0, f64::max);
         (middle.to_array(), radius)
     }
 }

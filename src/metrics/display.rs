@@ -1,6 +1,6 @@
 //! Images for people: 8-bit sRGB, and differences.
 
-use super::psnr::signal;
+use super::signal;
 use crate::image::{Grid, Mask, RgbImage, to_srgb};
 
 /// 8-bit sRGB pixels.

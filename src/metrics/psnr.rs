@@ -4,13 +4,8 @@
 //! `PSNR = -10 log10 mean (s - s')^2` over the pixels of the mask that the mesh covers, and over the colours.
 
 use crate::image::Mask;
+use crate::transform::signal::measured;
 use crate::views::{Component, Photograph};
-
-/// The square-root signal of a radiance.
-#[inline]
-pub fn signal(radiance: f32, white: f64) -> f64 {
-    (radiance as f64 / white).max(0.0).sqrt()
-}
 
 /// PSNR in dB of a mean squared error of signals; `None` where there is no error (infinite).
 pub fn psnr_db(mean_squared_error: f64) -> Option<f64> {
@@ -99,7 +94,7 @@ impl PhotographError {
                 let compare = |total: &mut SquaredError, a: f32, b: f32| {
                     // A decoded value that is not a number is as wrong as black.
                     let b = if b.is_finite() { b } else { 0.0 };
-                    total.add(signal(a, white[c]) - signal(b, white[c]));
+                    total.add(measured(a, white[c]) - measured(b, white[c]));
                 };
                 match polarised {
                     Some((d, s)) => {

@@ -1,6 +1,6 @@
 //! Structural similarity (Wang et al. 2004) of the brightness of the square-root signal.
 
-use super::psnr::signal;
+use super::signal;
 use crate::image::{Mask, RgbImage};
 
 /// Half width of the square window; 7 x 7 pixels, equal weights, as scikit-image's default.

@@ -1,7 +1,7 @@
 //! Streams to photographs: all views, or some with what they are predicted from.
 
 use super::header::{CodedEntry, PlaneHeader};
-use super::picture;
+use super::picture::{self, ViewTask};
 use super::workspace::{ParallelBudget, PlaneWorkspaces, photograph_bytes};
 use super::{DecodedView, PredictionScene, order, run_waves};
 use crate::container::Tag;
@@ -10,6 +10,7 @@ use crate::image::{Mask, RgbImage};
 use crate::limits::Budget;
 use crate::mesh::Mesh;
 use crate::surface::raster;
+use crate::transform::signal;
 use crate::views::{Photograph, View};
 use glam::Vec4;
 use std::borrow::Cow;
@@ -54,9 +55,9 @@ impl PlaneDecoder<'_> {
             parts.push(part);
             rest = after;
         }
-        let (step, parts) = ((&coded.entry, coded.scale), (&parts[..], coded.offset));
-        let memory = (&self.workspaces, budget);
-        picture::decode(&self.scene, step, &self.header.coding, parts, decoded, is_reference, memory)
+        let (scene, coding) = (&self.scene, &self.header.coding);
+        let task = ViewTask { scene, entry: &coded.entry, scale: coded.scale, coding, decoded, is_reference };
+        picture::decode(&task, &parts, coded.offset, &self.workspaces, budget)
     }
 }
 
@@ -160,14 +161,12 @@ impl<'a> DecodedPhotograph<'a> {
     /// Calls `visit` for each row of the part that holds the mask, with the index of its first pixel in the picture: a component's
     /// radiance with 1 as fourth channel, 0 outside the mask.
     pub fn for_each_row(&self, component: usize, mut visit: impl FnMut(usize, &[[f32; 4]])) {
-        let (Some(coding), frame) = (self.header.coding.components.get(component), self.view.frame) else { return };
+        let (Some(coding), window) = (self.header.coding.components.get(component), self.view.window) else { return };
         let colours = coding.colour_transform();
         let white = Vec4::new(self.white[0], self.white[1], self.white[2], 0.0);
-        // Colours above it are kept: in signed components all.
-        let least = Vec4::splat(if coding.signed { f32::NEG_INFINITY } else { 0.0 });
         let columns = self.mask().width;
-        let mut visit = |y: usize, row: &[[f32; 4]]| visit((frame.top + y) * columns + frame.left, row);
-        let mut radiance = vec![[0.0; 4]; frame.width];
+        let mut visit = |y: usize, row: &[[f32; 4]]| visit((window.top + y) * columns + window.left, row);
+        let mut radiance = vec![[0.0; 4]; window.width];
         let mut line = 0;
         self.view.for_each_run(component, |(run, pixels)| {
             // Rows before the run's are complete.
@@ -177,12 +176,11 @@ impl<'a> DecodedPhotograph<'a> {
                 line += 1;
             }
             for (radiance, pixel) in radiance[run.start as usize..].iter_mut().zip(pixels) {
-                let s = colours.unrotate(Vec4::from_array(*pixel));
-                let s = Vec4::select(s.cmpgt(least), s, Vec4::ZERO);
-                *radiance = (s * s.abs() * white + Vec4::W).to_array();
+                let signal = colours.unrotate(Vec4::from_array(*pixel));
+                *radiance = (signal::inverse(signal, white, coding.signed) + Vec4::W).to_array();
             }
         });
-        while line < frame.height {
+        while line < window.height {
             visit(line, &radiance);
             radiance.fill([0.0; 4]);
             line += 1;

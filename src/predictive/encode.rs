@@ -1,9 +1,9 @@
-//! Photographs to streams.
+//! Encoder of section `PLAN`: photographs to streams.
 
 use super::colour::ColourSums;
 use super::decode::DecodedPhotograph;
 use super::header::{CodedEntry, PlaneHeader};
-use super::picture;
+use super::picture::{self, ViewTask};
 use super::workspace::PlaneSignal;
 use super::workspace::{ParallelBudget, PlaneWorkspaces};
 use super::{ComponentCoding, DecodedView, MaskCoding, PlaneCoding, PredictionScene, order, run_waves};
@@ -16,12 +16,13 @@ use crate::rate::{self, Candidate, CodedPhotographs};
 use crate::reflectance::stage::ReflectanceEncoder;
 use crate::residual::coefficients::Modelling;
 use crate::separate::MaskedPhotographs;
-use crate::transform::frame::Window;
+use crate::transform::signal;
+use crate::transform::window::Window;
 use crate::views::{Component, Photograph, View};
 use glam::Vec4;
 use std::borrow::Cow;
 
-/// What does not depend on the quality: made once, used by every trial of the rate control.
+/// Encoder of all photographs: the parts that do not depend on the quality, made once for all trials of the rate control.
 #[derive(Debug)]
 pub struct PlaneEncoder<'a> {
     mesh: &'a Mesh,
@@ -65,11 +66,11 @@ pub(crate) fn encode_to_target(
 pub struct EncodedPlanes {
     /// Content of section `PLAN`.
     pub bytes: Vec<u8>,
-    /// What a decoder makes of it, by view.
+    /// The photographs that a decoder returns, by view.
     pub photographs: Vec<Photograph>,
 }
 
-/// Quality of an encoding, and its price.
+/// Quality of an encoding and its trade-offs.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PlaneQuality {
     /// Quantiser step of the diffuse (or only) component, in the sqrt domain.
@@ -79,7 +80,7 @@ pub struct PlaneQuality {
     pub specular_ratio: f32,
     /// Value of a bit in squared steps, for the rate-distortion choice of each coefficient.
     pub lambda: f32,
-    /// What is spent, bytes or the decoder's time.
+    /// Trade of file size for decoding speed.
     pub decode_speed: DecodeSpeed,
 }
 
@@ -92,29 +93,11 @@ impl Default for PlaneQuality {
 /// Reconstruction offsets, see [`ComponentCoding::shrink`].
 const SHRINK: [u8; 2] = [20, 6];
 
-/// The signal that is coded: `sqrt(x / white)`, with the sign kept where `signed`.
-fn to_signal(colour: [f32; 3], white: [f32; 3], signed: bool) -> [f32; 3] {
-    std::array::from_fn(|k| {
-        let x = colour[k] / white[k];
-        if x >= 0.0 {
-            x.sqrt()
-        } else if signed {
-            -(-x).sqrt()
-        } else {
-            0.0
-        }
-    })
-}
-
 impl<'a> PlaneEncoder<'a> {
     /// Chooses order, colour rotations and mask coding. `signed` also keeps the sign of specular radiance below zero.
     pub fn new(source: &MaskedPhotographs<'a>, signed: bool) -> Self {
         let &MaskedPhotographs { mesh, views, components, white, covered, photographs } = source;
-        let bounds = |start: f64, pick: fn(f64, f64) -> f64| -> [f64; 3] {
-            std::array::from_fn(|k| mesh.positions.iter().fold(start, |b, p| pick(b, p[k] as f64)))
-        };
-        let (low, high) = (bounds(f64::INFINITY, f64::min), bounds(f64::NEG_INFINITY, f64::max));
-        let order = order::coarse_to_fine(views, std::array::from_fn(|k| 0.5 * (low[k] + high[k])));
+        let order = order::coarse_to_fine(views, mesh.bounding_sphere().0);
         let same = photographs.iter().map(|p| &p.mask).eq(covered);
         let masks = if same { MaskCoding::Coverage } else { MaskCoding::Coded };
         let white32 = white.map(|w| w as f32);
@@ -128,7 +111,7 @@ impl<'a> PlaneEncoder<'a> {
                         .zip(&photograph.mask.data)
                         .filter(|(_, inside)| **inside)
                     {
-                        sums.add(to_signal(*colour, white32, signed));
+                        sums.add(signal::forward(*colour, white32, signed));
                     }
                 }
                 sums.rotation()
@@ -158,25 +141,25 @@ impl<'a> PlaneEncoder<'a> {
             ParallelBudget { views: self.views, coding: &header.coding, budget: &budget, workspaces: &workspaces };
         let mut results = Vec::with_capacity(all.len());
         let encode = |index: usize, decoded: &[Option<DecodedView>], is_reference: bool| {
-            let step = &self.order[index];
-            let target = &self.photographs[step.view];
-            let signal = |frame: &Window, component: usize| -> PlaneSignal {
+            let entry = &self.order[index];
+            let target = &self.photographs[entry.view];
+            let plane = |window: &Window, component: usize| -> PlaneSignal {
                 let coding = &header.coding.components[component];
                 let rotation = coding.colour_transform();
                 let Photograph { mask, images } = target;
-                let colours = frame.crop(&images[component].data, mask.width);
-                (colours.into_iter().zip(frame.crop(&mask.data, mask.width)))
+                let colours = window.crop(&images[component].data, mask.width);
+                (colours.into_iter().zip(window.crop(&mask.data, mask.width)))
                     .map(|(c, m)| match m {
                         true => {
-                            let [r, g, b] = to_signal(c, white, coding.signed);
+                            let [r, g, b] = signal::forward(c, white, coding.signed);
                             rotation.rotate(Vec4::new(r, g, b, 0.0)).to_array()
                         }
                         false => [0.0; 4],
                     })
                     .collect()
             };
-            let (step, wanted) = ((step, scale), (&target.mask, quality.lambda));
-            let (streams, view) = picture::encode(&scene, step, &header.coding, wanted, signal, decoded, is_reference)?;
+            let task = ViewTask { scene: &scene, entry, scale, coding: &header.coding, decoded, is_reference };
+            let (streams, view) = picture::encode(&task, &target.mask, quality.lambda, plane)?;
             let photograph = DecodedPhotograph::new(&header, self.white, &view).photograph();
             Ok(((streams, photograph), view))
         };

@@ -1,4 +1,4 @@
-//! Profile `tuned`: the photographs' planes, predicted through the mesh from decoded views.
+//! Profile `predictive`: the photographs' planes, predicted through the mesh from decoded views.
 //!
 //! Way of a picture: sqrt domain, colours rotated, predicted by warping up to two decoded views, both transformed by the
 //! shape-adaptive 9/7, the scaled prediction subtracted, quantised, coded with contexts from the prediction.
@@ -30,7 +30,7 @@ use crate::residual::mask::MaskModels;
 use crate::surface::reproject::{ReferenceView, Reprojection, reproject};
 use crate::surface::view_geometry::{ViewGeometry, ViewedMesh};
 use crate::surface::warp::{REFERENCE_RINGS, ReferenceImage};
-use crate::transform::frame::Window;
+use crate::transform::window::Window;
 use crate::views::{Camera, View};
 
 use crate::transform::masked::MaskedPixels;
@@ -40,7 +40,7 @@ use order::OrderEntry;
 use std::borrow::Cow;
 use workspace::ParallelBudget;
 
-/// How one component's pictures are coded.
+/// Coding of one component's pictures.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ComponentCoding {
     /// Quantiser step in the sqrt domain.
@@ -63,7 +63,7 @@ impl ComponentCoding {
             shrink: self.shrink.map(|s| s as f32 * (1.0 / 256.0)),
         }
     }
-    /// The rotation, and the way back.
+    /// Returns the rotation and its inverse as matrices.
     pub fn colour_transform(&self) -> ColourTransform {
         let entry = |row: usize, column: usize| self.rotation[row][column] as f32 * (1.0 / 16384.0);
         let column = |k: usize| Vec4::new(entry(0, k), entry(1, k), entry(2, k), 0.0);
@@ -72,7 +72,7 @@ impl ComponentCoding {
     }
 }
 
-/// A rotation of colours, ready to be used.
+/// A rotation of colours and its inverse.
 #[derive(Debug, Clone, Copy)]
 pub struct ColourTransform {
     rotation: [Vec4; 3],
@@ -80,12 +80,12 @@ pub struct ColourTransform {
 }
 
 impl ColourTransform {
-    /// Coded channels of a colour in the sqrt domain.
+    /// Returns the coded channels of a colour in the sqrt domain.
     #[inline(always)]
     pub fn rotate(&self, colour: Vec4) -> Vec4 {
         product(&self.rotation, colour)
     }
-    /// Colour in the sqrt domain of coded channels.
+    /// Returns the colour in the sqrt domain of coded channels.
     #[inline(always)]
     pub fn unrotate(&self, channels: Vec4) -> Vec4 {
         product(&self.inverse, channels)
@@ -98,7 +98,7 @@ fn product(columns: &[Vec4; 3], v: Vec4) -> Vec4 {
     columns[0] * Vec4::splat(v.x) + columns[1] * Vec4::splat(v.y) + columns[2] * Vec4::splat(v.z)
 }
 
-/// How masks are stored.
+/// Coding of masks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum MaskCoding {
     /// A view's mask is what the mesh covers in it; no bits.
@@ -110,39 +110,39 @@ pub enum MaskCoding {
 /// Largest prediction level. Part of the format.
 const MAX_PREDICTION_LEVEL: u8 = 2;
 
-/// How all pictures of a file are coded.
+/// Coding of all pictures of a file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PlaneCoding {
     /// Per component.
     pub components: Vec<ComponentCoding>,
-    /// How masks are stored.
+    /// Coding of masks.
     pub masks: MaskCoding,
     /// Levels of the transform above the picture that is predicted: 0 the photograph itself, 1 its low band of half the size, 2 one of a
     /// quarter. Finer bands are coded without prediction.
     pub prediction_level: u8,
-    /// How coefficients are predicted.
+    /// Entropy modelling of coefficients.
     pub modelling: Modelling,
 }
 
-/// The mesh and the views that every picture is predicted with.
+/// The mesh and the views that all pictures are predicted with.
 #[derive(Debug)]
 pub(crate) struct PredictionScene<'a> {
     surface: ViewedMesh<'a>,
     views: Cow<'a, [View]>,
 }
 
-/// A view made ready: where its pixels are and what they see.
+/// A view prepared for coding: mask, transform and geometry.
 #[derive(Debug)]
 struct PreparedView {
     /// Pixels that show the object.
     mask: Mask,
-    /// The part of the picture that is worked on.
-    frame: Window,
-    /// Transform of the mask in the frame.
+    /// Bounding window of the mask.
+    window: Window,
+    /// Transform of the mask in the window.
     plan: WaveletPlan,
     /// Levels of the transform above the picture that is predicted.
     level: usize,
-    /// Of the picture that is predicted.
+    /// Geometry at the resolution of the predicted picture.
     geometry: ViewGeometry,
 }
 
@@ -166,7 +166,7 @@ pub(crate) struct ViewModels {
 pub(crate) struct DecodedView {
     mask: Mask,
     /// The part of the picture that the signals hold.
-    frame: Window,
+    window: Window,
     /// Levels of the transform above the picture that later views are predicted from.
     level: usize,
     /// Per component. Those of references of full size are the references'; those of other views that are kept have been given up.
@@ -175,7 +175,7 @@ pub(crate) struct DecodedView {
     reference: Option<DecodedReference>,
 }
 
-/// What later views take from a decoded one.
+/// Data of a decoded view for those predicted from it.
 #[derive(Debug)]
 struct DecodedReference {
     seen: ReferenceView,
@@ -195,7 +195,7 @@ impl DecodedView {
             _ => {}
         }
     }
-    /// Bytes of memory that it takes.
+    /// Bytes of memory of the view.
     fn bytes(&self) -> u64 {
         let signals: u64 = self.signals.iter().map(MaskedPixels::bytes).sum();
         let reference = self.reference.as_ref().map_or(0, |DecodedReference { seen, pictures, .. }| {
@@ -203,19 +203,19 @@ impl DecodedView {
         });
         self.mask.data.len() as u64 + signals + reference
     }
-    /// Whether its pictures are still there.
+    /// Whether the signals have not been evicted.
     fn has_signals(&self) -> bool {
         self.level == 0 || !self.signals.is_empty()
     }
 }
 
 impl<'a> PredictionScene<'a> {
-    /// A mesh seen by views.
+    /// Prepares a mesh for its views.
     pub(crate) fn new(mesh: Cow<'a, Mesh>, views: Cow<'a, [View]>) -> Self {
         PredictionScene { surface: ViewedMesh::new(mesh), views }
     }
 
-    /// Draws a view; `mask` gives its mask from what the mesh covers, `admit` may refuse its frame.
+    /// Renders the geometry of a view; `mask` returns its mask from the coverage of the mesh, `admit` may refuse its window.
     fn prepare_view<T>(
         &self,
         view: usize,
@@ -231,12 +231,12 @@ impl<'a> PredictionScene<'a> {
             ViewGeometry::new(&self.surface, View { camera: low_camera(&view.camera, level), ..view.clone() });
         let low = geometry.raster.coverage();
         let mask = mask(if level == 0 { low } else { enlarged(&low, width, height, level) });
-        let frame = Window::around_mask(&mask, REFERENCE_RINGS << level);
-        let admitted = admit(&frame)?;
-        let inside = Mask { width: frame.width, height: frame.height, data: frame.crop(&mask.data, width) };
+        let window = Window::around_mask(&mask, REFERENCE_RINGS << level);
+        let admitted = admit(&window)?;
+        let inside = Mask { width: window.width, height: window.height, data: window.crop(&mask.data, width) };
         let plan = WaveletPlan::with_levels(inside, levels);
-        geometry.extend(&frame.low_band(level), plan.row_runs(level));
-        Ok((PreparedView { mask, frame, plan, level, geometry }, admitted))
+        geometry.extend(&window.low_band(level), plan.row_runs(level));
+        Ok((PreparedView { mask, window, plan, level, geometry }, admitted))
     }
 }
 
@@ -265,27 +265,26 @@ fn enlarged(low: &Mask, width: usize, height: usize, levels: usize) -> Mask {
     Mask { width, height, data }
 }
 
-/// Where the references show a view's pixels.
+/// Positions of a view's pixels in its references.
 struct Reprojections<'d> {
     references: Vec<(&'d DecodedReference, Vec<Reprojection>, f32)>,
 }
 
 impl<'d> Reprojections<'d> {
-    fn new(stage: &PreparedView, step: &OrderEntry, decoded: &'d [Option<DecodedView>]) -> Self {
-        let references: Vec<(&DecodedReference, f32)> = (step.references.iter())
+    fn new(view: &PreparedView, entry: &OrderEntry, decoded: &'d [Option<DecodedView>]) -> Self {
+        let references: Vec<(&DecodedReference, f32)> = (entry.references.iter())
             .filter_map(|&(view, share)| Some((decoded.get(view)?.as_ref()?.reference.as_ref()?, share as f32)))
             .collect();
         let seen: Vec<&ReferenceView> = references.iter().map(|(reference, _)| &reference.seen).collect();
-        let found =
-            reproject(&stage.geometry, &seen, &stage.frame.low_band(stage.level), stage.plan.row_runs(stage.level));
+        let found = reproject(&view.geometry, &seen, &view.window.low_band(view.level), view.plan.row_runs(view.level));
         let of = references.into_iter().zip(found).map(|((view, share), sources)| (view, sources, share)).collect();
         Reprojections { references: of }
     }
 }
 
-/// Runs `work` for the given steps of the order, wave by wave and as many side by side as there is room for, hands what they gave to
-/// `done`, with the steps' indices, and keeps what later ones need; views that no later step needs are dropped at once. `work` is told whether the view is
-/// needed.
+/// Runs `work` for the given entries of the order, wave by wave and as many side by side as the memory budget allows, and hands
+/// the results to `done`, with the entries' indices. Decoded views are kept as long as later entries need them; `work` receives
+/// `true` if a later view is predicted from this one.
 fn run_waves<T: Send>(
     order: &[OrderEntry],
     steps: &[usize],
@@ -321,7 +320,7 @@ fn run_waves<T: Send>(
     Ok(())
 }
 
-/// How many later steps need each view.
+/// Counts of the later entries that need each view.
 struct ReferenceCounts(Vec<usize>);
 
 impl ReferenceCounts {

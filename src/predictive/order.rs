@@ -1,4 +1,4 @@
-//! In which order views are coded, and from which others each is predicted.
+//! Coding order of the views, and the references that each is predicted from.
 
 /// One view of the coding order.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -118,7 +118,7 @@ mod planning {
     }
 }
 
-/// Which of `steps` may run side by side: wave `n + 1` needs only what waves `0..=n` have coded. `steps` are indices into
+/// Groups `steps` into waves that may run side by side: wave `n + 1` needs only what waves `0..=n` have coded. `steps` are indices into
 /// `order`, ascending, and hold all that they need ([`closure`]).
 pub(crate) fn waves(order: &[OrderEntry], steps: &[usize]) -> Vec<Vec<usize>> {
     let mut wave_of_view = std::collections::HashMap::new();

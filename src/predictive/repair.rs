@@ -6,7 +6,8 @@
 
 use super::header::{CodedEntry, PREFIX_BYTES, PlaneHeader};
 use super::order::OrderEntry;
-use super::{MaskCoding, PlaneCoding, PredictionScene, picture};
+use super::picture::{self, ViewTask};
+use super::{MaskCoding, PlaneCoding, PredictionScene};
 use crate::entropy::RangeEncoder;
 use crate::error::{Error, Result};
 use crate::image::Mask;
@@ -189,9 +190,10 @@ impl PlaneRepairer<'_> {
         check_work(mesh, camera)?;
         let step = OrderEntry { view, references: Vec::new(), parent: None };
         let nothing = Mask::filled(camera.width as usize, camera.height as usize, false);
-        let black = |frame: &crate::transform::frame::Window, _| vec![[0.0; 4]; frame.width * frame.height];
-        let (streams, _) =
-            picture::encode(&self.scene, (&step, PLAIN_SCALE), &self.coding, (&nothing, 1.0), black, &[], false)?;
+        let black = |window: &crate::transform::window::Window, _| vec![[0.0; 4]; window.width * window.height];
+        let (scene, coding) = (&self.scene, &self.coding);
+        let task = ViewTask { scene, entry: &step, scale: PLAIN_SCALE, coding, decoded: &[], is_reference: false };
+        let (streams, _) = picture::encode(&task, &nothing, 1.0, black)?;
         let parts: Vec<Vec<u8>> = std::iter::once(streams.mask).chain(streams.components).collect();
         let lengths = parts.iter().map(|part| part.len() as u32).collect();
         Ok((CodedEntry { entry: step, scale: PLAIN_SCALE, lengths, checksum: 0, offset: 0 }, parts.concat()))

@@ -57,7 +57,7 @@ impl PlaneWorkspaces {
 
 /// Bytes for each pixel of a picture while it is drawn.
 const DRAWING_BYTES: u64 = 64;
-/// Bytes for each pixel of a view's frame, and for each of these and component, while it is decoded.
+/// Bytes for each pixel of a view's window, and for each of these and component, while it is decoded.
 const CODING_BYTES: [u64; 2] = [48, 152];
 /// Adaptive state of a component.
 pub(crate) const MODEL_BYTES: u64 = 300_000;
@@ -73,10 +73,12 @@ pub(crate) fn drawing_bytes(camera: &Camera) -> u64 {
     pixels(camera).saturating_mul(DRAWING_BYTES)
 }
 
-/// Bytes that a view takes while it is decoded, from the number of its frame's pixels.
-pub(crate) fn coding_bytes(frame_pixels: u64, coding: &PlaneCoding) -> u64 {
+/// Bytes that a view takes while it is decoded, from the number of its window's pixels.
+pub(crate) fn coding_bytes(window_pixels: u64, coding: &PlaneCoding) -> u64 {
     let components = coding.components.len() as u64;
-    frame_pixels.saturating_mul(CODING_BYTES[0] + CODING_BYTES[1] * components).saturating_add(MODEL_BYTES * components)
+    window_pixels
+        .saturating_mul(CODING_BYTES[0] + CODING_BYTES[1] * components)
+        .saturating_add(MODEL_BYTES * components)
 }
 
 /// Bytes of a photograph.
@@ -84,7 +86,7 @@ pub(crate) fn photograph_bytes(camera: &Camera, components: usize) -> u64 {
     pixels(camera).saturating_mul(PHOTOGRAPH_BYTES[0] + PHOTOGRAPH_BYTES[1] * components as u64)
 }
 
-/// The most that decoding a view and handing it out may take: what is charged is less where its frame is smaller than the picture.
+/// The most that decoding a view and handing it out may take: what is charged is less where its window is smaller than the picture.
 pub(crate) fn peak_bytes(camera: &Camera, coding: &PlaneCoding) -> u64 {
     (drawing_bytes(camera).saturating_add(coding_bytes(pixels(camera), coding)))
         .saturating_add(photograph_bytes(camera, coding.components.len()))
@@ -118,5 +120,5 @@ impl ParallelBudget<'_> {
     }
 }
 
-/// A picture's signal: the sqrt domain, rotated, row-major in the view's frame.
+/// A picture's signal: the sqrt domain, rotated, row-major in the view's window.
 pub(crate) type PlaneSignal = Vec<ColourLanes>;

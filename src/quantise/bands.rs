@@ -35,7 +35,7 @@ impl Quantiser {
     }
 }
 
-/// What the encoder wants.
+/// Rate-distortion trade-off.
 #[derive(Debug, Clone, Copy)]
 pub struct RateDistortion {
     /// Value of a bit in squared steps.
@@ -59,5 +59,5 @@ pub(crate) fn saves_cost(wanted: impl Iterator<Item = [f32; 3]>, choice: RateDis
     gain > choice.lambda * bits
 }
 
-/// What a coefficient that is not zero costs about, in [`saves_cost`]. The encoder's choice.
+/// Approximate cost of a coefficient that is not zero, in bits, for [`saves_cost`]. The encoder's choice.
 const BITS_OF_A_COEFFICIENT: f32 = 6.0;

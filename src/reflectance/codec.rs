@@ -19,6 +19,7 @@ use crate::residual::coefficients;
 use crate::surface::atlas::rasterise_atlas;
 use crate::surface::charts::Charts;
 use crate::transform::shape_adaptive::{ColourLanes, WaveletPlan};
+use byteorder::{ByteOrder, LittleEndian};
 
 const SECTION: Tag = Tag::REFLECTANCE;
 const VERSION: u8 = 0;
@@ -110,7 +111,7 @@ pub fn decode(bytes: &[u8], mesh: &Mesh, charts: &Charts, budget: &Budget) -> Re
     }
     let mut numbers = [0f32; 5];
     for (k, number) in numbers.iter_mut().enumerate() {
-        *number = f32::from_le_bytes(std::array::from_fn(|i| header[3 + 4 * k + i]));
+        *number = LittleEndian::read_f32(&header[3 + 4 * k..]);
         if !is_in_range(k, *number) {
             return Err(Error::format(SECTION, 3 + 4 * k, format!("{number} is no scale or step")));
         }

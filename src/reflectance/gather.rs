@@ -28,7 +28,7 @@ const HIGHLIGHT: f32 = 0.5;
 /// Sightings of a block that its palette is fitted to, at most.
 const MAX_SIGHTINGS: usize = 400;
 
-/// What maps are fitted from.
+/// Input of [`fit_maps`].
 pub struct ReflectanceSources<'a> {
     /// The mesh.
     pub mesh: &'a Mesh,
@@ -38,7 +38,7 @@ pub struct ReflectanceSources<'a> {
     pub components: &'a [Component],
     /// Photographs, parallel to `views`; NaN pixels are missing.
     pub photographs: Vec<Option<&'a Photograph>>,
-    /// What the specular component is fitted with.
+    /// Model of the specular component.
     pub specular: SpecularModel,
 }
 

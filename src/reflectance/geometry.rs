@@ -1,4 +1,4 @@
-//! How a surface point lies between a light and a camera.
+//! Angles at a surface point between a light and a camera.
 
 use crate::vector::direction;
 use crate::vector::dot;

@@ -13,7 +13,7 @@ use crate::quantise::bands::{Quantiser, RateDistortion, saves_cost};
 use crate::transform::masked::Coefficients;
 use crate::transform::shape_adaptive::{ColourLanes, Orientation, Subband, WaveletPlan};
 
-/// How a picture's decisions are predicted.
+/// Entropy modelling of a picture's coefficients.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Modelling {
     /// Eight contexts of each decision, mixed: the smallest files.
@@ -160,7 +160,7 @@ fn code_with<C: BitCoder, K: CoefficientCoder<C>>(
         };
         let siblings = &known[index - siblings..];
         let out = coefficients.band_mut(index, band.mask.data.len());
-        let here = code_band(coder, &mut models.values, quantiser, &task, (parent, siblings), out);
+        let here = code_band(coder, &mut models.values, quantiser, &task, parent, siblings, out);
         known.push(here);
     }
     coefficients
@@ -170,7 +170,7 @@ fn code_with<C: BitCoder, K: CoefficientCoder<C>>(
 struct BandTask<'a> {
     band: &'a Subband,
     predicted: Option<&'a [ColourLanes]>,
-    /// Of the prediction, by colour and bucket.
+    /// Gains of the prediction, by colour and bucket.
     gains: &'a [[i32; gains::BUCKETS]; 3],
     /// In encoding.
     target: Option<(&'a [ColourLanes], RateDistortion)>,
@@ -179,7 +179,7 @@ struct BandTask<'a> {
 }
 
 impl BandTask<'_> {
-    /// What a position's values are added to; `out` is decoded before it.
+    /// Returns the prediction of a position, which its values are added to; `out` holds the positions decoded before.
     #[inline(always)]
     fn prediction(&self, flat: usize, out: &[ColourLanes]) -> [f32; 3] {
         match self.predicted {
@@ -227,7 +227,8 @@ fn code_band<C: BitCoder, K: CoefficientCoder<C>>(
     models: &mut K,
     quantiser: &Quantiser,
     task: &BandTask,
-    (parent, siblings): (Option<&CodedBand<K::Magnitudes>>, &[CodedBand<K::Magnitudes>]),
+    parent: Option<&CodedBand<K::Magnitudes>>,
+    siblings: &[CodedBand<K::Magnitudes>],
     out: &mut [ColourLanes],
 ) -> CodedBand<K::Magnitudes> {
     let BandTask { band, predicted, step, inverse, .. } = *task;
@@ -266,7 +267,7 @@ fn code_band<C: BitCoder, K: CoefficientCoder<C>>(
                     Some((wanted, choice)) => models.choose(wanted, quantiser, choice, &place, &around),
                     None => [0; 3],
                 };
-                let values = models.code(coder, &place, &around, (&prediction, inverse), wanted);
+                let values = models.code(coder, &place, &around, &prediction, inverse, wanted);
                 if values != [0; 3] {
                     let at = here.index(x, y);
                     here.values[at] = K::magnitudes(&values);

@@ -1,4 +1,4 @@
-//! Contexts of wavelet coefficients: what is known around a position before it is coded, and its classes.
+//! Contexts of wavelet coefficients: the neighbourhood of a position before it is coded, and its classes.
 //!
 //! All numbers here are part of the format (`spec/planes.md`).
 
@@ -10,20 +10,20 @@ use crate::transform::shape_adaptive::{ColourLanes, Subband};
 /// Side of a block, in positions.
 pub(super) const BLOCK: usize = 4;
 
-/// How values are told apart: what is known around a position, and what learns from them.
+/// Context modelling of coefficients: neighbourhood and adaptive models.
 pub(super) trait ContextModel: Clone + std::fmt::Debug {
     /// Magnitudes of the three colours at a position.
     type Magnitudes: Copy + Default;
-    /// What is known around a position.
+    /// Neighbourhood of a position.
     type Neighbourhood;
 
-    /// Models that have seen nothing.
+    /// Initial models.
     fn new() -> Self;
     /// Magnitudes of what was coded at a position.
     fn magnitudes(values: &[i32; 3]) -> Self::Magnitudes;
     /// Magnitudes of a predicted coefficient; `inverse` is four over the step.
     fn prediction_magnitude(predicted: &ColourLanes, inverse: f32) -> Self::Magnitudes;
-    /// Gathers what is known around a position.
+    /// Gathers the neighbourhood of a position.
     fn neighbourhood(bands: &CodedBands<Self::Magnitudes>, x: usize, y: usize) -> Self::Neighbourhood;
     /// The values with the least squared error plus rate among those near `wanted`, which are given in steps.
     fn choose(
@@ -36,7 +36,7 @@ pub(super) trait ContextModel: Clone + std::fmt::Debug {
     ) -> [i32; 3];
 }
 
-/// Contexts whose values a coder can code.
+/// Context models whose values a coder can code.
 pub(super) trait CoefficientCoder<C: BitCoder>: ContextModel {
     /// Codes the three colours of a position. `prediction` is what they will be added to, `inverse` one over the step.
     fn code(
@@ -44,7 +44,8 @@ pub(super) trait CoefficientCoder<C: BitCoder>: ContextModel {
         coder: &mut C,
         place: &BandClass,
         around: &Self::Neighbourhood,
-        prediction: (&[f32; 3], f32),
+        prediction: &[f32; 3],
+        inverse: f32,
         wanted: [i32; 3],
     ) -> [i32; 3];
     /// Codes which blocks of the row that begins at `y` hold anything but zeros, where blocks are told apart. `occupied` says it of
@@ -71,7 +72,7 @@ pub(super) struct CodedBands<'a, T> {
     pub(super) siblings: &'a [CodedBand<T>],
 }
 
-/// What is known of a band: magnitudes of what was coded and of the prediction, with a margin of two columns and rows before the first
+/// A band during coding: magnitudes of coded values and of the prediction, with a margin of two columns and rows before the first
 /// and of as many behind the last as a block may reach, so that neighbours need no checks.
 pub(super) struct CodedBand<T> {
     pub(super) stride: usize,
@@ -98,7 +99,7 @@ impl<T: Copy + Default> CodedBand<T> {
         }
         known
     }
-    /// Where a position stands.
+    /// Index of a position.
     #[inline(always)]
     pub(super) fn index(&self, x: usize, y: usize) -> usize {
         (y + 2) * self.stride + x + 2
@@ -118,7 +119,7 @@ pub(super) fn code_escaped<C: BitCoder>(coder: &mut C, number: &mut NumberModel,
     least.saturating_add(number.code(coder, goal.wrapping_sub(least))).min(MAX_MAGNITUDE)
 }
 
-/// What is the same for a whole band.
+/// Classes that all positions of a band share.
 pub(super) struct BandClass {
     pub(super) is_predicted: bool,
     pub(super) band_class: usize,

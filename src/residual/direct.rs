@@ -19,7 +19,7 @@ use crate::transform::shape_adaptive::ColourLanes;
 /// Sums of a few of them are sums in each lane.
 type PackedMagnitudes = u64;
 
-/// What surrounds a position. Bands have margins, so that it is there; nothing where it were not.
+/// Neighbourhood of a position; zero beyond the margins of the bands.
 #[derive(Default)]
 pub(super) struct DirectNeighbourhood {
     parent: PackedMagnitudes,
@@ -37,7 +37,7 @@ pub(super) struct DirectModel {
     pattern: SymbolModel,
     /// By how much a magnitude is larger.
     more: SymbolModel,
-    /// What is even larger.
+    /// Magnitudes beyond the symbols' range.
     escape: NumberModel,
     /// Whether a block has anything but zeros.
     block: AverageModel,
@@ -67,7 +67,7 @@ fn pattern(magnitudes: [u32; 3]) -> u32 {
     (0..3).map(|k| magnitudes[k].min(MAX_IN_PATTERN[k]) * WEIGHTS[k]).sum()
 }
 
-/// What a symbol costs.
+/// Cost of a symbol, in bits.
 fn symbol_cost(starts: &SymbolStarts, symbol: u32) -> f32 {
     let [_, size] = interval(starts, symbol as usize);
     bit_cost(size as u32, true)
@@ -171,7 +171,7 @@ impl ContextModel for DirectModel {
                 best = (value, magnitudes);
             }
         };
-        // None at all is always worth a thought.
+        // The all-zero pattern is always a candidate.
         consider([0; 3], wanted_magnitudes.iter().map(|w| w * w).sum());
         for first in candidate_magnitudes(wanted_magnitudes[0]) {
             let of_first = value_of(0, first, 0);
@@ -195,7 +195,8 @@ impl<C: SymbolCoder> CoefficientCoder<C> for DirectModel {
         coder: &mut C,
         place: &BandClass,
         around: &DirectNeighbourhood,
-        _prediction: (&[f32; 3], f32),
+        _prediction: &[f32; 3],
+        _inverse: f32,
         wanted: [i32; 3],
     ) -> [i32; 3] {
         let goals = wanted.map(i32::unsigned_abs);

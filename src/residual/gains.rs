@@ -33,7 +33,7 @@ pub(crate) fn bucket(steps: f32) -> usize {
 /// Gains of one picture: `[band class][colour][bucket]`, in 1/[`UNITY`].
 pub(crate) type PredictionGains = [[[i32; BUCKETS]; 3]; BAND_CLASSES];
 
-/// What the next picture's gains are coded from.
+/// Adaptive models of the gains, and the gains of the picture before.
 #[derive(Debug, Clone)]
 pub(crate) struct GainModels {
     last: PredictionGains,

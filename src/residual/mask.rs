@@ -13,7 +13,7 @@ pub struct MaskModels {
     border: Mixer,
     /// Whether some pixel of a row differs from its surroundings where these are all alike.
     differs: BitModel,
-    /// Where nothing around tells of a border: covered and not.
+    /// Pixels whose surroundings are alike: covered and not.
     plain: [BitModel; 2],
 }
 
@@ -60,7 +60,7 @@ const CAUSAL: [(isize, isize); 10] =
 const COVERAGE: [(isize, isize); 10] =
     [(0, 0), (1, 0), (0, 1), (-1, 0), (0, -1), (1, 1), (-1, 1), (2, 0), (0, 2), (3, 0)];
 
-/// Where nothing around a row's pixels tells of a border: each a byte of 0 or 1, for the sides outside and inside. Of the coded
+/// Pixels of a row whose surroundings are alike: each a byte of 0 or 1, for the sides outside and inside. Of the coded
 /// neighbours only those of the rows above are looked at.
 struct PlainPixels([Vec<u8>; 2]);
 

@@ -136,7 +136,8 @@ impl<C: BitCoder> CoefficientCoder<C> for MixedModel {
         coder: &mut C,
         place: &BandClass,
         around: &MixedNeighbourhood,
-        (prediction, inverse): (&[f32; 3], f32),
+        prediction: &[f32; 3],
+        inverse: f32,
         wanted: [i32; 3],
     ) -> [i32; 3] {
         if !self.any.code(coder, &any_context(place, around), wanted != [0; 3]) {
@@ -178,7 +179,7 @@ fn decision(first: &MixerContext, index: u32) -> MixerContext {
     }
 }
 
-/// What surrounds a position, each for three colours (the fourth lane is unused).
+/// Neighbourhood of a position, for three colours each (the fourth lane is unused).
 pub(super) struct MixedNeighbourhood {
     west: [i16; 4],
     north: [i16; 4],
@@ -253,10 +254,10 @@ fn any_context(place: &BandClass, around: &MixedNeighbourhood) -> MixerContext {
     }
 }
 
-/// How far the slots of the decision "larger than 1" lie from those of "larger than 0", and so on.
+/// Distance of the slots of the decision "larger than 1" from those of "larger than 0", and so on.
 const STRIDES: [u32; INPUTS] = [12 * 9, 12 * 8, 24, 8 * 8, 9 * 8, 256 * 4, 32 * 4, 8 * 8 * 4];
 
-/// What predicts one coefficient's magnitude once its place is known not to be empty, as the context of its first decision.
+/// Context of the first decision on one coefficient's magnitude at a position that is known not to be empty.
 /// `before` are the values of the colours before it.
 #[inline(always)]
 fn magnitude_context(place: &BandClass, around: &MixedNeighbourhood, colour: usize, before: &[i32; 3]) -> MixerContext {

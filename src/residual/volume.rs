@@ -19,7 +19,7 @@ impl<const L: usize> Default for VolumeScratch<L> {
     }
 }
 
-/// How many times [`truncate`] goes through the free samples.
+/// Rounds in which [`truncate`] fills the free samples.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct FillEffort {
     /// Rounds in which the coefficients to keep are chosen.
@@ -133,7 +133,7 @@ fn place_visible<const L: usize>(
     restore_visible(samples, residual, visible);
 }
 
-/// Where the filling starts: each sample's free views are interpolated linearly between the visible ones before and
+/// Initial filling: each sample's free views are interpolated linearly between the visible ones before and
 /// after, the axis taken as a ring. Samples that no view shows take the mean of the patch's in that view.
 #[cfg(feature = "encode")]
 fn fill_along_views<const L: usize>(

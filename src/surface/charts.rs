@@ -9,8 +9,9 @@ use crate::error::{Error, Result};
 use crate::limits::{Budget, check};
 use crate::mesh::Mesh;
 use crate::vector::cross;
+use byteorder::{ByteOrder, LittleEndian};
 
-/// Where the triangles lie in a texture atlas: each chart is an orthographic projection along one axis of the world,
+/// Charts of a texture atlas: each chart is an orthographic projection along one axis of the world,
 /// so that its texture coordinates follow from the mesh and four numbers.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Charts {
@@ -145,7 +146,7 @@ struct ChartModels {
     offset: [NumberModel; 2],
 }
 
-/// What both directions know while they visit the triangles.
+/// State of the visit of the triangles, in both directions.
 struct Visit<'a> {
     mesh: &'a Mesh,
     neighbours: Vec<[u32; 3]>,
@@ -268,7 +269,7 @@ pub fn decode(bytes: &[u8], mesh: &Mesh, budget: &Budget) -> Result<Charts> {
     let Some((head, rest)) = bytes.split_first_chunk::<4>() else {
         return Err(Error::format(SECTION, bytes.len() as u64, "ends within the texel density; 4 bytes expected"));
     };
-    let texels_per_unit = f32::from_le_bytes(*head) as f64;
+    let texels_per_unit = LittleEndian::read_f32(head) as f64;
     if !(texels_per_unit.is_finite() && texels_per_unit > 0.0) {
         return Err(Error::format(SECTION, 0u64, "the texel density must be a positive number"));
     }

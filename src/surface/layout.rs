@@ -20,15 +20,7 @@ const GUTTER: i64 = 1;
 
 /// Texels per unit of world length so that there are `density` texels (each way) for one pixel of the median view.
 pub(crate) fn texels_per_unit(mesh: &Mesh, cameras: &[Camera], density: f64) -> f64 {
-    let mut low = [f64::INFINITY; 3];
-    let mut high = [f64::NEG_INFINITY; 3];
-    for p in &mesh.positions {
-        for k in 0..3 {
-            low[k] = low[k].min(p[k] as f64);
-            high[k] = high[k].max(p[k] as f64);
-        }
-    }
-    let middle = std::array::from_fn(|k| (low[k] + high[k]) / 2.0);
+    let (middle, _) = mesh.bounding_sphere();
     let mut scales: Vec<f64> = cameras
         .iter()
         .filter_map(|camera| {
@@ -101,7 +93,7 @@ fn check_work(mesh: &Mesh, texels_per_unit: f64, max_texels: f64) -> Result<()> 
     }
     Err(Error::parameter(format!(
         "an atlas of the mesh would have {:.0} million texels, {:.1} at most: is the mesh in another unit than the cameras \
-         (--mesh-scale), or its density too high?",
+         (option `mesh_scale`), or its density too high?",
         total / 1e6,
         max_texels / 1e6
     )))

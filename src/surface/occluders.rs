@@ -1,4 +1,4 @@
-//! Which photographs see a surface point: ray casting against the mesh, the mask, and a margin to depth edges.
+//! Visibility of surface points in photographs: ray casting against the mesh, the mask, and a margin to depth edges.
 
 use crate::image::{Grid, Mask, RgbImage};
 use crate::mesh::Mesh;
@@ -18,7 +18,7 @@ pub(crate) struct Occluders {
     bias: f64,
 }
 
-/// Where a ray meets the mesh first.
+/// First intersection of a ray with the mesh.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct SurfaceHit {
     /// Index of the triangle.
@@ -43,7 +43,7 @@ impl Occluders {
             .collect();
         let hierarchy = build_cwbvh_from_tris(&triangles, BvhBuildParams::medium_build(), &mut Default::default());
         let triangles = hierarchy.primitive_indices.iter().map(|&k| triangles[k as usize]).collect();
-        Occluders { hierarchy, triangles, bias: 2e-4 * diagonal(mesh) }
+        Occluders { hierarchy, triangles, bias: 2e-4 * mesh.diagonal() }
     }
     /// Whether the segment between a surface point and a camera is free. The point's own surroundings do not block it.
     pub(crate) fn is_visible(&self, point: [f64; 3], camera_centre: [f64; 3]) -> bool {
@@ -71,7 +71,7 @@ impl Occluders {
             if t > bias { t } else { f32::INFINITY }
         })
     }
-    /// What the ray through an image position meets first.
+    /// Returns the first intersection of the ray through an image position.
     pub(crate) fn first_hit(&self, camera: &Camera, pixel: [f64; 2]) -> Option<SurfaceHit> {
         if self.triangles.is_empty() {
             return None;
@@ -123,20 +123,7 @@ fn intersect(corners: [[f64; 3]; 3], origin: [f64; 3], direction: [f64; 3]) -> (
     ([1.0 - b1 - b2, b1, b2], dot(e2, q) / determinant)
 }
 
-/// Diagonal of the mesh's bounding box.
-pub(crate) fn diagonal(mesh: &Mesh) -> f64 {
-    let (mut low, mut high) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
-    for p in mesh.positions.iter().filter(|p| p.iter().all(|x| x.is_finite())) {
-        for axis in 0..3 {
-            low[axis] = low[axis].min(p[axis]);
-            high[axis] = high[axis].max(p[axis]);
-        }
-    }
-    let squared: f64 = (0..3).map(|i| (high[i] as f64 - low[i] as f64).max(0.0).powi(2)).sum();
-    squared.sqrt()
-}
-
-/// Where a photograph may be read: pixels that show the object, hold finite values and lie on one surface.
+/// Readable pixels of a photograph: those that show the object, hold finite values and lie on one surface.
 pub(crate) struct Footprint {
     camera: Camera,
     usable: Mask,
@@ -146,7 +133,7 @@ pub(crate) struct Footprint {
 }
 
 impl Footprint {
-    /// Gathers mask, missing pixels and depth of one frame. All images have the camera's size.
+    /// Gathers mask, missing pixels and depth of one view. All images have the camera's size.
     pub(crate) fn new(
         occluders: &Occluders,
         mesh: &Mesh,
@@ -162,7 +149,7 @@ impl Footprint {
             let shown = mask.map_or(depth.data[i].is_finite(), |m| m.data[i]);
             *u = shown && images.iter().all(|image| image.data[i].iter().all(|x| x.is_finite()));
         }
-        Footprint { camera: *camera, usable, depth, margin: 0.02 * diagonal(mesh) as f32 }
+        Footprint { camera: *camera, usable, depth, margin: 0.02 * mesh.diagonal() as f32 }
     }
     /// Pixels that are shown and finite.
     pub(crate) fn usable(&self) -> &Mask {

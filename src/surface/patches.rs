@@ -1,4 +1,4 @@
-//! Surface patches of the `paper` profile: two triangles with a common edge make a square of N x N samples.
+//! Surface patches of the `wavelet-texture` profile: two triangles with a common edge make a square of N x N samples.
 //!
 //! The first triangle fills the right triangle `u + v <= 1` of the unit square, the second the other half; their common
 //! edge is the diagonal. A triangle without a partner fills its half alone. Sample `(column, row)` lies at
@@ -154,7 +154,7 @@ pub(crate) fn neighbours(mesh: &Mesh) -> Vec<[Option<u32>; 3]> {
     result
 }
 
-/// How near the common edge comes to the hypotenuse of two right triangles: its squared length over the sum of the other
+/// Nearness of the common edge to the hypotenuse of two right triangles: its squared length over the sum of the other
 /// four.
 fn hypotenuse_score(mesh: &Mesh, triangle: u32, edge: u8, other: u32) -> f64 {
     let squared = |a: u32, b: u32| -> f64 {

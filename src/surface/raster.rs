@@ -14,7 +14,7 @@ use crate::views::{Camera, View};
 /// No triangle at a pixel.
 pub(crate) const NO_TRIANGLE: u32 = u32::MAX;
 
-/// What each pixel's central ray meets first.
+/// First intersection of each pixel's central ray.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Raster {
     /// Columns.
@@ -41,7 +41,7 @@ impl Raster {
     }
 }
 
-/// What the mesh covers in each view.
+/// Returns the pixels that the mesh covers, by view.
 pub fn coverage(mesh: &Mesh, views: &[View]) -> Vec<Mask> {
     parallel::map(views.len(), |index| rasterise(mesh, &views[index].camera).coverage())
 }

@@ -1,12 +1,12 @@
-//! Where other views show the points that a view sees.
+//! Reprojection of the points of a view into other views.
 //!
 //! Predictions follow it, so it is bit-exact: IEEE `+ - * / sqrt` and comparisons in the order written (normative,
 //! `spec/planes.md`).
 
 use super::raster::Raster;
 use super::view_geometry::ViewGeometry;
-use crate::transform::frame::Window;
 use crate::transform::shape_adaptive::PixelRun;
+use crate::transform::window::Window;
 use crate::views::{Camera, View};
 
 /// A point is hidden in a reference when it lies behind the nearest surface there by this share of its depth.
@@ -14,7 +14,7 @@ const DEPTH_MARGIN: f64 = 0.004;
 /// Least cosine between normal and light that a shading ratio takes into account.
 const MIN_COSINE: f64 = 0.05;
 
-/// Where a target pixel is found in a reference view.
+/// Position of a target pixel in a reference view.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Reprojection {
     /// Position in the reference in pixels (centres at +0.5).
@@ -25,7 +25,7 @@ pub(crate) struct Reprojection {
     pub(super) shading: f32,
 }
 
-/// What a decoded view is asked for by those predicted from it.
+/// Depth of a decoded view, for the reprojection of those predicted from it.
 #[derive(Debug, Clone)]
 pub(crate) struct ReferenceView {
     view: View,
@@ -36,7 +36,7 @@ pub(crate) struct ReferenceView {
 }
 
 impl ReferenceView {
-    /// What later views ask of a decoded one.
+    /// Takes the depth out of a view's geometry.
     pub(crate) fn new(geometry: ViewGeometry) -> Self {
         let Raster { width, height, depth, .. } = geometry.raster;
         // The farthest of the nine pixels around: along rows, then along columns.
@@ -118,12 +118,12 @@ struct ReprojectionTarget<'a> {
     light: Option<([f64; 3], f64)>,
 }
 
-/// Finds every mask pixel of `target` (`rows` of a frame, to which its geometry is extended) in each reference; pixels in
+/// Finds every mask pixel of `target` (`rows` of a window, to which its geometry is extended) in each reference; pixels in
 /// the rows' order.
 pub(crate) fn reproject(
     target: &ViewGeometry,
     references: &[&ReferenceView],
-    frame: &Window,
+    window: &Window,
     rows: &[PixelRun],
 ) -> Vec<Vec<Reprojection>> {
     let from = &target.view.camera;
@@ -142,10 +142,10 @@ pub(crate) fn reproject(
     let count = rows.iter().map(|run| run.length as usize).sum();
     let mut found: Vec<Vec<Reprojection>> = references.iter().map(|_| Vec::with_capacity(count)).collect();
     for run in rows {
-        let y = frame.top + run.line as usize;
+        let y = window.top + run.line as usize;
         let q1 = (y as f64 + 0.5 - from.principal[1]) / from.focal[1];
-        let end = frame.left + (run.start + run.length) as usize;
-        for first in (frame.left + run.start as usize..end).step_by(LANES) {
+        let end = window.left + (run.start + run.length) as usize;
+        for first in (window.left + run.start as usize..end).step_by(LANES) {
             let used = LANES.min(end - first);
             // Lanes beyond the run repeat its last pixel.
             let column = |i: usize| first + i.min(used - 1);
@@ -167,7 +167,7 @@ pub(crate) fn reproject(
 
 const HIDDEN: Reprojection = Reprojection { position: [0.0; 2], weight: 0.0, shading: 1.0 };
 
-/// Where a reference shows points; `here` is the irradiance that the target's light gives them.
+/// Reprojects points into a reference; `here` is their irradiance under the target's light.
 #[inline(always)]
 fn reproject_points(
     points: &[PixelLanes; 3],

@@ -1,4 +1,4 @@
-//! Places on a mesh where something is sampled more finely than at its vertices: every triangle is cut along a grid, as mesh colours are
+//! Sample points on a mesh, finer than its vertices: every triangle is cut along a grid, as mesh colours are
 //! (Yuksel, Keyser & House 2010). Normative for `spec/visibility.md`.
 
 use crate::error::{Error, Result};
@@ -30,7 +30,7 @@ struct InnerSample {
     at: [u8; 2],
 }
 
-/// How a triangle is cut.
+/// Subdivision of a triangle.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct TriangleGrid {
     parts: u8,

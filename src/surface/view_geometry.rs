@@ -2,13 +2,13 @@
 
 use super::raster::{self, Raster};
 use crate::mesh::Mesh;
-use crate::transform::frame::Window;
 use crate::transform::shape_adaptive::PixelRun;
+use crate::transform::window::Window;
 use crate::vector::dot;
 use crate::views::View;
 use std::borrow::Cow;
 
-/// A mesh with what every view needs of it.
+/// A mesh with its vertex normals.
 #[derive(Debug)]
 pub(crate) struct ViewedMesh<'a> {
     mesh: Cow<'a, Mesh>,
@@ -26,7 +26,7 @@ impl<'a> ViewedMesh<'a> {
     }
 }
 
-/// What a view sees of the surface.
+/// The surface in a view.
 #[derive(Debug, Clone)]
 pub(crate) struct ViewGeometry {
     /// The view.
@@ -60,13 +60,13 @@ impl ViewGeometry {
         ViewGeometry { view, raster, normals }
     }
 
-    /// Gives the mask's pixels (`rows` of a frame) that miss the mesh the mean depth and normal of their neighbours, ring by
+    /// Gives the mask's pixels (`rows` of a window) that miss the mesh the mean depth and normal of their neighbours, ring by
     /// ring.
-    pub(crate) fn extend(&mut self, frame: &Window, rows: &[PixelRun]) {
+    pub(crate) fn extend(&mut self, window: &Window, rows: &[PixelRun]) {
         let (width, height) = (self.raster.width, self.raster.height);
         let mut missing = Vec::new();
         for run in rows {
-            let at = (frame.top + run.line as usize) * width + frame.left + run.start as usize;
+            let at = (window.top + run.line as usize) * width + window.left + run.start as usize;
             missing.extend((at..at + run.length as usize).filter(|&at| self.raster.depth[at] == 0.0));
         }
         for _ in 0..DEPTH_RINGS {

@@ -6,17 +6,17 @@
 use super::reproject::Reprojection;
 use super::view_geometry::for_neighbours;
 use crate::image::Mask;
-use crate::transform::frame::Window;
 use crate::transform::masked::{self, MaskedPixels, RowRuns};
 use crate::transform::shape_adaptive::{ColourLanes, PixelRun};
+use crate::transform::window::Window;
 use glam::Vec4;
 
 /// A decoded picture in the sqrt domain, filled beyond its mask so that interpolation may read anywhere.
 #[derive(Debug, Clone)]
 pub(crate) struct ReferenceImage {
-    /// Size of the picture, of which the pixels are the part in the frame.
+    /// Size of the picture, of which the pixels are the part in the window.
     size: [usize; 2],
-    frame: Window,
+    window: Window,
     /// The mask.
     rows: RowRuns,
     pixels: Vec<ColourLanes>,
@@ -28,10 +28,10 @@ pub(crate) const REFERENCE_RINGS: usize = 4;
 const HOLE_RINGS: usize = 64;
 
 impl ReferenceImage {
-    /// Fills a few rings beyond the mask with the mean of the neighbours inside, what lies beyond them with 0. The frame leaves
+    /// Fills a few rings beyond the mask with the mean of the neighbours inside, what lies beyond them with 0. The window leaves
     /// room for the rings wherever the picture does.
-    pub(crate) fn new(picture: MaskedPixels, size: [usize; 2], frame: Window) -> Self {
-        let Window { width, height, .. } = frame;
+    pub(crate) fn new(picture: MaskedPixels, size: [usize; 2], window: Window) -> Self {
+        let Window { width, height, .. } = window;
         let rows = picture.rows().clone();
         let mut pixels = picture.zero_outside();
         let mut known = vec![false; width * height];
@@ -58,7 +58,7 @@ impl ReferenceImage {
             wanted.sort_unstable();
             wanted.dedup();
         }
-        ReferenceImage { size, frame, rows, pixels }
+        ReferenceImage { size, window, rows, pixels }
     }
 
     /// Bytes of memory that it takes.
@@ -67,7 +67,7 @@ impl ReferenceImage {
     }
     /// The mask's runs with their pixels.
     pub(crate) fn runs(&self) -> impl Iterator<Item = (&PixelRun, &[ColourLanes])> {
-        masked::runs(&self.rows, self.frame.width, &self.pixels)
+        masked::runs(&self.rows, self.window.width, &self.pixels)
     }
 
     /// Catmull-Rom interpolation; `position` is clamped to the picture.
@@ -77,7 +77,7 @@ impl ReferenceImage {
         let (left, top) = (floor(x), floor(y));
         let (wx, wy) = (catmull_rom(x - left as f32), catmull_rom(y - top as f32));
         let (left, top) = (left as i64 - 1, top as i64 - 1);
-        let Window { left: x0, top: y0, width, height } = self.frame;
+        let Window { left: x0, top: y0, width, height } = self.window;
         let (inner_left, inner_top) = (left - x0 as i64, top - y0 as i64);
         let mut sum = Vec4::ZERO;
         let mut add = |j: usize, taps: &[ColourLanes; 4]| {
@@ -173,11 +173,11 @@ fn catmull_rom(t: f32) -> [f32; 4] {
     [-0.5 * t + t2 - 0.5 * t3, 1.0 - 2.5 * t2 + 1.5 * t3, 0.5 * t + 2.0 * t2 - 1.5 * t3, 0.5 * t3 - 0.5 * t2]
 }
 
-/// Predicts the target's mask pixels (`rows` of a frame of the given size) from up to two references, each with its sources
+/// Predicts the target's mask pixels (`rows` of a window of the given size) from up to two references, each with its sources
 /// and its share.
 ///
 /// Holes are filled from their surroundings. `shaded` scales by the ratio of the irradiances (diffuse light follows the
-/// lamp, highlights do not). The result covers the frame, 0 outside the mask.
+/// lamp, highlights do not). The result covers the window, 0 outside the mask.
 pub(crate) fn predict(
     [width, height]: [usize; 2],
     rows: &[PixelRun],
@@ -251,11 +251,11 @@ mod tests {
         let (here, there) = (ViewGeometry::new(&surface, view(0.5, 4.0)), ViewGeometry::new(&surface, view(0.0, 1.0)));
         let mask = here.raster.coverage();
         assert_eq!(mask.count(), 48 * 32);
-        let frame = Window { left: 0, top: 0, width: 48, height: 32 };
+        let window = Window { left: 0, top: 0, width: 48, height: 32 };
         let rows: Vec<PixelRun> = (0..32).map(|line| PixelRun { line, start: 0, length: 48 }).collect();
         let picture: Vec<ColourLanes> = (0..48 * 32).map(|i| [(i % 48) as f32, (i / 48) as f32, 1.0, 0.0]).collect();
-        let reference = ReferenceImage::new(MaskedPixels::new(48, rows[..].into(), picture), [48, 32], frame);
-        let sources = &reproject(&here, &[&ReferenceView::new(there)], &frame, &rows)[0];
+        let reference = ReferenceImage::new(MaskedPixels::new(48, rows[..].into(), picture), [48, 32], window);
+        let sources = &reproject(&here, &[&ReferenceView::new(there)], &window, &rows)[0];
         let predicted = predict([48, 32], &rows, &[(&reference, sources, 1.0)], true);
         // Parallax: 40 * 0.5 / 4 = 5 pixels; brightness: sqrt(4).
         let at = 16 * 48 + 20;

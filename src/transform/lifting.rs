@@ -142,7 +142,7 @@ impl Synthesiser {
         *self = Synthesiser { high, low, lifted_high, lifted_low, ..*self };
         [odd.to_array(), lifted_low.to_array()]
     }
-    /// What comes before the inner slots. `coefficients` gives those of a slot, `put` takes the pixel of a position.
+    /// Synthesises the slots before the inner ones. `coefficients` gives those of a slot, `put` takes the pixel of a position.
     pub(super) fn synthesise_start(
         &mut self,
         coefficients: impl Fn(usize) -> [ColourLanes; 2],
@@ -150,7 +150,7 @@ impl Synthesiser {
     ) {
         self.near_an_end(self.start / 2 - 2..(self.inner().start as isize).min(self.behind()), coefficients, put);
     }
-    /// What comes after the inner slots.
+    /// Synthesises the slots after the inner ones.
     pub(super) fn synthesise_end(
         &mut self,
         coefficients: impl Fn(usize) -> [ColourLanes; 2],

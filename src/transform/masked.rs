@@ -36,7 +36,7 @@ impl PixelScratch {
     pub fn bytes(&self) -> u64 {
         (self.0.capacity() * size_of::<ColourLanes>()) as u64
     }
-    /// What was written to the first `length` pixels since [`PixelScratch::pixel_count`].
+    /// Returns the first `length` pixels, as written since [`PixelScratch::pixels`].
     pub(super) fn written(&self, length: usize) -> &[ColourLanes] {
         &self.0[..length]
     }
@@ -122,7 +122,7 @@ impl Coefficients {
     pub fn band_mut(&mut self, index: usize, length: usize) -> &mut [ColourLanes] {
         self.0[index].pixels(length)
     }
-    /// What was written of a band of `length` positions.
+    /// Returns the written coefficients of a band of `length` positions.
     pub(super) fn band(&self, index: usize, length: usize) -> &[ColourLanes] {
         self.0[index].written(length)
     }

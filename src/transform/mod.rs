@@ -2,7 +2,8 @@
 
 pub(crate) mod colour;
 pub(crate) mod daubechies;
-pub(crate) mod frame;
 mod lifting;
 pub(crate) mod masked;
 pub(crate) mod shape_adaptive;
+pub(crate) mod signal;
+pub(crate) mod window;

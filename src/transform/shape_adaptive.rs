@@ -14,12 +14,12 @@ use crate::image::Mask;
 /// Most levels of a transform.
 pub(crate) const MAX_LEVELS: usize = 5;
 
-/// Which coefficients of one subband exist.
+/// A subband: which of its coefficients exist.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Subband {
     /// Level: 1 is the finest.
     pub level: usize,
-    /// Which band of its level.
+    /// Orientation within its level.
     pub orientation: Orientation,
     /// Positions that hold a coefficient.
     pub mask: Mask,

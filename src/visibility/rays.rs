@@ -2,7 +2,7 @@
 
 use crate::mesh::Mesh;
 use crate::sphere::octahedral;
-use crate::surface::occluders::{Occluders, diagonal};
+use crate::surface::occluders::Occluders;
 use obvhs::triangle::Triangle;
 
 /// A mesh made ready for rays from its own surface.
@@ -30,7 +30,7 @@ impl MeshRays {
     /// vertex list.
     pub fn new(mesh: &Mesh, cut: &Mesh, ground_up: Option<[f64; 3]>) -> Self {
         let occluders = Occluders::new(mesh);
-        let bias = (BIAS * diagonal(mesh)) as f32;
+        let bias = (BIAS * mesh.diagonal()) as f32;
         let mesh = cut;
         let mut count = vec![0u32; mesh.positions.len() + 1];
         let of_triangle: Vec<[f32; 3]> = (mesh.triangles.iter())

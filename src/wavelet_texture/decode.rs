@@ -243,7 +243,7 @@ pub(super) fn predicted(
     }
 }
 
-/// Photographs of profile `paper`: model plus residual at every pixel that meets the mesh.
+/// Photographs of profile `wavelet-texture`: model plus residual at every pixel that meets the mesh.
 pub fn photographs(
     decoded: &DecodedWaveletTexture,
     mesh: &Mesh,

@@ -1,4 +1,4 @@
-//! Profile `paper`: the Wavelet-Texture method of Miyazaki, Shibata and Ikeuchi (2007) as a real bitstream.
+//! Profile `wavelet-texture`: the Wavelet-Texture method of Miyazaki, Shibata and Ikeuchi (2007) as a real bitstream.
 //!
 //! Photographs are read at the samples of surface patches; a reflection model is fitted; what it leaves is a volume
 //! (u, v, view) per patch, of whose wavelet coefficients the largest are kept. `spec/wavelet-texture.md` describes the section.

@@ -1,4 +1,4 @@
-//! The reflection model of the `paper` profile as coded numbers: `K_d` at each sample, `K_s` and `sigma` at each vertex.
+//! The reflection model of the `wavelet-texture` profile as coded numbers: `K_d` at each sample, `K_s` and `sigma` at each vertex.
 
 use super::layout::{PatchLayout, interpolate_grid};
 use super::stream::{VolumeModels, code_volume};

@@ -15,7 +15,7 @@ use tsuya::metrics;
 use tsuya::metrics::DisplayImage;
 use tsuya::relight::{AssetRenderer, RenderLighting, RenderOptions};
 
-/// How much differences of the signal are amplified in pictures.
+/// Amplification of the signal's differences in images.
 pub const AMPLIFICATION: f64 = 8.0;
 
 /// Compares a file with the capture it was made from.

@@ -29,7 +29,7 @@ pub struct Decode {
     /// Only these views, by number or name, with commas between; of the others nothing is read that these don't need.
     #[arg(long, value_name = "VIEW,...", value_delimiter = ',')]
     views: Vec<String>,
-    /// What photographs are written as.
+    /// File format of the photographs.
     #[arg(long, value_enum, default_value = "exr")]
     format: Format,
     /// EXR with 16-bit floats instead of 32-bit ones.

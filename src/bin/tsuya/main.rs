@@ -158,7 +158,7 @@ fn error_chain(error: &anyhow::Error) -> String {
         if !text.is_empty() {
             text += ": ";
         }
-        text += &cause.to_string();
+        text += &output::with_flags(&cause.to_string());
         if cause.is::<tsuya::Error>() {
             break;
         }

@@ -47,9 +47,44 @@ pub fn eprint_line(line: &str) {
 
 /// Prints warnings to standard error.
 pub fn warn(warnings: &[String]) {
-    warnings.iter().for_each(|warning| eprint_line(&format!("warning: {warning}")));
+    warnings.iter().for_each(|warning| eprint_line(&format!("warning: {}", with_flags(warning))));
+}
+
+/// Returns a message of the library with the program's flags and commands in place of the options and functions that it names.
+pub fn with_flags(message: &str) -> String {
+    const FUNCTIONS: [(&str, &str); 3] = [
+        ("`capture::align`", "`tsuya align`"),
+        ("`gltf::inject`", "`tsuya gltf inject`"),
+        ("`visibility::bake`", "`tsuya bake`"),
+    ];
+    let mut text = String::new();
+    let mut parts = message.split("option `");
+    text += parts.next().unwrap_or_default();
+    for part in parts {
+        let (option, rest) = part.split_once('`').unwrap_or((part, ""));
+        let flag = if option == "memory_bytes" { "max-memory" } else { option };
+        text += &format!("--{}{rest}", flag.replace('_', "-"));
+    }
+    FUNCTIONS.iter().fold(text, |text, (function, command)| text.replace(function, command))
 }
 
 fn exists(path: &Path) -> Error {
     Error::io(path, IoError::new(ErrorKind::AlreadyExists, "exists already; --force overwrites it"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::with_flags;
+
+    #[test]
+    fn options_and_functions_become_flags_and_commands() {
+        for (message, expected) in [
+            ("raise option `memory_bytes`; see option `mesh_scale` 2", "raise --max-memory; see --mesh-scale 2"),
+            ("register it with `capture::align`", "register it with `tsuya align`"),
+            ("put it back with `gltf::inject`", "put it back with `tsuya gltf inject`"),
+            ("field `mesh`: nothing here", "field `mesh`: nothing here"),
+        ] {
+            assert_eq!(with_flags(message), expected);
+        }
+    }
 }

@@ -54,7 +54,7 @@ impl RglMaterial {
         let mut bytes = Vec::new();
         reader.take(MAX_FILE_BYTES + 1).read_to_end(&mut bytes).map_err(|e| Error::io(path, e))?;
         if bytes.len() as u64 > MAX_FILE_BYTES {
-            return Err(Error::Limits { what: ".bsdf file", asked: bytes.len() as u64, allowed: MAX_FILE_BYTES });
+            return Err(Error::Limits { what: ".bsdf file", requested: bytes.len() as u64, allowed: MAX_FILE_BYTES });
         }
         Self::from_bytes(&bytes, path)
     }

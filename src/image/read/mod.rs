@@ -9,7 +9,7 @@ use std::path::Path;
 mod openexr;
 mod raster;
 
-/// How the numbers of display-referred pictures (PNG, JPEG, TIFF of integers) become radiance.
+/// Conversion of display-referred images (PNG, JPEG, TIFF of integers) to linear radiance.
 /// EXR and floating-point TIFF are linear whatever is declared.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ColorSpace {
@@ -54,7 +54,7 @@ impl ColorSpace {
     }
 }
 
-/// Why a picture was not read.
+/// Fault of an image file, by its consequence.
 pub(crate) enum ImageFault {
     /// It is missing or damaged: the frame can be left out.
     Unreadable(Error),
@@ -63,7 +63,7 @@ pub(crate) enum ImageFault {
 }
 
 impl ImageFault {
-    /// What asks for too much, or is no file, is no accident of one frame.
+    /// Classifies an error: too much memory, or no regular file, is no accident of one frame.
     fn from_error(error: Error) -> Self {
         use std::io::ErrorKind::{InvalidInput, IsADirectory};
         let accident = match &error {

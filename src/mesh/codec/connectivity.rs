@@ -9,7 +9,7 @@ use crate::entropy::{BitCoder, BitModel, NumberModel};
 /// No gate, no half-edge, no vertex.
 pub(super) const NONE: u32 = u32::MAX;
 
-/// What the third vertex at a gate is.
+/// The third vertex at a gate.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum GateSymbol {
     /// A vertex that did not come before.
@@ -247,7 +247,7 @@ const CONTEXTS: usize = 576;
 #[derive(Clone, Copy, Default)]
 struct Decision([BitModel; 3]);
 
-/// What has been learned about symbols.
+/// Adaptive models of the symbols.
 pub(super) struct ConnectivityModels {
     new: Vec<Decision>,
     previous: Vec<Decision>,

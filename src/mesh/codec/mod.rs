@@ -33,7 +33,7 @@ const POSITION_BITS: std::ops::RangeInclusive<u32> = 1..=24;
 const TRIANGLE_BYTES: u64 = 256;
 const VERTEX_BYTES: u64 = 128;
 
-/// What stands before the triangles.
+/// Header of the section: counts and lattice.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct MeshHeader {
     vertices: u32,

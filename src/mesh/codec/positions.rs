@@ -113,13 +113,13 @@ const FIRST_SLOPES: [f64; 3] = [0.5, 0.5, 0.0];
 const ALONG: usize = 0;
 const OFF: usize = 1;
 
-/// What the known surroundings of a vertex say about it.
+/// Prediction features of a vertex from its known neighbours.
 struct VertexNeighbourhood {
     class: usize,
     parallelograms: usize,
     /// Mean of the known neighbours, each as often as known triangle corners beside it say.
     base: Vector,
-    /// What parallelograms add to it: across their edges, along them, and their edges' middles.
+    /// Contributions of parallelograms: across their edges, along them, and their edges' middles.
     features: [Vector; 3],
     /// Mean length of these edges.
     length: f64,

@@ -174,7 +174,7 @@ fn impossible_meshes_are_refused_in_writing() {
     }
 }
 
-/// The same bytes on every platform, and for as long as this version is written.
+/// Bytes are equal on every platform, and for as long as this version is written.
 #[test]
 fn golden_bytes() {
     let encoded = encode(&grid(6), &MeshOptions { position_bits: 11 }).unwrap();

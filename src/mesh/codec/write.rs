@@ -5,7 +5,7 @@ use super::*;
 use crate::entropy::RangeEncoder;
 use std::collections::HashMap;
 
-/// How a mesh is coded.
+/// Options of the mesh encoder.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct MeshOptions {
     /// Bits of a coordinate on the longest side of the bounding box, 1 to 24.
@@ -23,7 +23,7 @@ impl Default for MeshOptions {
 pub struct EncodedMesh {
     /// The section.
     pub bytes: Vec<u8>,
-    /// What decoding gives.
+    /// The mesh that decoding returns.
     pub mesh: Mesh,
     /// For each decoded triangle its index in the given mesh. Its corners may be rotated.
     pub triangle_order: Vec<u32>,
@@ -67,13 +67,7 @@ fn lattice_of(mesh: &Mesh, options: &MeshOptions) -> Result<MeshHeader> {
     if !mesh.positions.as_flattened().iter().all(|x| x.is_finite()) {
         return Err(Error::parameter("mesh with a position that is not finite"));
     }
-    let (mut origin, mut end) = (mesh.positions.first().copied().unwrap_or([0.0; 3]), [f32::MIN; 3]);
-    for position in &mesh.positions {
-        for k in 0..3 {
-            origin[k] = origin[k].min(position[k]);
-            end[k] = end[k].max(position[k]);
-        }
-    }
+    let [origin, end] = mesh.bounding_box().unwrap_or_default();
     let longest = (0..3).map(|k| end[k] as f64 - origin[k] as f64).fold(0.0, f64::max);
     let exact = longest / ((1u64 << bits) - 1) as f64;
     // Never too short for the longest side.

@@ -5,6 +5,7 @@ use crate::error::{Error, Result};
 use crate::input::{FileAccess, Folder};
 use crate::limits::Reservation;
 use crate::mesh::Mesh;
+use byteorder::{ByteOrder, LittleEndian};
 use std::path::Path;
 
 /// Bytes that an object and a value of the JSON become at most: a node without members has 300, lists may have grown to twice their need.
@@ -17,7 +18,7 @@ const MAX_JSON_BYTES: usize = 256 << 20;
 
 /// Charges what the parsers make of the JSON of a glTF or GLB file, for as long as they hold it.
 fn hold_json<'a>(path: &Path, bytes: &[u8], access: &'a FileAccess) -> Result<Reservation<'a>> {
-    let chunk = |at: usize| bytes.get(at..at + 4)?.try_into().ok().map(u32::from_le_bytes);
+    let chunk = |at: usize| bytes.get(at..at + 4).map(LittleEndian::read_u32);
     let json = match bytes.strip_prefix(b"glTF") {
         // The head of the file has 12 bytes, that of the chunk 8.
         Some(_) => bytes.get(20..).map(|rest| &rest[..rest.len().min(chunk(12).unwrap_or(0) as usize)]),
@@ -40,7 +41,7 @@ fn hold_json<'a>(path: &Path, bytes: &[u8], access: &'a FileAccess) -> Result<Re
 
 /// The length in a GLB file's head, from which the glTF crate subtracts that of the head itself.
 fn check_glb_head(path: &Path, bytes: &[u8]) -> Result<()> {
-    let length = bytes.strip_prefix(b"glTF").and_then(|rest| rest.get(4..8)?.try_into().ok()).map(u32::from_le_bytes);
+    let length = bytes.strip_prefix(b"glTF").and_then(|rest| rest.get(4..8)).map(LittleEndian::read_u32);
     match length {
         Some(length) if length < 12 => {
             Err(Error::input(path, format!("glTF: a file of {length} bytes, as its head says")))
@@ -91,7 +92,7 @@ pub(super) fn read(path: &Path, bytes: &[u8], access: &FileAccess) -> Result<Mes
     Ok(mesh)
 }
 
-/// What of the file errors are about.
+/// Names the mesh and primitive that an error is about.
 fn describe(mesh: &gltf::Mesh<'_>, primitive: &gltf::Primitive<'_>) -> String {
     format!("glTF: mesh {}, primitive {}", mesh.index(), primitive.index())
 }
@@ -121,7 +122,7 @@ fn mesh_nodes<'a>(path: &Path, document: &'a gltf::Document) -> Result<Vec<(gltf
     Ok(nodes)
 }
 
-/// What a mesh adds wherever it stands.
+/// Vertices and triangles that each instance of a mesh adds.
 #[derive(Default)]
 struct MeshSize {
     primitives: u64,

@@ -79,7 +79,7 @@ fn charge(path: &Path, access: &FileAccess, mesh: &Mesh, vertices: u64, triangle
     access.charge(path, "mesh", ELEMENT_BYTES * (vertices + triangles))
 }
 
-/// What every mesh must hold, whatever its format.
+/// Checks the conditions that meshes of all formats must meet.
 fn check(path: &Path, mesh: &Mesh) -> Result<()> {
     if let Some(index) = mesh.positions.iter().position(|p| !p.iter().all(|c| c.is_finite())) {
         let [x, y, z] = mesh.positions[index];

@@ -34,7 +34,7 @@ impl BufRead for CountLines<'_> {
     }
 }
 
-/// What the parser makes of the text, charged for as long as it holds it, and the triangles that come of it: lists that may have grown to twice their need, and tables that
+/// Memory of the parsed text, charged for as long as the parser holds it, and the triangles that come of it: lists that may have grown to twice their need, and tables that
 /// find the vertices of each object again.
 fn hold_parsed<'a>(path: &Path, bytes: &[u8], access: &'a FileAccess) -> Result<(Reservation<'a>, u64)> {
     let (mut asked, mut triangles) = (0, 0);

@@ -88,7 +88,7 @@ impl PropertyAccess for PlyOther {
 const MAX_MESSAGE: usize = 300;
 /// Bytes of a header with its comments, at most.
 const MAX_HEADER_BYTES: usize = 1 << 20;
-/// What the parser keeps of a vertex and of a face beside its corners while it reads them; lists may have grown to twice their need.
+/// Memory of a vertex, and of a face beside its corners, while the parser reads them; lists may have grown to twice their need.
 const VERTEX_BYTES: u64 = 2 * size_of::<PlyVertex>() as u64;
 const FACE_BYTES: u64 = 2 * size_of::<PlyFace>() as u64 + 32;
 

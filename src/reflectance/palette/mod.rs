@@ -20,6 +20,7 @@ use crate::brdf::dsbrdf::DsbrdfMaterial;
 use crate::container::Tag;
 use crate::error::{Error, Result};
 use crate::limits::Budget;
+use byteorder::{ByteOrder, LittleEndian};
 use std::f64::consts::FRAC_PI_2;
 
 /// Most entries of a palette. Part of the format.
@@ -132,12 +133,13 @@ pub(super) fn read_palette(
     }
     let mut palette: Vec<PaletteEntry> = Vec::with_capacity(count);
     for _ in 0..count {
-        let &[level, low, high] = take(3)? else { continue };
+        let head = take(3)?;
+        let (level, length) = (head[0], LittleEndian::read_u16(&head[1..]) as usize);
         if palette.last().is_some_and(|before| before.level >= level) {
             return Err(Error::format(section, at, "the levels of a palette must rise"));
         }
         budget.charge("palette of lobes", ENTRY_MEMORY)?;
-        let lobes = DsbrdfMaterial::decode(take(u16::from_le_bytes([low, high]) as usize)?, section)?;
+        let lobes = DsbrdfMaterial::decode(take(length)?, section)?;
         palette.push(PaletteEntry { level, lobes });
     }
     Ok((palette, place))

@@ -1,9 +1,9 @@
-//! The part of a picture that is worked on.
+//! The bounding window of a mask.
 
 use super::shape_adaptive::MAX_LEVELS;
 use crate::image::Mask;
 
-/// The part of a picture that holds its mask: what lies around takes neither time nor memory.
+/// A rectangle of an image that holds its mask: pixels around it take neither time nor memory.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(crate) struct Window {
     /// First column; a multiple of `2^MAX_LEVELS`, so that parities stay at every level.
@@ -17,7 +17,7 @@ pub(crate) struct Window {
 }
 
 impl Window {
-    /// The smallest frame that holds a mask and `margin` pixels around it, as far as the picture goes.
+    /// Returns the smallest window that holds a mask and `margin` pixels around it, as far as the picture goes.
     pub(crate) fn around_mask(mask: &Mask, margin: usize) -> Self {
         let mut rows = (0..mask.height).filter(|&y| mask.row(y).contains(&true));
         let Some(first) = rows.next() else { return Window::default() };
@@ -38,13 +38,13 @@ impl Window {
     pub(crate) fn pixel_count(&self) -> u64 {
         self.width as u64 * self.height as u64
     }
-    /// The frame of the low band after some levels.
+    /// Returns the window of the low band after some levels.
     pub(crate) fn low_band(&self, levels: usize) -> Self {
         let size = |size: usize| size.div_ceil(1 << levels);
         let (width, height) = (size(self.width), size(self.height));
         Window { left: self.left >> levels, top: self.top >> levels, width, height }
     }
-    /// The part of a picture of `width` columns that lies in the frame.
+    /// Returns the part of an image of `width` columns that lies in the window.
     pub(crate) fn crop<T: Copy>(&self, picture: &[T], width: usize) -> Vec<T> {
         let mut part = Vec::with_capacity(self.width * self.height);
         for y in self.top..self.top + self.height {
@@ -59,14 +59,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_frame_holds_the_mask_and_its_margin_at_the_same_parities() {
+    fn a_window_holds_the_mask_and_its_margin_at_the_same_parities() {
         let mut mask = Mask::filled(200, 150, false);
         *mask.value_at_mut(70, 40) = true;
         *mask.value_at_mut(121, 90) = true;
-        let frame = Window::around_mask(&mask, 8);
-        assert_eq!(frame, Window { left: 32, top: 32, width: 98, height: 67 });
-        assert_eq!(frame.low_band(2), Window { left: 8, top: 8, width: 25, height: 17 });
-        let part = frame.crop(&mask.data, 200);
+        let window = Window::around_mask(&mask, 8);
+        assert_eq!(window, Window { left: 32, top: 32, width: 98, height: 67 });
+        assert_eq!(window.low_band(2), Window { left: 8, top: 8, width: 25, height: 17 });
+        let part = window.crop(&mask.data, 200);
         assert!(part[8 * 98 + 38] && part[58 * 98 + 89] && part.iter().filter(|&&set| set).count() == 2);
         assert_eq!(Window::around_mask(&Mask::filled(9, 9, false), 3), Window::default());
     }
