@@ -25,7 +25,7 @@ pub struct Asset {
     pub components: Vec<Component>,
     /// Captured views in the capture's order.
     pub views: Vec<View>,
-    /// Decoded photographs, parallel to `views`; `None` for views that were not asked for.
+    /// Decoded photographs, parallel to `views`; `None` for views that were not selected.
     pub photographs: Vec<Option<Photograph>>,
     /// Fitted materials by name.
     pub materials: Vec<NamedMaterial>,

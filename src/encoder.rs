@@ -58,7 +58,7 @@ pub fn encode(mut capture: Capture, options: &EncodeOptions) -> Result<EncodedFi
     // 4. Pixels to code.
     let covered = raster::coverage(&mesh, &views.views);
     let photographs = observations.into_masked(&covered, &mut warnings)?;
-    // 5. Photographs at the quality that the target asks for.
+    // 5. Photographs at the quality that reaches the target.
     let mut sections = vec![(Tag::MESH, coded_mesh.bytes), (Tag::VIEWS, views_bytes)];
     let source = MaskedPhotographs {
         mesh: &mesh,

@@ -41,7 +41,7 @@ pub enum Error {
         #[source]
         source: std::io::Error,
     },
-    /// A `.tsuya` file is wrong: which section, at which byte of it, and what the specification asks for.
+    /// A `.tsuya` file is wrong: section, byte offset and what the specification requires.
     #[error("section {section}, byte {offset}: {message}")]
     Format {
         /// Section, directory or file.
@@ -62,7 +62,7 @@ pub enum Error {
     /// Valid, but not by this build or this version.
     #[error("not supported: {0}")]
     Unsupported(String),
-    /// The input asks for more than its [`crate::Limits`] allow.
+    /// The input requests more than its [`crate::Limits`] allow.
     #[error("limit exceeded: {what} asks for {requested}, {allowed} allowed; raise the limit if the file is trusted")]
     Limits {
         /// The limited thing.
@@ -72,7 +72,7 @@ pub enum Error {
         /// Remaining amount.
         allowed: u64,
     },
-    /// An input file asks for more memory than its [`crate::Limits`] allow.
+    /// An input file requests more memory than its [`crate::Limits`] allow.
     #[error("{path}: {what}: {requested} bytes of memory are requested, {allowed} are left; if the file is trusted, raise option `memory_bytes`", path = path.display())]
     InputMemory {
         /// The file.

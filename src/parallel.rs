@@ -39,7 +39,7 @@ pub(crate) fn map<T: Send>(count: usize, f: impl Fn(usize) -> T + Sync + Send) -
     all
 }
 
-/// Both, at the same time where that is possible; `here` on this thread.
+/// Runs both closures, at the same time if possible; `here` on this thread.
 #[cfg(feature = "encode")]
 pub(crate) fn join<A, B: Send>(here: impl FnOnce() -> A, elsewhere: impl FnOnce() -> B + Send) -> (A, B) {
     #[cfg(feature = "parallel")]

@@ -1,24 +1,24 @@
 //! Products of vectors, in the order of operations that the format's texts give: sums from left to right, no fused multiply-add.
 
-/// Scalar product.
+/// Returns the scalar product.
 #[inline(always)]
 pub(crate) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-/// Vector product.
+/// Returns the vector product.
 #[inline(always)]
 pub(crate) fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
-/// Scalar product of as many numbers as both have.
+/// Returns the scalar product of the first numbers of both, as many as the shorter one has.
 #[cfg(feature = "encode")]
 pub(crate) fn dot_slices(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-/// Unit vector from one point to another, and the squared distance.
+/// Returns the unit vector from one point to another and the squared distance.
 pub(crate) fn direction(from: [f64; 3], to: [f64; 3]) -> ([f64; 3], f64) {
     let d: [f64; 3] = std::array::from_fn(|i| to[i] - from[i]);
     let squared = dot(d, d);

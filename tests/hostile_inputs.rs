@@ -444,16 +444,16 @@ fn a_mesh_in_another_unit_is_told() {
     let words = [
         (
             1e3,
-            "the mesh is about 1,000 times larger than the cameras' distance: millimetres? Scale it with --mesh-scale 0.001",
+            "the mesh is about 1,000 times larger than the cameras' distance: millimetres? Scale it with option `mesh_scale` 0.001",
         ),
-        (1e2, "about 100 times larger than the cameras' distance: centimetres? Scale it with --mesh-scale 0.01"),
+        (1e2, "about 100 times larger than the cameras' distance: centimetres? Scale it with option `mesh_scale` 0.01"),
         (
             1e-3,
-            "about 1,000 times smaller than the cameras' distance: metres, and the cameras in millimetres? Scale it with --mesh-scale 1000",
+            "about 1,000 times smaller than the cameras' distance: metres, and the cameras in millimetres? Scale it with option `mesh_scale` 1000",
         ),
         (
             1e6,
-            "about 1,000,000 times larger than the cameras' distance, which is no unit of length. Scale it with --mesh-scale 0.000001",
+            "about 1,000,000 times larger than the cameras' distance, which is no unit of length. Scale it with option `mesh_scale` 0.000001",
         ),
     ];
     for (factor, expected) in words {

@@ -20,8 +20,8 @@ pub trait BitCoder {
     fn bit(&mut self, probability_of_one: u32, bit: bool) -> bool;
     /// True where the caller's bits are ignored and the returned ones count.
     const DECODES: bool;
-    /// Whether the decoder has asked for more than its stream holds: all that follows is made up. Loops over streams from outside stop
-    /// there, so that their work is bounded by what the stream can tell.
+    /// Whether the decoder has read beyond the end of its stream: later values are not from the stream. Loops over streams stop there,
+    /// so that their work is bounded by the bytes.
     fn is_exhausted(&self) -> bool {
         false
     }

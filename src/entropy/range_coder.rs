@@ -25,7 +25,7 @@ impl RangeEncoder {
     pub fn new() -> Self {
         Self::default()
     }
-    /// Ends the stream with as few bytes as tell its last interval; the decoder reads zeros past the end.
+    /// Ends the stream with the fewest bytes that identify its last interval; the decoder reads zeros past the end.
     pub fn finish(mut self) -> Vec<u8> {
         if let Some((count, value)) = final_value(self.low, self.high) {
             self.bytes.extend_from_slice(&value.to_be_bytes()[..count]);

@@ -41,7 +41,7 @@ impl<T: Clone> Grid<T> {
     }
 }
 
-/// Linear radiance, red, green, blue (Rec. 709 unless the capture says otherwise); may be negative, NaN marks a missing pixel.
+/// Linear radiance, red, green, blue (Rec. 709 unless the capture states other primaries); may be negative, NaN marks a missing pixel.
 pub type RgbImage = Grid<[f32; 3]>;
 
 /// Pixels that show the object.

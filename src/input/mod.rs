@@ -48,12 +48,12 @@ impl FileAccess {
         &self.budget
     }
 
-    /// Charges memory that a file asks for until the result is dropped; the error names the file.
+    /// Charges memory that a file requests until the result is dropped; the error names the file.
     pub fn reserve(&self, path: &Path, what: &'static str, bytes: u64) -> Result<Reservation<'_>> {
         self.budget.reserve(what, bytes).map_err(|e| e.in_file(path))
     }
 
-    /// Charges memory that a file asks for and that stays; the error names the file.
+    /// Charges memory that a file requests for good; the error names the file.
     pub fn charge(&self, path: &Path, what: &'static str, bytes: u64) -> Result<()> {
         self.reserve(path, what, bytes).map(Reservation::keep)
     }
@@ -118,7 +118,7 @@ impl FileAccess {
         let mut bytes = Vec::new();
         let mut stream = stream.take(max_bytes.saturating_add(1));
         loop {
-            // Grows with the bytes received: by an eighth, so that little is copied and little is asked for in vain.
+            // Grows with the bytes received: by an eighth, so that little is copied and little is allocated in vain.
             let step = (bytes.len() / 8).clamp(1 << 16, 1 << 26);
             held.grow(what, step as u64).map_err(|e| e.in_file(path))?;
             bytes.reserve_exact(step);
@@ -169,7 +169,7 @@ impl Deref for FileText<'_> {
     }
 }
 
-/// Opens a regular file and says its size. Folders, pipes, devices and sockets are refused before an open or a read can block.
+/// Opens a regular file and returns its size in bytes. Folders, pipes, devices and sockets are refused before an open or a read can block.
 pub fn open(path: &Path) -> Result<(File, u64)> {
     let failed = |e| Error::io(path, e);
     check_regular(path, &std::fs::metadata(path).map_err(failed)?)?;

@@ -169,7 +169,7 @@ pub(crate) struct DecodedView {
     window: Window,
     /// Levels of the transform above the picture that later views are predicted from.
     level: usize,
-    /// Per component. Those of references of full size are the references'; those of other views that are kept have been given up.
+    /// Per component. Empty if the references of full size hold them, or after the view was evicted.
     signals: Vec<MaskedPixels>,
     /// For views that later ones are predicted from.
     reference: Option<DecodedReference>,

@@ -48,7 +48,7 @@ pub(crate) fn candidate_magnitudes(magnitude: f32) -> std::ops::RangeInclusive<u
     nearest.saturating_sub(if nearest <= 2 { 2 } else { 1 })..=nearest
 }
 
-/// Whether what coding a block takes off its squared error is worth the bits, as far as can be told before it is coded.
+/// Whether coding a block lowers its squared error by more than the estimated cost of its bits.
 pub(crate) fn saves_cost(wanted: impl Iterator<Item = [f32; 3]>, choice: RateDistortion) -> bool {
     let (mut gain, mut bits) = (0.0, 2.0);
     for wanted in wanted.flatten().map(f32::abs).filter(|wanted| *wanted >= 0.5) {

@@ -48,7 +48,7 @@ pub(super) trait CoefficientCoder<C: BitCoder>: ContextModel {
         inverse: f32,
         wanted: [i32; 3],
     ) -> [i32; 3];
-    /// Codes which blocks of the row that begins at `y` hold anything but zeros, where blocks are told apart. `occupied` says it of
+    /// Codes which blocks of the row that begins at `y` hold anything but zeros, if the model distinguishes them. `occupied` holds it for
     /// the row above, all true at first, and then of this one; `is_wanted` of positions that the encoder has.
     fn code_blocks(
         &mut self,

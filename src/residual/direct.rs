@@ -1,5 +1,5 @@
 //! Symbols of 16 values, each predicted from two contexts: one for the three colours of a position together, and others for magnitudes that
-//! are larger than it tells.
+//! beyond its range.
 //!
 //! All numbers here are part of the format (`spec/planes.md`).
 
@@ -45,10 +45,10 @@ pub(super) struct DirectModel {
 
 /// Lane of the sum.
 const SUM: usize = 3;
-/// The largest magnitudes that a pattern tells apart from larger ones, and the value of each in it.
+/// Largest magnitude that a pattern distinguishes for each colour, and its weight in the pattern.
 const MAX_IN_PATTERN: [u32; 3] = [3, 1, 1];
 const WEIGHTS: [u32; 3] = [1, 4, 8];
-/// The symbol of magnitudes beyond those that symbols tell.
+/// The symbol of magnitudes beyond the symbols' range.
 const ESCAPE: u32 = SYMBOL_VALUES as u32 - 1;
 
 #[inline(always)]
@@ -87,7 +87,7 @@ impl DirectModel {
         ]
     }
 
-    /// Contexts of how much larger a magnitude is than its pattern tells; `before` are the magnitudes of the colours before it.
+    /// Contexts of the excess of a magnitude over its pattern's; `before` are the magnitudes of the colours before it.
     #[inline(always)]
     fn more_contexts(place: &BandClass, around: &DirectNeighbourhood, colour: usize, before: u32) -> [u32; 2] {
         let [near, hint, parent] = [around.near, around.hint, around.parent].map(|lanes| lane(lanes, colour));

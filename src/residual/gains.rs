@@ -53,7 +53,7 @@ impl GainModels {
     pub(crate) fn last(&self) -> &PredictionGains {
         &self.last
     }
-    /// Codes the gains of the classes that `used` says.
+    /// Codes the gains of the classes for which `used` is true.
     pub(crate) fn code<C: BitCoder>(
         &mut self,
         coder: &mut C,

@@ -61,7 +61,7 @@ const COVERAGE: [(isize, isize); 10] =
     [(0, 0), (1, 0), (0, 1), (-1, 0), (0, -1), (1, 1), (-1, 1), (2, 0), (0, 2), (3, 0)];
 
 /// Pixels of a row whose surroundings are alike: each a byte of 0 or 1, for the sides outside and inside. Of the coded
-/// neighbours only those of the rows above are looked at.
+/// neighbours only those of the rows above count.
 struct PlainPixels([Vec<u8>; 2]);
 
 impl PlainPixels {

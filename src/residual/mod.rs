@@ -1,4 +1,4 @@
-//! Residual: what is left of a photograph when its prediction is known.
+//! Residual: photographs less their predictions, as coded coefficients and masks.
 
 pub(crate) mod coefficients;
 mod contexts;

@@ -2,7 +2,7 @@
 //!
 //! The first triangle fills the right triangle `u + v <= 1` of the unit square, the second the other half; their common
 //! edge is the diagonal. A triangle without a partner fills its half alone. Sample `(column, row)` lies at
-//! `u = (column + 0.5) / N`, `v = (row + 0.5) / N`. The pairing follows from the mesh, so that a file needs not tell it.
+//! `u = (column + 0.5) / N`, `v = (row + 0.5) / N`. The pairing follows from the mesh, so that a file need not store it.
 
 use crate::mesh::Mesh;
 use crate::vector::{cross, dot};

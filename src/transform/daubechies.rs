@@ -18,7 +18,7 @@ pub(crate) struct VolumeShape {
 }
 
 impl VolumeShape {
-    /// The shape for so many views: as many levels as asked, the axis padded to a multiple of `1 << levels`.
+    /// Returns the shape for `views` views and `view_levels` levels, the axis padded to a multiple of `1 << levels`.
     pub(crate) fn padded(side_log2: u8, views: usize, view_levels: u8) -> Self {
         VolumeShape { side_log2, views: views.next_multiple_of(1 << view_levels), view_levels }
     }

@@ -19,7 +19,7 @@ pub(super) fn size(file: &ImageFile) -> Result<(u32, u32), ImageFault> {
     Ok((window.0 as u32, window.1 as u32))
 }
 
-/// Whether a channel's name says that it holds no radiance.
+/// Whether a channel holds no radiance, by its name.
 fn is_depth(name: &exr::meta::attribute::Text) -> bool {
     ["z", "zback", "depth", "id"].contains(&name.to_string().to_ascii_lowercase().as_str())
 }

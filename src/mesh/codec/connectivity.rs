@@ -1,8 +1,8 @@
 //! Connectivity: regions grow over their border, one symbol a border edge. Specified in `spec/mesh.md`.
 //!
 //! A *gate* is a directed edge that a triangle still to come may have. The gates of a region's border form closed loops. At a gate
-//! `a -> b` the next triangle is `(a, b, w)`, and the symbol says what `w` is. Edges that no symbol joins stay apart: their two
-//! sides are coded as border. So every list of triangles can be told, manifold or not.
+//! `a -> b` the next triangle is `(a, b, w)`, and the symbol codes `w`. Edges that no symbol joins stay apart: their two
+//! sides are coded as border. So every list of triangles can be coded, manifold or not.
 
 use crate::entropy::{BitCoder, BitModel, NumberModel};
 
@@ -159,7 +159,7 @@ impl Growth {
         let next = self.gates[gate as usize].next;
         self.open(next).filter(|_| next != gate).map(|gate| gate.to)
     }
-    /// Does what a symbol says. `Previous` and `Next` only where they are allowed.
+    /// Applies a symbol. `Previous` and `Next` only where they are allowed.
     pub(super) fn apply(&mut self, gate: u32, symbol: GateSymbol) {
         let Gate { from: a, to: b, previous, next, .. } = self.gates[gate as usize];
         match symbol {
@@ -238,12 +238,12 @@ impl Growth {
     }
 }
 
-/// Longest way along a loop that a symbol may tell. Part of the format.
+/// Longest distance along a loop that a symbol may code. Part of the format.
 pub(super) const FARTHEST: u32 = 8;
 /// Contexts of one decision for one kind of loop. Part of the format.
 const CONTEXTS: usize = 576;
 
-/// One decision in three contexts; the mean of what they say counts.
+/// One decision in three contexts; the mean of their probabilities counts.
 #[derive(Clone, Copy, Default)]
 struct Decision([BitModel; 3]);
 
@@ -291,7 +291,7 @@ impl ConnectivityModels {
         }
     }
 
-    /// Codes the symbol at a gate. In decoding `symbol` is ignored; `None` when the bytes tell an impossible one.
+    /// Codes the symbol at a gate. In decoding `symbol` is ignored; `None` if the decoded one is impossible.
     pub(super) fn symbol<C: BitCoder>(
         &mut self,
         coder: &mut C,
@@ -359,7 +359,7 @@ impl ConnectivityModels {
         newest.checked_sub(back).map(GateSymbol::Known)
     }
 
-    /// Codes one vertex of a region's first triangle: `Ok(None)` for a new one, `Err` when the bytes tell an impossible one.
+    /// Codes one vertex of a region's first triangle: `Ok(None)` for a new one, `Err` if the decoded one is impossible.
     pub(super) fn seed_vertex<C: BitCoder>(
         &mut self,
         coder: &mut C,

@@ -65,7 +65,7 @@ fn wrong(message: &str) -> Error {
     Error::format(Tag::MESH, 1u8, message)
 }
 
-/// Fewest bytes after the first one that a mesh of this size may be told with.
+/// Fewest bytes after the first one that may code a mesh of this size.
 fn min_bytes(vertices: u32, triangles: u32) -> usize {
     (vertices.max(triangles) as u64 / ELEMENTS_PER_BYTE) as usize
 }

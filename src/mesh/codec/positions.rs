@@ -117,7 +117,7 @@ const OFF: usize = 1;
 struct VertexNeighbourhood {
     class: usize,
     parallelograms: usize,
-    /// Mean of the known neighbours, each as often as known triangle corners beside it say.
+    /// Mean of the known neighbours, weighted by the known triangle corners beside each.
     base: Vector,
     /// Contributions of parallelograms: across their edges, along them, and their edges' middles.
     features: [Vector; 3],
@@ -166,7 +166,7 @@ fn vector(position: Lattice) -> Vector {
     position.map(|x| x as f64)
 }
 
-/// Codes all positions; in decoding those given are ignored and replaced. An error when the bytes tell one outside the lattice.
+/// Codes all positions; in decoding those given are ignored and replaced. An error if a decoded one is outside the lattice.
 pub(super) fn code<C: BitCoder>(
     coder: &mut C,
     surface: &CornerTable,

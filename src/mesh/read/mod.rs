@@ -12,7 +12,7 @@ use crate::input::FileAccess;
 use std::io::Read;
 use std::path::Path;
 
-/// Extensions that [`read`] knows, lower case.
+/// Extensions of the formats that [`read`] supports, lower case.
 pub const EXTENSIONS: [&str; 4] = ["ply", "obj", "glb", "gltf"];
 
 /// Reads a triangle mesh. PLY (ASCII or binary, float or double) and OBJ polygons are cut into fans; all triangle primitives of

@@ -9,7 +9,7 @@ use std::borrow::Cow;
 use std::io::{BufRead, Cursor};
 use std::path::Path;
 
-/// Counts the lines that the OBJ parser has taken, since its errors don't say where they are.
+/// Counts the lines that the OBJ parser has taken, since its errors have no line numbers.
 struct CountLines<'a> {
     inner: Cursor<&'a [u8]>,
     lines: std::rc::Rc<std::cell::Cell<usize>>,
@@ -144,7 +144,7 @@ pub fn texture_coordinates(path: impl AsRef<Path>, access: &FileAccess) -> Resul
     Ok(coordinates)
 }
 
-/// The line of the first vertex that is not finite or face corner out of range; only asked after something went wrong.
+/// The line of the first vertex that is not finite or face corner out of range; for messages only.
 fn locate_obj_fault(bytes: &[u8]) -> Option<String> {
     let text = String::from_utf8_lossy(bytes);
     let total = text.lines().filter(|l| l.trim_start().starts_with("v ")).count() as i64;

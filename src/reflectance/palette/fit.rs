@@ -22,7 +22,7 @@ const ROUNDS: usize = 2;
 const SLICES: usize = 6;
 /// Bins of the stretched half angle, growing with its square, in which a class's sightings are averaged.
 const BINS: usize = 60;
-/// Sightings with the light lower than this (cosine) say little.
+/// Sightings with the light lower than this (cosine) are left out.
 const MIN_COS_LIGHT: f32 = 0.1;
 /// Largest specular colour, as of Torrance and Sparrow's lobe.
 const MAX_COLOUR: f64 = 20.0;

@@ -112,7 +112,7 @@ pub(super) fn write_palette(palette: &[PaletteEntry], bytes: &mut Vec<u8>) -> Re
     Ok(())
 }
 
-/// Reads what [`write_palette`] wrote, from `at` of the section on, and says where it ends.
+/// Reads what [`write_palette`] wrote, from `at` of the section on; returns the palette and its end.
 pub(super) fn read_palette(
     bytes: &[u8],
     at: usize,

@@ -1,4 +1,4 @@
-//! Palettes as tables, for light from all around, which asks for a function's value millions of times.
+//! Palettes as tables, for light from all around, which evaluates a function millions of times.
 
 use super::{PaletteEntry, VALUE_LIMIT, mix};
 use std::f64::consts::FRAC_PI_2;
