@@ -134,7 +134,7 @@ impl SurfaceSamples {
     pub fn are_on(&self, mesh: &Mesh) -> bool {
         self.vertices == mesh.positions.len() && (self.cuts.is_empty() || self.cuts.len() == mesh.triangles.len())
     }
-    /// Longest part of an edge that is not cut into [`MAX_PARTS`], in units of the mesh; 0 where the places are the vertices.
+    /// Longest part of an edge that is not cut into `MAX_PARTS`, in units of the mesh; 0 where the places are the vertices.
     pub fn spacing(&self) -> f32 {
         self.spacing
     }
