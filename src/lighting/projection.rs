@@ -110,7 +110,7 @@ impl Unwrapper {
     ) -> Result<Self> {
         if size.iter().any(|&side| side < 2) || !(4..=8192).contains(&columns) {
             return Err(Error::parameter(
-                "an environment is made of pictures of 2 x 2 pixels at least, 4 to 8192 columns wide",
+                "an environment is made of images of 2 x 2 pixels at least, 4 to 8192 columns wide",
             ));
         }
         if projection == EnvironmentProjection::Cube {
@@ -134,7 +134,7 @@ impl Unwrapper {
         if [picture.width, picture.height] != self.size {
             let [width, height] = self.size;
             let message = format!(
-                "a picture of the light has {} x {} pixels, the first had {width} x {height}",
+                "an image of the light has {} x {} pixels, the first had {width} x {height}",
                 picture.width, picture.height
             );
             return Err(Error::parameter(message));

@@ -35,11 +35,11 @@ pub fn read_environment<P: AsRef<Path>>(
     options: &EnvironmentReadOptions,
 ) -> Result<(EnvironmentMap, CleanedPixels)> {
     let Some(first) = paths.first().map(AsRef::as_ref) else {
-        return Err(Error::parameter("no picture of the environment is given"));
+        return Err(Error::parameter("no image of the environment is given"));
     };
     if paths.len() > 1 && options.exposures.len() != paths.len() {
         let (pictures, exposures) = (paths.len(), options.exposures.len());
-        return Err(Error::parameter(format!("{pictures} pictures need as many exposures, {exposures} are given")));
+        return Err(Error::parameter(format!("{pictures} images need as many exposures, {exposures} are given")));
     }
     if options.exposures.iter().any(|&exposure| !(exposure > 0.0 && exposure.is_finite())) {
         return Err(Error::parameter("exposures must be positive"));
@@ -54,7 +54,7 @@ pub fn read_environment<P: AsRef<Path>>(
         if let Some(before) = bracket.first()
             && (before.width, before.height) != (picture.width, picture.height)
         {
-            return Err(Error::input(path, "of another size than the first picture of the bracket"));
+            return Err(Error::input(path, "of another size than the first image of the bracket"));
         }
         bracket.push(picture);
     }

@@ -60,7 +60,7 @@ impl MarkerDetector {
         if !SIDES.contains(&width) || !SIDES.contains(&height) {
             let (least, most) = (SIDES.start(), SIDES.end());
             return Err(Error::parameter(format!(
-                "markers are looked for in pictures of {least} to {most} pixels a side, this one has {width} x {height}"
+                "markers are looked for in images of {least} to {most} pixels a side, this one has {width} x {height}"
             )));
         }
         let mut found = Vec::new();

@@ -104,7 +104,7 @@ impl<'a> AssetRenderer<'a> {
     /// shows; [`Error::Unsupported`] for point lights where those of the capture are unknown.
     pub fn render(&self, camera: &Camera, options: &RenderOptions) -> Result<ViewRender> {
         if camera.width == 0 || camera.height == 0 || camera.width as u64 * camera.height as u64 > MAX_PIXELS {
-            return Err(Error::parameter("the picture has no pixels or too many"));
+            return Err(Error::parameter("the image has no pixels or too many"));
         }
         let numbers = camera.focal.iter().chain(&camera.principal).chain(camera.rotation.iter().flatten());
         if !numbers.chain(&camera.translation).all(|x| x.is_finite()) || camera.focal.contains(&0.0) {

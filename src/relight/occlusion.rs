@@ -114,7 +114,7 @@ impl Occlusion {
 }
 
 /// Share of a lobe of a sharpness that a half-space at a signed angle leaves, nearly: the Gaussian's integral as a straight ramp. Lobes
-/// here are narrow: with Tokuyoshi's integral in its place no picture of spot in tools/bench/relight changes by more than 0.05 dB.
+/// here are narrow: with Tokuyoshi's integral in its place no image of spot in tools/bench/relight changes by more than 0.05 dB.
 #[inline]
 pub(super) fn visibility_ramp(distance: f32, sharpness: f32) -> f32 {
     (0.5 + 0.36 * distance * sharpness.sqrt()).clamp(0.0, 1.0)

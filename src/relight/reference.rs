@@ -40,7 +40,7 @@ pub fn reference(
     options: &ReferenceOptions,
 ) -> Result<EnvironmentRender> {
     if !(1..=8).contains(&options.samples) || options.rays == 0 {
-        return Err(Error::parameter("a picture needs 1 to 8 samples a side and at least one ray"));
+        return Err(Error::parameter("an image needs 1 to 8 samples a side and at least one ray"));
     }
     let occluders = options.shadows.then(|| Occluders::new(object.mesh));
     let light = LightSampler::new(environment);
