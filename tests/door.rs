@@ -63,6 +63,23 @@ fn a_type_has_a_name_of_its_own() {
     assert!(total > 300 && reused as f64 <= MAX_REUSED_NAMES * total as f64, "{reused} of {total}: {places:#?}");
 }
 
+/// glam's version is then no part of the interface.
+#[test]
+fn public_functions_take_arrays() {
+    let mut signatures = 0;
+    for (path, text) in sources() {
+        for (at, _) in text.match_indices("pub fn ") {
+            let signature = text[at..].split(['{', ';']).next().unwrap();
+            let mut words = signature.split(|c: char| !c.is_alphanumeric());
+            let glam = words
+                .find(|word| ["Vec2", "Vec3", "Vec4", "Mat3", "Mat4", "Quat"].contains(&word.trim_start_matches('D')));
+            assert!(glam.is_none(), "{}: {signature}", path.display());
+            signatures += 1;
+        }
+    }
+    assert!(signatures > 200, "{signatures}");
+}
+
 #[test]
 fn every_dependency_is_used() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));

@@ -82,12 +82,12 @@ pub struct ColourTransform {
 impl ColourTransform {
     /// Returns the coded channels of a colour in the sqrt domain.
     #[inline(always)]
-    pub fn rotate(&self, colour: Vec4) -> Vec4 {
+    pub(crate) fn rotate(&self, colour: Vec4) -> Vec4 {
         product(&self.rotation, colour)
     }
     /// Returns the colour in the sqrt domain of coded channels.
     #[inline(always)]
-    pub fn unrotate(&self, channels: Vec4) -> Vec4 {
+    pub(crate) fn unrotate(&self, channels: Vec4) -> Vec4 {
         product(&self.inverse, channels)
     }
 }

@@ -36,13 +36,13 @@ impl AtlasRaster {
         [1.0 - b - c, b, c]
     }
     /// World position of a texel in use.
-    pub fn position(&self, mesh: &Mesh, texel: usize) -> DVec3 {
+    pub(crate) fn position(&self, mesh: &Mesh, texel: usize) -> DVec3 {
         let corners = mesh.triangles[self.triangle.data[texel] as usize];
         let weights = self.weights(texel);
         (0..3).map(|k| weights[k] * DVec3::from_array(mesh.positions[corners[k] as usize].map(f64::from))).sum()
     }
     /// Smooth unit normal of a texel in use, from [`super::raster::vertex_normals`].
-    pub fn normal(&self, mesh: &Mesh, normals: &[[f64; 3]], texel: usize) -> DVec3 {
+    pub(crate) fn normal(&self, mesh: &Mesh, normals: &[[f64; 3]], texel: usize) -> DVec3 {
         let corners = mesh.triangles[self.triangle.data[texel] as usize];
         smooth_normal(corners, self.weights(texel), normals)
     }
