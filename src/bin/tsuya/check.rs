@@ -39,7 +39,7 @@ impl Check {
                 "warnings": capture.warnings,
             }))?;
         } else {
-            capture.warnings.iter().for_each(|warning| output::eprint_line(&format!("warning: {warning}")));
+            output::warn(&capture.warnings);
             let (frames, triangles) = (capture.frames.len(), capture.mesh.triangles.len());
             output::print(&format!("{frames} frames, {triangles} triangles; {} views looked at\n", found.views))?;
             let share = |share: Option<f64>| share.map_or("-".into(), |share| format!("{:.1} %", 100.0 * share));

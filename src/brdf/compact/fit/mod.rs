@@ -7,7 +7,7 @@ use super::{CompactHeader, CompactMaterial, codec, degrees, floor_size};
 use crate::brdf::BrdfSample;
 use crate::error::{Error, Result};
 use moments::{Moments, WeightedSample};
-use quantise::NormalEquations;
+use quantise::CompactNormalEquations;
 
 /// Treatment of the order of incoming and outgoing direction.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -61,7 +61,7 @@ pub fn fit_compact(samples: &[BrdfSample], options: &CompactFitOptions) -> Resul
     }
     let ceiling = ((highest + 8.0) * 4.0).ceil().clamp(0.0, 127.0) as u8;
     let (matrix, sides) = moments.finish(degrees(reciprocal));
-    let normal = NormalEquations::new(matrix, sides, degrees(reciprocal));
+    let normal = CompactNormalEquations::new(matrix, sides, degrees(reciprocal));
     // The finest step that fits.
     let (mut low, mut high) = (0u8, 63u8);
     let mut best = None;
@@ -91,7 +91,7 @@ pub(in crate::brdf) fn coefficients(samples: &[BrdfSample], floor: f64) -> [Vec<
         moments.add(&WeightedSample { sample, weight: 1.0, logarithm: sample.value.map(|f| (f + floor).ln()) });
     }
     let (matrix, sides) = moments.finish(degrees(true));
-    let normal = NormalEquations::new(matrix, sides, degrees(true));
+    let normal = CompactNormalEquations::new(matrix, sides, degrees(true));
     let [mean, red_blue, green] = [0, 1, 2].map(|c| normal.solution(c));
     let combine = |signs: [f64; 2]| {
         (0..mean.len()).map(|n| mean[n] + signs[0] * red_blue[n] + signs[1] * green[n]).collect::<Vec<f64>>()

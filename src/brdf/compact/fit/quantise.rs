@@ -13,7 +13,7 @@ const RIDGE: f64 = 1e-5;
 const ROUNDS: usize = 8;
 
 /// Normal equations of the three coded channels.
-pub(super) struct NormalEquations<'a> {
+pub(super) struct CompactNormalEquations<'a> {
     degrees: &'a [TermDegrees],
     matrix: Vec<Vec<f64>>,
     /// Coefficients by their relative degree: low ones are chosen last and take up what the high ones miss.
@@ -26,7 +26,7 @@ pub(super) struct NormalEquations<'a> {
     solved: [Vec<f64>; 3],
 }
 
-impl<'a> NormalEquations<'a> {
+impl<'a> CompactNormalEquations<'a> {
     /// From the matrix and the right sides of red, green, blue.
     pub(super) fn new(mut matrix: Vec<Vec<f64>>, sides: [Vec<f64>; 3], degrees: &'a [TermDegrees]) -> Self {
         let count = degrees.len();
@@ -51,7 +51,7 @@ impl<'a> NormalEquations<'a> {
             }
             z
         });
-        NormalEquations { degrees, matrix, order, triangle, sides, solved }
+        CompactNormalEquations { degrees, matrix, order, triangle, sides, solved }
     }
 
     /// Coefficients of a channel, not quantised.
