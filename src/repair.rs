@@ -1,11 +1,11 @@
 //! Repair: from a damaged file to a whole one with all that checksums still prove.
 //!
 //! [`repair`] looks for sections ([`crate::container::survey`]) and, in section PLAN, for views ([`crate::predictive::repair`]). What needs
-//! something that is lost is lost with it; what a reader must have to read the rest stands in its place, empty.
+//! something that is lost is lost with it; sections that a reader requires are added, empty.
 
 use crate::container::metadata::{self, Metadata};
 use crate::container::survey::{Survey, survey, without_carriage_returns};
-use crate::container::{ContainerWriter, Section, SectionCodec, Tag, verify};
+use crate::container::{ContainerWriter, Section, SectionCodec, SectionRule, Tag, section_rules, verify};
 use crate::error::{Error, FilePart, Result};
 use crate::limits::{Budget, Limits};
 use crate::mesh::Mesh;
@@ -19,9 +19,9 @@ use std::borrow::Cow;
 /// A repaired file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RepairedFile {
-    /// The whole file; the given one where nothing was wrong with it.
+    /// The whole file; the given one if it was undamaged.
     pub bytes: Vec<u8>,
-    /// What was wrong besides sections and views, one sentence each.
+    /// Faults besides those of sections and views, one sentence each.
     pub faults: Vec<String>,
     /// Sections that the file keeps.
     pub kept: Vec<Tag>,
@@ -44,19 +44,11 @@ impl RepairedFile {
     }
 }
 
-/// What a section can't be used without.
-const NEEDS: [(Tag, &[Tag]); 5] = [
-    (Tag::CHARTS, &[Tag::MESH]),
-    (Tag::REFLECTANCE, &[Tag::CHARTS, Tag::MESH]),
-    (Tag::PLANES, &[Tag::MESH, Tag::VIEWS]),
-    (Tag::WAVELET_TEXTURE, &[Tag::MESH, Tag::VIEWS]),
-    (Tag::VISIBILITY, &[Tag::MESH]),
-];
-/// A file of nothing but others is no use.
+/// Sections of which a file needs one to be of any use.
 const CONTENT: [Tag; 4] = [Tag::MESH, Tag::VIEWS, Tag::MATERIALS, Tag::LIGHT];
 const DAMAGED_SECTION: &str = "its checksum does not match, or it is cut";
 
-/// Makes a whole file of what is left of a damaged one.
+/// Repairs a damaged file.
 /// # Errors
 /// [`Error::Format`] where nothing is left that can be used, [`Error::Unsupported`] for files of other versions,
 /// [`Error::Limits`] where what is left asks for more than it may.
@@ -227,16 +219,16 @@ impl FileRepair<'_> {
     }
 
     fn drop_what_needs_others(&mut self, sections: &mut Vec<(Tag, SectionCodec, Vec<u8>)>) {
-        for (tag, needs) in NEEDS {
+        for SectionRule { tag, dependencies, .. } in section_rules() {
             let has = |wanted: &Tag| sections.iter().any(|(tag, ..)| tag == wanted);
-            if let Some(missing) = needs.iter().find(|needed| !has(needed)).filter(|_| has(&tag)) {
+            if let Some(missing) = dependencies.iter().find(|needed| !has(needed)).filter(|_| has(&tag)) {
                 self.lost_sections.push((tag, format!("it is whole, but nothing without {missing}")));
                 sections.retain(|(other, ..)| *other != tag);
             }
         }
     }
 
-    /// What a reader must have besides, with nothing in it.
+    /// Adds the section that a reader requires besides, with nothing in it.
     fn stand_ins(&self, sections: &mut Vec<(Tag, SectionCodec, Vec<u8>)>) -> Result<()> {
         let has = |wanted: Tag| sections.iter().any(|(tag, ..)| *tag == wanted);
         let (has_mesh, has_views) = (has(Tag::MESH), has(Tag::VIEWS));
@@ -256,7 +248,7 @@ impl FileRepair<'_> {
         Ok(())
     }
 
-    /// Says in the metadata that the file was repaired and what it lacks.
+    /// Notes in the metadata that the file was repaired and what it lacks.
     fn describe(&self, sections: &mut Vec<(Tag, SectionCodec, Vec<u8>)>) -> Result<()> {
         if self.lost_sections.is_empty() && self.lost_views.is_empty() {
             return Ok(());

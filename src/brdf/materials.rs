@@ -75,7 +75,6 @@ pub struct NamedMaterial {
     pub material: FittedMaterial,
 }
 
-const SECTION: Tag = Tag::MATERIALS;
 /// Version of the section's layout.
 const VERSION: u8 = 1;
 /// Memory of a decoded material at most: 744 integers and 1280 triples of doubles; 4050 integers and twice as many doubles.
@@ -122,7 +121,10 @@ pub fn decode_materials(bytes: &[u8], budget: &Budget) -> Result<Vec<NamedMateri
     let mut reader = MaterialReader { bytes, position: 0 };
     let [version] = reader.array("version")?;
     if version != VERSION {
-        return Err(Error::Unsupported(format!("version {version} of section {SECTION}; this build reads {VERSION}")));
+        return Err(Error::Unsupported(format!(
+            "version {version} of section {}; this build reads {VERSION}",
+            Tag::MATERIALS
+        )));
     }
     let count = LittleEndian::read_u32(reader.take(4, "number of materials")?);
     let mut materials = Vec::new();
@@ -134,7 +136,7 @@ pub fn decode_materials(bytes: &[u8], budget: &Budget) -> Result<Vec<NamedMateri
         let name = std::str::from_utf8(reader.take(length as usize, "name")?)
             .ok()
             .filter(|name| !name.is_empty())
-            .ok_or_else(|| Error::format(SECTION, at, "a name is 1 to 255 bytes of UTF-8"))?;
+            .ok_or_else(|| Error::format(Tag::MATERIALS, at, "a name is 1 to 255 bytes of UTF-8"))?;
         let length = LittleEndian::read_u16(reader.take(2, "length of a material")?);
         let coded = reader.take(length as usize, "material")?;
         let memory = match form {
@@ -146,20 +148,20 @@ pub fn decode_materials(bytes: &[u8], budget: &Budget) -> Result<Vec<NamedMateri
         };
         budget.charge("materials", memory + 3 * name.len() as u64 + 128)?;
         if !names.insert(name) {
-            return Err(Error::format(SECTION, at, format!("two materials are called '{name}'")));
+            return Err(Error::format(Tag::MATERIALS, at, format!("two materials are called '{name}'")));
         }
         let material = match form {
-            0 => DsbrdfMaterial::decode(coded, SECTION).map(FittedMaterial::Dsbrdf),
-            _ => CompactMaterial::decode(coded, SECTION).map(FittedMaterial::Compact),
+            0 => DsbrdfMaterial::decode(coded, Tag::MATERIALS).map(FittedMaterial::Dsbrdf),
+            _ => CompactMaterial::decode(coded, Tag::MATERIALS).map(FittedMaterial::Compact),
         };
         let material = material.map_err(|error| match error {
-            Error::Format { message, .. } => Error::format(SECTION, at, format!("material '{name}': {message}")),
+            Error::Format { message, .. } => Error::format(Tag::MATERIALS, at, format!("material '{name}': {message}")),
             other => other,
         })?;
         materials.push(NamedMaterial { name: name.to_owned(), material });
     }
     if reader.position != bytes.len() {
-        return Err(Error::format(SECTION, reader.position as u64, "bytes follow the last material"));
+        return Err(Error::format(Tag::MATERIALS, reader.position as u64, "bytes follow the last material"));
     }
     Ok(materials)
 }
@@ -173,14 +175,18 @@ impl<'a> MaterialReader<'a> {
     fn take(&mut self, count: usize, what: &str) -> Result<&'a [u8]> {
         let end = self.position.saturating_add(count);
         let taken = self.bytes.get(self.position..end).ok_or_else(|| {
-            Error::format(SECTION, self.position as u64, format!("the section ends within: {what}, {count} bytes"))
+            Error::format(
+                Tag::MATERIALS,
+                self.position as u64,
+                format!("the section ends within: {what}, {count} bytes"),
+            )
         })?;
         self.position = end;
         Ok(taken)
     }
     fn array<const N: usize>(&mut self, what: &str) -> Result<[u8; N]> {
         let taken = self.take(N, what)?;
-        taken.try_into().map_err(|_| Error::format(SECTION, self.position as u64, format!("{what} is missing")))
+        taken.try_into().map_err(|_| Error::format(Tag::MATERIALS, self.position as u64, format!("{what} is missing")))
     }
 }
 

@@ -4,8 +4,10 @@ use super::{Container, ContainerWriter, SectionCodec, Tag};
 use crate::Result;
 use crate::limits::Limits;
 
-/// The file with `sections` put in place of those of the same tags, or at its end. All others stay as they are, also those that
-/// this build doesn't know: the critical sections do not change.
+/// Returns the file with `sections` in place of those of the same tags, or at its end. All others stay as they are, also
+/// those that this build does not know.
+/// # Errors
+/// [`crate::Error::Format`] if the file or a section is invalid, [`crate::Error::Limits`] if the memory budget is exceeded.
 pub fn with_sections(file: &[u8], sections: &[(Tag, SectionCodec, Vec<u8>)], limits: Limits) -> Result<Vec<u8>> {
     let mut old = Container::open_slice(file, limits)?;
     let mut writer = ContainerWriter::new(Vec::with_capacity(file.len()))?;

@@ -6,7 +6,7 @@ use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
-/// What a byte of JSON may become in memory at most: `0,` makes a whole value.
+/// Most bytes of memory for one byte of JSON: `0,` makes a whole value.
 const MEMORY_PER_BYTE: u64 = 128;
 
 /// The object's keys.

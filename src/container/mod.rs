@@ -3,10 +3,12 @@
 //! A section's inline header and its entry in the directory are the same bytes ([`Section`]), so that a file is read either
 //! from its start, section by section ([`SectionStream`]), or by its directory at the end ([`Container`]).
 
-pub(crate) mod arriving;
+mod directory;
 #[cfg(feature = "encode")]
 pub(crate) mod edit;
+pub(crate) mod incremental;
 pub(crate) mod metadata;
+mod pieces;
 mod reader;
 mod section;
 mod stream;
@@ -18,15 +20,18 @@ pub(crate) mod thumbnail;
 mod writer;
 mod zstd_frame;
 
-pub use arriving::{IncrementalReader, Poll};
 #[cfg(feature = "encode")]
 pub use edit::with_sections;
+pub use incremental::{IncrementalReader, Poll};
 pub use metadata::{AchievedError, Metadata, metres_per_unit};
 pub use reader::Container;
-#[cfg(feature = "encode")]
-pub(crate) use section::push_number;
 pub use section::{Section, SectionCodec};
+#[cfg(feature = "encode")]
+pub(crate) use section::{push_number, push_u32};
 pub use stream::{FilePrefix, SectionStream, read_prefix, read_stream, verify};
+pub(crate) use tags::is_required;
+#[cfg(feature = "encode")]
+pub(crate) use tags::section_rules;
 pub use tags::{SectionRule, Tag, known_rule, section_rule};
 #[cfg(feature = "encode")]
 pub use thumbnail::encode_thumbnail;
@@ -35,6 +40,8 @@ pub use thumbnail::{Thumbnail, decode_thumbnail};
 pub use writer::ContainerWriter;
 #[cfg(feature = "encode")]
 pub(crate) use writer::write_file;
+
+use byteorder::{ByteOrder, LittleEndian};
 
 /// First bytes of every file: a byte that is not ASCII, three letters, and both line endings around the end-of-file character, so
 /// that damage by text-mode transfers shows at once. Part of the format.
@@ -54,34 +61,26 @@ pub const MAX_SECTIONS: u64 = 4096;
 /// Shortest and longest section header: tag, codec, one or two lengths, checksum. Part of the format.
 pub(crate) const SECTION_HEADER_BYTES: std::ops::RangeInclusive<u64> = 10..=29;
 
-/// The first twelve bytes of a file of this version.
+/// First twelve bytes of a file of this version.
 #[cfg(feature = "encode")]
 pub(crate) fn file_header() -> [u8; FILE_HEADER_BYTES] {
     let mut bytes = [0; FILE_HEADER_BYTES];
     bytes[..8].copy_from_slice(&SIGNATURE);
-    bytes[8..10].copy_from_slice(&VERSION.0.to_le_bytes());
-    bytes[10..].copy_from_slice(&VERSION.1.to_le_bytes());
+    LittleEndian::write_u16(&mut bytes[8..10], VERSION.0);
+    LittleEndian::write_u16(&mut bytes[10..], VERSION.1);
     bytes
 }
 
 /// Checks signature and version.
 pub(crate) fn check_file_header(bytes: &[u8; FILE_HEADER_BYTES]) -> crate::Result<()> {
-    use crate::Error;
+    use crate::{Error, FilePart};
     if bytes[1..4] == SIGNATURE[1..4] && bytes[..8] != SIGNATURE {
-        return Err(Error::format(
-            crate::error::FilePart::File,
-            0u8,
-            "signature damaged, perhaps by a transfer in text mode",
-        ));
+        return Err(Error::format(FilePart::File, 0u8, "signature damaged, perhaps by a transfer in text mode"));
     }
     if bytes[..8] != SIGNATURE {
-        return Err(Error::format(
-            crate::error::FilePart::File,
-            0u8,
-            "not a .tsuya file: it must begin with E8 'TSY' 0D 0A 1A 0A",
-        ));
+        return Err(Error::format(FilePart::File, 0u8, "not a .tsuya file: it must begin with E8 'TSY' 0D 0A 1A 0A"));
     }
-    let version = (u16::from_le_bytes([bytes[8], bytes[9]]), u16::from_le_bytes([bytes[10], bytes[11]]));
+    let version = (LittleEndian::read_u16(&bytes[8..10]), LittleEndian::read_u16(&bytes[10..]));
     if version != VERSION {
         return Err(Error::Unsupported(format!(
             "file of version {}.{}, this build reads {}.{} (0.x is experimental)",
@@ -89,6 +88,11 @@ pub(crate) fn check_file_header(bytes: &[u8; FILE_HEADER_BYTES]) -> crate::Resul
         )));
     }
     Ok(())
+}
+
+/// Error for a section that a file must have and has not.
+pub(crate) fn missing_section(tag: Tag) -> crate::Error {
+    crate::Error::format(tag, 0u8, "the file has no such section")
 }
 
 #[cfg(test)]

@@ -2,11 +2,11 @@
 
 use super::tags::{Tag, known_rule, section_rule};
 use super::zstd_frame::{ZstdRefusal, decompress};
-use crate::error::FilePart;
 use crate::limits::Budget;
-use crate::{Error, Result};
+use crate::{Error, FilePart, Result};
+use byteorder::{ByteOrder, LittleEndian};
 
-/// How a section's bytes are stored. The discriminants are part of the format.
+/// Coding of a section's bytes. The discriminants are part of the format.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum SectionCodec {
     /// As they are.
@@ -20,9 +20,9 @@ pub enum SectionCodec {
 /// A section's header.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Section {
-    /// What it holds.
+    /// Kind of content.
     pub tag: Tag,
-    /// How it is stored.
+    /// Coding of the stored bytes.
     pub codec: SectionCodec,
     /// Bytes in the file after the header.
     pub stored: u64,
@@ -30,12 +30,12 @@ pub struct Section {
     pub decoded: u64,
     /// CRC-32 (ISO-HDLC, as in zlib and PNG) of tag, codec, lengths and stored bytes.
     pub crc: u32,
-    /// Where the header begins in the file.
+    /// Offset of the header in the file.
     pub offset: u64,
 }
 
 impl Section {
-    /// The header without its checksum.
+    /// Returns the header without its checksum.
     pub(crate) fn head(&self) -> Vec<u8> {
         let mut bytes = self.tag.0.to_vec();
         bytes.push(self.codec as u8);
@@ -45,21 +45,21 @@ impl Section {
         }
         bytes
     }
-    /// The whole header, as in the file.
+    /// Returns the whole header, as in the file.
     pub(crate) fn to_bytes(self) -> Vec<u8> {
         let mut bytes = self.head();
-        bytes.extend_from_slice(&self.crc.to_le_bytes());
+        push_u32(&mut bytes, self.crc);
         bytes
     }
-    /// Length of the header.
+    /// Length of the header in bytes.
     pub fn header_bytes(&self) -> u64 {
         self.head().len() as u64 + 4
     }
-    /// Where the section ends in the file.
+    /// Offset behind the section in the file; `None` beyond 64 bits.
     pub fn end(&self) -> Option<u64> {
         self.offset.checked_add(self.header_bytes())?.checked_add(self.stored)
     }
-    /// The rest of a header whose tag has been read; bytes come from `next`. `offset` is that of the tag.
+    /// Parses the rest of a header whose tag has been read; bytes come from `next`. `offset` is that of the tag.
     pub(crate) fn parse(tag: Tag, offset: u64, mut next: impl FnMut() -> Result<u8>) -> Result<Section> {
         if !tag.is_valid() {
             return Err(Error::format(
@@ -76,12 +76,12 @@ impl Section {
         };
         let stored = read_number(tag, &mut next)?;
         let decoded = if codec == SectionCodec::Zstd { read_number(tag, &mut next)? } else { stored };
-        let crc = u32::from_le_bytes([next()?, next()?, next()?, next()?]);
+        let crc = LittleEndian::read_u32(&[next()?, next()?, next()?, next()?]);
         let section = Section { tag, codec, stored, decoded, crc, offset };
         section.check_bounds()?;
         Ok(section)
     }
-    /// Codec and lengths against the table.
+    /// Checks codec and lengths against the section's rule.
     pub(crate) fn check_bounds(&self) -> Result<()> {
         if self.tag.is_critical() && known_rule(self.tag).is_none() {
             return Err(Error::Unsupported(format!("critical section {}, which this build does not know", self.tag)));
@@ -100,14 +100,14 @@ impl Section {
         }
         Ok(())
     }
-    /// A tag that may come once came before.
+    /// Checks that a section that may come once has not come before.
     pub(crate) fn check_repetition(&self, before: &[Section]) -> Result<()> {
         if !section_rule(self.tag).repeats && before.iter().any(|other| other.tag == self.tag) {
             return Err(Error::format(self.tag, 0u8, "comes twice, may come once"));
         }
         Ok(())
     }
-    /// A checksum started with the header.
+    /// Returns a checksum that has begun with the header.
     pub(crate) fn hasher(&self) -> crc32fast::Hasher {
         let mut hasher = crc32fast::Hasher::new();
         hasher.update(&self.head());
@@ -121,7 +121,7 @@ impl Section {
             Err(Error::format(self.tag, self.header_bytes(), "CRC-32 does not match: the section is damaged"))
         }
     }
-    /// Undoes the codec. The stored bytes have been charged by the caller.
+    /// Decompresses if the codec asks for it. The stored bytes have been charged by the caller.
     pub(crate) fn decode(&self, stored: Vec<u8>, budget: &Budget) -> Result<Vec<u8>> {
         if self.codec != SectionCodec::Zstd {
             return Ok(stored);
@@ -140,14 +140,14 @@ impl Section {
     }
 }
 
-/// Bytes of the directory of these sections, tag and checksum included.
-pub(crate) fn directory_length(sections: &[Section]) -> u64 {
-    let mut count = Vec::new();
-    push_number(&mut count, sections.len() as u64);
-    4 + count.len() as u64 + sections.iter().map(Section::header_bytes).sum::<u64>() + 4
+/// Appends a little-endian number of four bytes.
+pub(crate) fn push_u32(bytes: &mut Vec<u8>, value: u32) {
+    let start = bytes.len();
+    bytes.resize(start + 4, 0);
+    LittleEndian::write_u32(&mut bytes[start..], value);
 }
 
-/// LEB128: seven bits a byte from the lowest on, the high bit says that more follow.
+/// Appends a number as LEB128: seven bits a byte from the lowest on, the high bit set if more follow.
 pub(crate) fn push_number(bytes: &mut Vec<u8>, mut value: u64) {
     while value >= 0x80 {
         bytes.push(value as u8 | 0x80);
@@ -156,7 +156,7 @@ pub(crate) fn push_number(bytes: &mut Vec<u8>, mut value: u64) {
     bytes.push(value as u8);
 }
 
-/// The shortest form only; at most ten bytes.
+/// Reads a number as LEB128 in its shortest form of at most ten bytes.
 pub(crate) fn read_number(tag: Tag, next: &mut impl FnMut() -> Result<u8>) -> Result<u64> {
     let mut value = 0u64;
     for k in 0..10 {

@@ -1,134 +1,82 @@
 //! Reading from start to end: streams, cut files, and the check of every byte.
 
-use super::reader::parse_directory;
-use super::section::{Section, SectionCodec};
-use super::{DIRECTORY_TAG, END_SIGNATURE, FILE_HEADER_BYTES, MAX_SECTIONS, TRAILER_BYTES, Tag, check_file_header};
-use crate::error::FilePart;
+use super::incremental::{CHUNK_BYTES, IncrementalReader, Poll};
+use super::section::Section;
 use crate::limits::{Budget, Limits};
 use crate::{Error, Result};
 use std::io::Read;
 use std::sync::Arc;
 
-/// Largest step in which a section's bytes are taken from a stream, so that memory grows with what arrives.
-const CHUNK_BYTES: u64 = 1 << 16;
-
-/// Sections of a stream, one after the other. At the end the directory is compared with what came.
+/// Sections of a stream, one after the other; at the end the directory is compared with them. An [`IncrementalReader`] whose
+/// ranges are read from the stream.
 #[derive(Debug)]
 pub struct SectionStream<R> {
+    reader: IncrementalReader,
     source: R,
-    head: [u8; FILE_HEADER_BYTES],
-    sections: Vec<Section>,
-    budget: Arc<Budget>,
-    offset: u64,
-    finished: bool,
+    /// Bytes read.
+    position: u64,
 }
 
 impl<R: Read> SectionStream<R> {
     /// Reads signature and version.
+    /// # Errors
+    /// [`Error::Io`] of the source, [`Error::Format`] for what is not a `.tsuya` file, [`Error::Unsupported`] for another
+    /// version.
     pub fn new(source: R, limits: Limits) -> Result<Self> {
-        let budget = Arc::new(Budget::new(limits));
-        let head = [0; FILE_HEADER_BYTES];
-        let mut stream = SectionStream { source, head, sections: Vec::new(), budget, offset: 0, finished: false };
-        let mut head = [0; FILE_HEADER_BYTES];
-        stream.fill(&mut head)?;
-        check_file_header(&head)?;
-        stream.head = head;
+        let reader = IncrementalReader::transient(None, false, limits);
+        let mut stream = SectionStream { reader, source, position: 0 };
+        stream.drive(IncrementalReader::file_header)?;
         Ok(stream)
     }
-    /// The only place where bytes are taken.
-    fn fill(&mut self, bytes: &mut [u8]) -> Result<()> {
-        self.source.read_exact(bytes).map_err(|error| match error.kind() {
-            std::io::ErrorKind::UnexpectedEof => Error::format(FilePart::File, self.offset, "ends early"),
-            _ => Error::io("-", error),
+
+    /// Runs `step` until it is ready, reading on to the end of the ranges that it needs.
+    fn drive<T>(&mut self, mut step: impl FnMut(&mut IncrementalReader) -> Result<Poll<T>>) -> Result<T> {
+        loop {
+            match step(&mut self.reader)? {
+                Poll::Ready(value) => return Ok(value),
+                Poll::NeedRanges(ranges) => {
+                    let end = ranges.iter().map(|range| range.end).max().unwrap_or_default();
+                    self.read_bytes(end.min(self.position + CHUNK_BYTES))?;
+                }
+            }
+        }
+    }
+
+    fn read_bytes(&mut self, end: u64) -> Result<()> {
+        let SectionStream { reader, source, position } = self;
+        let mut got = 0;
+        reader.feed_with(&(*position..end), |bytes| {
+            got = source.take(end - *position).read_to_end(bytes).map_err(|error| Error::io("-", error))? as u64;
+            Ok(())
         })?;
-        self.offset += bytes.len() as u64;
+        *position += got;
+        if *position < end {
+            reader.set_length(*position);
+        }
         Ok(())
     }
-    /// The account that the contents are charged to.
+
+    /// Memory budget that the contents are charged to.
     pub fn budget(&self) -> Arc<Budget> {
-        self.budget.clone()
+        self.reader.budget()
     }
-    /// Headers of the sections that came so far.
+    /// Headers of the sections that were read so far.
     pub fn sections(&self) -> &[Section] {
-        &self.sections
+        self.reader.sections().0
     }
-    /// The next section with its content; `None` after the last one, when directory and trailer were right.
+    /// Reads the next section with its content; `None` behind the last one, when directory, trailer and the stream's end
+    /// have been checked.
+    /// # Errors
+    /// [`Error::Io`] of the source, [`Error::Format`] if the stream is damaged or cut, [`Error::Limits`] if the memory budget
+    /// is exceeded.
     pub fn next_section(&mut self) -> Result<Option<(Section, Vec<u8>)>> {
-        self.advance(true)
-    }
-
-    /// With `keep` false contents that are not compressed are only checked.
-    fn advance(&mut self, keep: bool) -> Result<Option<(Section, Vec<u8>)>> {
-        if self.finished {
-            return Ok(None);
-        }
-        let offset = self.offset;
-        let mut tag = [0; 4];
-        self.fill(&mut tag)?;
-        if tag == DIRECTORY_TAG.0 {
-            self.directory()?;
-            self.finished = true;
-            return Ok(None);
-        }
-        crate::limits::check("sections", self.sections.len() as u64 + 1, MAX_SECTIONS)?;
-        let section = Section::parse(Tag(tag), offset, || {
-            let mut byte = [0];
-            self.fill(&mut byte)?;
-            Ok(byte[0])
-        })?;
-        section.check_repetition(&self.sections)?;
-        let keep = keep || section.codec == SectionCodec::Zstd;
-        let mut hasher = section.hasher();
-        let mut stored = Vec::new();
-        let mut chunk = vec![0; section.stored.min(CHUNK_BYTES) as usize];
-        let mut left = section.stored;
-        while left > 0 {
-            let step = left.min(CHUNK_BYTES) as usize;
-            let part = &mut chunk[..step];
-            self.fill(part)?;
-            hasher.update(part);
-            if keep {
-                self.budget.charge("section", step as u64)?;
-                stored.extend_from_slice(part);
-            }
-            left -= step as u64;
-        }
-        section.check_crc(hasher)?;
-        let content = section.decode(stored, &self.budget)?;
-        self.sections.push(section);
-        Ok(Some((section, content)))
-    }
-
-    /// Directory after its tag, trailer and end of file.
-    fn directory(&mut self) -> Result<()> {
-        let directory_at = self.offset - 4;
-        // What the directory must be follows from what came; it is read at that length and compared.
-        let mut expected = DIRECTORY_TAG.0.to_vec();
-        super::section::push_number(&mut expected, self.sections.len() as u64);
-        for section in &self.sections {
-            expected.extend_from_slice(&section.to_bytes());
-        }
-        let mut directory = vec![0; expected.len() + 4];
-        directory[..4].copy_from_slice(&DIRECTORY_TAG.0);
-        self.fill(&mut directory[4..])?;
-        if directory[..expected.len()] != expected[..] {
-            return Err(Error::format(FilePart::Directory, directory_at, "differs from the sections before it"));
-        }
-        parse_directory(&self.head, &directory, directory_at)?;
-        let mut trailer = [0; TRAILER_BYTES];
-        self.fill(&mut trailer)?;
-        if trailer[..4] != (directory.len() as u32).to_le_bytes() || trailer[4..] != END_SIGNATURE {
-            return Err(Error::format(FilePart::File, self.offset - TRAILER_BYTES as u64, "trailer is wrong"));
-        }
-        match self.source.read(&mut [0]) {
-            Ok(0) => Ok(()),
-            Ok(_) => Err(Error::format(FilePart::File, self.offset, "goes on after its end")),
-            Err(error) => Err(Error::io("-", error)),
-        }
+        self.drive(|reader| reader.next_section(true))
     }
 }
 
-/// All sections of a whole stream with their contents.
+/// Reads all sections of a whole stream with their contents.
+/// # Errors
+/// As [`SectionStream::next_section`].
 pub fn read_stream(source: impl Read, limits: Limits) -> Result<Vec<(Section, Vec<u8>)>> {
     let mut stream = SectionStream::new(source, limits)?;
     let mut sections = Vec::new();
@@ -138,7 +86,7 @@ pub fn read_stream(source: impl Read, limits: Limits) -> Result<Vec<(Section, Ve
     Ok(sections)
 }
 
-/// What could be saved of a file that may be cut or damaged.
+/// Whole sections of a file that may be cut or damaged.
 #[derive(Debug)]
 pub struct FilePrefix {
     /// The whole, undamaged sections before the damage.
@@ -147,7 +95,9 @@ pub struct FilePrefix {
     pub damage: Option<Error>,
 }
 
-/// The whole sections of a file that may be cut. An error only where not even the file's head is right.
+/// Reads the whole sections of a file that may be cut.
+/// # Errors
+/// As [`SectionStream::new`]: only if not even the file's first bytes are right.
 pub fn read_prefix(source: impl Read, limits: Limits) -> Result<FilePrefix> {
     let mut stream = SectionStream::new(source, limits)?;
     let mut sections = Vec::new();
@@ -163,10 +113,12 @@ pub fn read_prefix(source: impl Read, limits: Limits) -> Result<FilePrefix> {
 
 /// Checks every byte of a file: signature, version, headers, checksums, directory, trailer and length, and that what is
 /// compressed decompresses. Contents are not decoded. Returns the sections.
+/// # Errors
+/// As [`SectionStream::next_section`].
 pub fn verify(source: impl Read, limits: Limits) -> Result<Vec<Section>> {
     let mut stream = SectionStream::new(std::io::BufReader::new(source), limits)?;
-    while let Some((_, content)) = stream.advance(false)? {
-        stream.budget.release(content.len() as u64);
+    while let Some((_, content)) = stream.drive(|reader| reader.next_section(false))? {
+        stream.budget().release(content.len() as u64);
     }
-    Ok(stream.sections)
+    Ok(stream.sections().to_vec())
 }

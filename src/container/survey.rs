@@ -1,32 +1,32 @@
-//! What is whole of a damaged file, and where what is not may be.
+//! Survey of a damaged file: its whole sections, and where the rest may be.
 //!
 //! Sections are looked for by their headers wherever these are, and by the directory where that is whole; a section counts as whole
 //! only when its checksum is right.
 
 use super::section::{Section, read_number};
 use super::{
-    DIRECTORY_TAG, END_SIGNATURE, FILE_HEADER_BYTES, MAX_SECTIONS, SIGNATURE, Tag, check_file_header, file_header,
+    DIRECTORY_TAG, FILE_HEADER_BYTES, MAX_SECTIONS, SIGNATURE, Tag, check_file_header, directory, file_header,
     known_rule,
 };
-use crate::error::FilePart;
-use crate::{Error, Result};
+use crate::{Error, FilePart, Result};
+use byteorder::{ByteOrder, LittleEndian};
 use std::ops::Range;
 
-/// Bytes that are looked at for checksums, as a multiple of the file's.
+/// Most bytes that are read for checksums, as a multiple of the file's.
 const MAX_WORK: u64 = 16;
 
-/// What was found in a file.
+/// Sections found in a damaged file.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Survey {
     /// Sections whose checksums are right, in file order; `offset` is where their headers are or would be.
     pub whole: Vec<WholeSection>,
     /// Sections that are not whole, with the bytes of the file that may hold what is left of their contents.
     pub damaged: Vec<(Section, Range<usize>)>,
-    /// Bytes of the file between what was found, longest first.
+    /// Ranges of the file between the sections found, longest first.
     pub unexplained: Vec<Range<usize>>,
     /// Whether no section can have been overlooked: the directory is whole, or begins after the last section that was found.
     pub is_all_known: bool,
-    /// What is wrong with what stands around the sections, one sentence each.
+    /// Faults of the bytes around the sections, one sentence each.
     pub faults: Vec<String>,
 }
 
@@ -35,11 +35,11 @@ pub(crate) struct Survey {
 pub(crate) struct WholeSection {
     /// Its header.
     pub section: Section,
-    /// Where its stored bytes are.
+    /// Range of its stored bytes in the file.
     pub stored: Range<usize>,
 }
 
-/// Looks for all sections of a file.
+/// Finds all sections of a file.
 /// # Errors
 /// [`Error::Unsupported`] for the head of another version.
 pub(crate) fn survey(bytes: &[u8]) -> Result<Survey> {
@@ -54,10 +54,8 @@ pub(crate) fn survey(bytes: &[u8]) -> Result<Survey> {
             None => faults.push("the signature is damaged".to_owned()),
         },
     }
-    let is_at_end = directory.as_ref().is_some_and(|(_, range)| {
-        let length = (range.len() as u32).to_le_bytes();
-        bytes[range.end..] == [&length[..], &END_SIGNATURE].concat()
-    });
+    let is_at_end =
+        directory.as_ref().is_some_and(|(_, range)| bytes[range.end..] == directory::trailer(range.len() as u32));
     match &directory {
         None => faults.push("the directory is missing or damaged".into()),
         Some(_) if !is_at_end => faults.push("the end of the file is damaged".into()),
@@ -120,7 +118,7 @@ fn content_start(header: &Section) -> usize {
     (header.offset + header.header_bytes()) as usize
 }
 
-/// The directory, wherever it is: its entries and its bytes from tag to checksum.
+/// Finds the directory, wherever it is: its entries and its bytes from tag to checksum.
 fn find_directory(bytes: &[u8]) -> Option<(Vec<Section>, Range<usize>)> {
     let starts = (0..bytes.len()).filter(|&at| bytes[at..].starts_with(&DIRECTORY_TAG.0));
     starts.rev().find_map(|at| {
@@ -145,7 +143,7 @@ fn find_directory(bytes: &[u8]) -> Option<(Vec<Section>, Range<usize>)> {
         let mut hasher = crc32fast::Hasher::new();
         hasher.update(&file_header());
         hasher.update(&bytes[at..position]);
-        (hasher.finalize().to_le_bytes() == *checksum).then_some((sections, at..position + 4))
+        (hasher.finalize() == LittleEndian::read_u32(checksum)).then_some((sections, at..position + 4))
     })
 }
 
@@ -184,7 +182,7 @@ impl SectionSearch<'_> {
         }
     }
 
-    /// Looks for headers: of known tags everywhere, of others where a section should begin.
+    /// Finds headers: of known tags everywhere, of others where a section should begin.
     fn scan(&mut self, stated: &[Section]) {
         let mut at = 0;
         let mut expected = FILE_HEADER_BYTES;
@@ -217,7 +215,7 @@ impl SectionSearch<'_> {
         }
     }
 
-    /// Looks for the directory's sections whose headers are damaged, where they should be and where others have moved to.
+    /// Finds the directory's sections whose headers are damaged, where they should be and where others have moved to.
     fn find_stated(&mut self, stated: &[Section]) {
         let mut shifts = vec![0i64];
         for section in stated {
@@ -242,7 +240,7 @@ impl SectionSearch<'_> {
         }
     }
 
-    /// Where the contents of a section without a header may begin: after the section before it, or where the directory says.
+    /// Returns where the contents of a section without a header may begin: after the section before it, or where the directory says.
     fn likely_start(&self, section: &Section, stated: Option<&[Section]>) -> usize {
         let before = stated.unwrap_or_default().iter().take_while(|other| other.offset < section.offset).last();
         let found = before.and_then(|before| self.whole.iter().find(|whole| whole.section.crc == before.crc));

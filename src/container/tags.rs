@@ -1,6 +1,6 @@
-//! Section tags and the table of what is known about them.
+//! Section tags, and the table of the sections: their bounds and what they depend on.
 
-use super::SectionCodec;
+use super::{Section, SectionCodec};
 use crate::error::FilePart;
 use std::fmt;
 
@@ -13,7 +13,7 @@ pub struct Tag(pub [u8; 4]);
 impl Tag {
     /// Metadata, a JSON object.
     pub const METADATA: Tag = Tag(*b"mETA");
-    /// Thumbnail, a PNG picture.
+    /// Thumbnail, a PNG image.
     pub const THUMBNAIL: Tag = Tag(*b"tHMB");
     /// Mesh.
     pub const MESH: Tag = Tag(*b"MESH");
@@ -34,19 +34,19 @@ impl Tag {
     /// Light: spherical Gaussians and prefiltered levels.
     pub const LIGHT: Tag = Tag(*b"lIGt");
 
-    /// True when a reader that doesn't know the section must refuse the file.
+    /// Returns whether a reader that does not know the section must refuse the file.
     pub fn is_critical(self) -> bool {
         self.0[0].is_ascii_uppercase()
     }
-    /// True for tags of private use.
+    /// Returns whether the tag is of private use.
     pub fn is_private(self) -> bool {
         self.0[1].is_ascii_lowercase()
     }
-    /// True when the section stays true after changes to other sections.
+    /// Returns whether the section stays valid after changes to other sections.
     pub fn is_safe_to_copy(self) -> bool {
         self.0[3].is_ascii_lowercase()
     }
-    /// Four ASCII letters, the third one upper case.
+    /// Returns whether the tag is four ASCII letters, the third one upper case.
     pub fn is_valid(self) -> bool {
         self.0.iter().all(u8::is_ascii_alphabetic) && self.0[2].is_ascii_uppercase()
     }
@@ -70,7 +70,7 @@ impl From<Tag> for FilePart {
     }
 }
 
-/// What this build knows about a section.
+/// Rule that a section must obey.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct SectionRule {
     /// Its tag.
@@ -81,6 +81,8 @@ pub struct SectionRule {
     pub max_bytes: u64,
     /// Codecs it may be stored with.
     pub codecs: &'static [SectionCodec],
+    /// Sections that it can't be decoded without.
+    pub dependencies: &'static [Tag],
     /// Whether it may come more than once.
     pub repeats: bool,
 }
@@ -91,37 +93,61 @@ const ANY: &[SectionCodec] = &[SectionCodec::None, SectionCodec::Zstd, SectionCo
 
 /// All known sections, in the order in which writers put them. Part of the format.
 const SECTION_RULES: [SectionRule; 11] = [
-    rule(Tag::METADATA, 2, 1 << 20, GENERAL),
-    rule(Tag::THUMBNAIL, 57, 1 << 20, &[SectionCodec::None]),
-    rule(Tag::MESH, 4, 1 << 32, OWN),
-    rule(Tag::VIEWS, 4, 1 << 26, OWN),
-    rule(Tag::CHARTS, 1, 1 << 30, ANY),
-    rule(Tag::REFLECTANCE, 1, 1 << 40, ANY),
-    rule(Tag::PLANES, 1, 1 << 40, ANY),
-    rule(Tag::WAVELET_TEXTURE, 1, 1 << 40, ANY),
-    rule(Tag::MATERIALS, 5, 1 << 32, OWN),
-    rule(Tag::VISIBILITY, 21, 1 << 36, OWN),
-    rule(Tag::LIGHT, 4, 1 << 32, OWN),
+    rule(Tag::METADATA, 2, 1 << 20, GENERAL, &[]),
+    rule(Tag::THUMBNAIL, 57, 1 << 20, &[SectionCodec::None], &[]),
+    rule(Tag::MESH, 4, 1 << 32, OWN, &[]),
+    rule(Tag::VIEWS, 4, 1 << 26, OWN, &[]),
+    rule(Tag::CHARTS, 1, 1 << 30, ANY, &[Tag::MESH]),
+    rule(Tag::REFLECTANCE, 1, 1 << 40, ANY, &[Tag::CHARTS, Tag::MESH]),
+    rule(Tag::PLANES, 1, 1 << 40, ANY, &[Tag::MESH, Tag::VIEWS]),
+    rule(Tag::WAVELET_TEXTURE, 1, 1 << 40, ANY, &[Tag::MESH, Tag::VIEWS]),
+    rule(Tag::MATERIALS, 5, 1 << 32, OWN, &[]),
+    rule(Tag::VISIBILITY, 21, 1 << 36, OWN, &[Tag::MESH]),
+    rule(Tag::LIGHT, 4, 1 << 32, OWN, &[]),
 ];
-/// What holds for sections that this build doesn't know. Part of the format.
+/// Sections of which one is enough for a file; a file with none of them is of an object with its views.
+const SELF_CONTAINED: [Tag; 3] = [Tag::VISIBILITY, Tag::LIGHT, Tag::MATERIALS];
+/// Most bytes of a section that this build does not know. Part of the format.
 const MAX_UNKNOWN_BYTES: u64 = 1 << 40;
 
-const fn rule(tag: Tag, shortest: u64, longest: u64, codecs: &'static [SectionCodec]) -> SectionRule {
-    SectionRule { tag, min_bytes: shortest, max_bytes: longest, codecs, repeats: false }
+const fn rule(
+    tag: Tag,
+    min_bytes: u64,
+    max_bytes: u64,
+    codecs: &'static [SectionCodec],
+    dependencies: &'static [Tag],
+) -> SectionRule {
+    SectionRule { tag, min_bytes, max_bytes, codecs, dependencies, repeats: false }
 }
 
-/// What this build knows about a tag.
+/// Returns whether a file of these sections must have one with this tag: the mesh and the views of an object, and what
+/// other sections depend on.
+pub(crate) fn is_required(tag: Tag, sections: &[Section]) -> bool {
+    let has = |tag: Tag| sections.iter().any(|section| section.tag == tag);
+    let is_object = has(Tag::VIEWS) || !SELF_CONTAINED.into_iter().any(has);
+    let mut rules = sections.iter().map(|section| section_rule(section.tag));
+    is_object && [Tag::MESH, Tag::VIEWS].contains(&tag) || rules.any(|rule| rule.dependencies.contains(&tag))
+}
+
+/// All known sections, in the order in which writers put them.
+#[cfg(feature = "encode")]
+pub(crate) fn section_rules() -> impl Iterator<Item = SectionRule> {
+    SECTION_RULES.into_iter()
+}
+
+/// Returns the rule of a section that this build knows.
 pub fn known_rule(tag: Tag) -> Option<SectionRule> {
     SECTION_RULES.iter().find(|known| known.tag == tag).copied()
 }
 
-/// Bounds of a section: those of the table, or the general ones for a tag that is not in it.
+/// Returns the rule of a section: that of the table, or the general one for a tag that is not in it.
 pub fn section_rule(tag: Tag) -> SectionRule {
     known_rule(tag).unwrap_or(SectionRule {
         tag,
         min_bytes: 0,
         max_bytes: MAX_UNKNOWN_BYTES,
         codecs: ANY,
+        dependencies: &[],
         repeats: true,
     })
 }

@@ -289,7 +289,7 @@ fn a_file_arrives_in_ranges_or_from_its_start() {
 }
 
 #[test]
-fn an_arriving_file_that_is_wrong_says_so() {
+fn an_incremental_reader_finds_every_damage() {
     let bytes = sample();
     let complaint = |bytes: &[u8], is_seekable: bool| {
         let mut file = IncrementalReader::new(Some(bytes.len() as u64), is_seekable, limits());

@@ -4,12 +4,13 @@ use super::Tag;
 #[cfg(feature = "encode")]
 use crate::image::{Grid, RgbImage};
 use crate::{Error, Result};
+use byteorder::{BigEndian, ByteOrder};
 
 /// Largest width and height in pixels. Part of the format.
 pub(crate) const MAX_SIDE: u32 = 1024;
 const PNG_HEAD: [u8; 16] = *b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR";
 
-/// A small picture of the object.
+/// Small image of the object.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Thumbnail {
     /// Width in pixels.
@@ -65,13 +66,15 @@ pub fn encode_thumbnail(png: &[u8]) -> Result<Vec<u8>> {
     decode_thumbnail(png.to_vec()).map(|thumbnail| thumbnail.png)
 }
 
-/// The picture in its section; only its head is looked at.
+/// Decodes the section: a PNG file of which only the head is checked.
+/// # Errors
+/// [`Error::Format`] if it is no PNG file of 1 to 1024 pixels a side.
 pub fn decode_thumbnail(content: Vec<u8>) -> Result<Thumbnail> {
     let wrong = |offset: u64, message: &str| Err(Error::format(Tag::THUMBNAIL, offset, message));
-    let Some(rest) = content.strip_prefix(&PNG_HEAD) else { return wrong(0, "no PNG picture") };
+    let Some(rest) = content.strip_prefix(&PNG_HEAD) else { return wrong(0, "no PNG image") };
     let Some((width, rest)) = rest.split_first_chunk::<4>() else { return wrong(16, "ends early") };
     let Some((height, _)) = rest.split_first_chunk::<4>() else { return wrong(20, "ends early") };
-    let (width, height) = (u32::from_be_bytes(*width), u32::from_be_bytes(*height));
+    let (width, height) = (BigEndian::read_u32(width), BigEndian::read_u32(height));
     if !(1..=MAX_SIDE).contains(&width) || !(1..=MAX_SIDE).contains(&height) {
         return wrong(16, "width and height must be 1 to 1024 pixels");
     }

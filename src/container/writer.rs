@@ -1,8 +1,8 @@
 //! Writing: sections stream out as they come, the directory follows at the end.
 
 use super::metadata::{self, Metadata};
-use super::section::{Section, SectionCodec, push_number};
-use super::{DIRECTORY_TAG, END_SIGNATURE, FILE_HEADER_BYTES, MAX_SECTIONS, Tag, file_header, thumbnail};
+use super::section::{Section, SectionCodec};
+use super::{DIRECTORY_TAG, MAX_SECTIONS, Tag, directory, file_header, thumbnail};
 use crate::{Error, Result};
 use std::io::Write;
 use std::path::PathBuf;
@@ -24,7 +24,7 @@ impl<W: Write> ContainerWriter<W> {
     pub fn new(inner: W) -> Result<Self> {
         Self::with_path(inner, "-")
     }
-    /// The same; errors will name `path`.
+    /// Writes signature and version to a file that errors name `path`.
     pub fn with_path(inner: W, path: impl Into<PathBuf>) -> Result<Self> {
         let mut writer = ContainerWriter { inner, path: path.into(), sections: Vec::new(), offset: 0 };
         writer.write_bytes(&file_header())?;
@@ -68,19 +68,7 @@ impl<W: Write> ContainerWriter<W> {
     }
     /// Writes directory and trailer, flushes, and gives the writer back.
     pub fn finish(mut self) -> Result<W> {
-        let mut directory = DIRECTORY_TAG.0.to_vec();
-        push_number(&mut directory, self.sections.len() as u64);
-        for section in &self.sections {
-            directory.extend_from_slice(&section.to_bytes());
-        }
-        let mut hasher = crc32fast::Hasher::new();
-        hasher.update(&file_header()[..FILE_HEADER_BYTES]);
-        hasher.update(&directory);
-        directory.extend_from_slice(&hasher.finalize().to_le_bytes());
-        let length = directory.len() as u32;
-        directory.extend_from_slice(&length.to_le_bytes());
-        directory.extend_from_slice(&END_SIGNATURE);
-        self.write_bytes(&directory)?;
+        self.write_bytes(&directory::to_bytes(&file_header(), &self.sections))?;
         self.inner.flush().map_err(|e| Error::io(&self.path, e))?;
         Ok(self.inner)
     }

@@ -16,7 +16,7 @@ pub(super) enum ZstdRefusal {
     NotOneFrame,
     /// Another length than expected.
     Length,
-    /// What the decompressor says.
+    /// Message of the decompressor.
     Damaged(String),
     /// No memory for the expected length.
     Memory,

@@ -1,12 +1,15 @@
-//! Prefixes of a stream from which more can be shown than from shorter ones.
+//! Prefixes of a stream, each of which shows more than the one before.
 
 use crate::container::{Container, Tag};
 use crate::error::Result;
 use crate::limits::Limits;
-use crate::predictive::header::{PREFIX_BYTES, PlaneHeader};
+use crate::predictive::header;
 use crate::views::codec;
 
-/// Lengths in bytes, ascending: all that comes before the pictures (mesh and reflectance); then 1, 2, 4, 8 ... views; the whole stream.
+/// Returns the lengths of a stream's prefixes in bytes, ascending: up to the photographs (mesh and reflectance); with 1, 2, 4,
+/// 8 ... views; the whole stream.
+/// # Errors
+/// As [`Container::open_slice`], and [`crate::Error::Format`] if sections VIEW or PLAN are damaged.
 pub fn prefix_lengths(stream: &[u8], limits: Limits) -> Result<Vec<u64>> {
     let mut file = Container::open_slice(stream, limits)?;
     let mut found = Vec::new();
@@ -20,17 +23,11 @@ pub fn prefix_lengths(stream: &[u8], limits: Limits) -> Result<Vec<u64>> {
         if section.tag == Tag::PLANES {
             let budget = file.budget();
             let capture = codec::decode(&file.read_section(Tag::VIEWS)?, &budget)?;
-            let prefix = file.read_range(Tag::PLANES, 0, PREFIX_BYTES as u64)?;
-            let length = PREFIX_BYTES as u64 + PlaneHeader::head_bytes(&prefix)?;
-            let head = file.read_range(Tag::PLANES, 0, length)?;
-            let header = PlaneHeader::parse(&head, capture.views.len(), capture.components.len(), &budget)?;
-            let start = section.offset + section.header_bytes() + length;
-            for (index, step) in header.entries.iter().enumerate() {
-                let end = start + step.offset + step.lengths.iter().map(|&l| l as u64).sum::<u64>();
-                if (index + 1).is_power_of_two() && index + 1 < header.entries.len() {
-                    found.push(end);
-                }
-            }
+            let (views, components) = (capture.views.len(), capture.components.len());
+            let planes = file.drive(|file| header::open(file, &section, views, components))?;
+            let entries = &planes.header.entries;
+            let shown = (1..entries.len()).filter(|count| count.is_power_of_two());
+            found.extend(shown.map(|count| planes.stream_range(&entries[count - 1]).end));
         }
     }
     found.push(stream.len() as u64);

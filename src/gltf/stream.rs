@@ -22,11 +22,12 @@ pub struct ExtractedStream {
     pub appearance: Appearance,
     /// Materials that are bound to it.
     pub materials: Vec<usize>,
-    /// How the first of them is bound.
+    /// Binding of the first of them.
     pub binding: MaterialBinding,
 }
 
-/// Takes the stream of the appearance with this index. Compares length and SHA-256 with what the document says, not the content.
+/// Extracts the stream of the appearance with this index. Compares length and SHA-256 with those that the document states; the
+/// content is not checked.
 pub fn extract(document: &GltfDocument, index: usize, files: ExternalFiles<'_>) -> Result<ExtractedStream> {
     let mut all = appearances(document)?;
     if all.is_empty() {
@@ -61,7 +62,7 @@ pub fn extract(document: &GltfDocument, index: usize, files: ExternalFiles<'_>) 
     Ok(ExtractedStream { stream, appearance, materials, binding })
 }
 
-/// What to say of a document without an appearance.
+/// Error message for a document without an appearance.
 fn no_appearance(document: &GltfDocument) -> String {
     let trace = document.list("materials").iter().any(|m| m.get("extras").is_some_and(|e| e.get(EXTENSION).is_some()));
     if trace {
@@ -193,7 +194,7 @@ pub fn inject(
     write(document).ok_or(wrong)
 }
 
-/// The object under a key, made where there is none; `None` where something else stands there.
+/// Returns the object under a key, added if there is none; `None` if something else is there.
 fn child<'a>(object: &'a mut Map<String, Value>, key: &str) -> Option<&'a mut Map<String, Value>> {
     object.entry(key).or_insert_with(|| json!({})).as_object_mut()
 }
@@ -206,7 +207,7 @@ fn fallback_binding(material: &Map<String, Value>) -> MaterialBinding {
     info.map(MaterialBinding::from_texture_info).unwrap_or_default()
 }
 
-/// Takes everything of the extension out of a document, the traces in `extras` too. The stream's bytes go where they lie at the end of
+/// Strips a document of everything of the extension, the traces in `extras` too. The stream's bytes go where they lie at the end of
 /// the binary chunk, as this program writes them; elsewhere their bufferView stays, unused, so that nothing else moves.
 pub fn strip(document: &mut GltfDocument) -> Result<()> {
     for index in (0..appearances(document)?.len()).rev() {

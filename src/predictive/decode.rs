@@ -1,4 +1,4 @@
-//! Streams to photographs: all views, or some with what they are predicted from.
+//! Streams to photographs: one entry of the coding order, and all selected ones with what they are predicted from.
 
 use super::header::{CodedEntry, PlaneHeader};
 use super::picture::{self, ViewTask};
@@ -7,7 +7,7 @@ use super::{DecodedView, PredictionScene, order, run_waves};
 use crate::container::Tag;
 use crate::error::{Error, Result};
 use crate::image::{Mask, RgbImage};
-use crate::limits::Budget;
+use crate::limits::{Budget, Reservation};
 use crate::mesh::Mesh;
 use crate::surface::raster;
 use crate::transform::signal;
@@ -15,36 +15,60 @@ use crate::views::{Photograph, View};
 use glam::Vec4;
 use std::borrow::Cow;
 
-/// What all pictures of a file are decoded with.
+/// Decoder of the views of a file, whatever their order ([`PlaneDecoder::for_each_view`],
+/// [`ViewDecoder`](super::on_demand::ViewDecoder)).
 #[derive(Debug)]
-pub(super) struct PlaneDecoder<'a> {
-    pub header: Cow<'a, PlaneHeader>,
-    pub scene: PredictionScene<'a>,
-    pub white: [f64; 3],
-    pub workspaces: PlaneWorkspaces,
+pub(crate) struct PlaneDecoder<'a> {
+    pub(super) header: Cow<'a, PlaneHeader>,
+    pub(super) scene: PredictionScene<'a>,
+    white: [f64; 3],
+    pub(super) workspaces: PlaneWorkspaces,
 }
 
-impl PlaneDecoder<'_> {
-    /// Compares the checksum of a step's streams.
-    pub(crate) fn check(&self, index: usize, streams: &[u8]) -> Result<()> {
-        let coded = &self.header.entries[index];
-        if crc32fast::hash(streams) == coded.checksum {
-            return Ok(());
-        }
-        let name = &self.scene.views[coded.entry.view].name;
-        let message = format!("checksum of view {name} does not match: the file is damaged");
-        Err(Error::format(Tag::PLANES, coded.offset, message))
+impl<'a> PlaneDecoder<'a> {
+    /// Creates a decoder of the views of `header`. `white` is the white board's radiance.
+    pub(crate) fn new(header: &'a PlaneHeader, mesh: &'a Mesh, views: &'a [View], white: [f64; 3]) -> Self {
+        PlaneDecoder::of(Cow::Borrowed(header), Cow::Borrowed(mesh), Cow::Borrowed(views), white)
     }
 
-    /// Decodes a step of the order from its streams, one after the other; `decoded` holds what it needs.
-    pub(crate) fn decode(
+    pub(super) fn of(
+        header: Cow<'a, PlaneHeader>,
+        mesh: Cow<'a, Mesh>,
+        views: Cow<'a, [View]>,
+        white: [f64; 3],
+    ) -> Self {
+        let scene = PredictionScene::new(mesh, views);
+        PlaneDecoder { header, scene, white, workspaces: PlaneWorkspaces::default() }
+    }
+
+    /// Returns a decoded view as radiance.
+    pub(super) fn radiance<'d>(&'d self, view: &'d DecodedView) -> DecodedPhotograph<'d> {
+        DecodedPhotograph::new(&self.header, self.white, view)
+    }
+
+    /// Compares the checksum of an entry's streams and checks that drawing its view is bounded work.
+    pub(super) fn check(&self, index: usize, streams: &[u8]) -> Result<()> {
+        let coded = &self.header.entries[index];
+        let view = &self.scene.views[coded.entry.view];
+        if crc32fast::hash(streams) != coded.checksum {
+            let message = format!("checksum of view {} does not match: the file is damaged", view.name);
+            return Err(Error::format(Tag::PLANES, coded.offset, message));
+        }
+        raster::check_work(self.scene.surface.mesh(), &view.camera)
+    }
+
+    /// Decodes an entry of the coding order from its streams, one after the other; `decoded` holds the views that it depends
+    /// on. Calls `take` with the view unless it is `None`; the memory of a photograph is charged until the reservation is
+    /// dropped.
+    pub(super) fn decode<'b, T>(
         &self,
         index: usize,
         streams: &[u8],
         decoded: &[Option<DecodedView>],
         is_reference: bool,
-        budget: &Budget,
-    ) -> Result<DecodedView> {
+        take: Option<impl FnOnce(DecodedPhotograph) -> T>,
+        budget: &'b Budget,
+    ) -> Result<(Option<(T, Reservation<'b>)>, DecodedView)> {
         let coded = &self.header.entries[index];
         let mut rest = streams;
         let mut parts = Vec::with_capacity(coded.lengths.len());
@@ -57,70 +81,67 @@ impl PlaneDecoder<'_> {
         }
         let (scene, coding) = (&self.scene, &self.header.coding);
         let task = ViewTask { scene, entry: &coded.entry, scale: coded.scale, coding, decoded, is_reference };
-        picture::decode(&task, &parts, coded.offset, &self.workspaces, budget)
-    }
-}
-
-/// Decodes the views that `wanted` names, and those they depend on, and hands the wanted ones to `done` as linear radiance, some at a
-/// time and in any order. `read` gives a step's streams, one after the other; steps for which it gives `None` (a file cut short) are left out with
-/// all that depend on them.
-/// # Errors
-/// [`Error::Format`] where the streams are damaged; [`Error::Limits`] where the memory for one view and those it is predicted from is
-/// not there, or drawing it is too much work; those of `read` and `done`.
-pub(crate) fn for_each_view(
-    header: &PlaneHeader,
-    mesh: &Mesh,
-    capture: (&[View], [f64; 3]),
-    wanted: impl Fn(usize) -> bool + Sync + Send,
-    mut read: impl FnMut(&CodedEntry) -> Result<Option<Vec<u8>>>,
-    budget: &Budget,
-    mut done: impl FnMut(Vec<(usize, Photograph)>) -> Result<()>,
-) -> Result<()> {
-    let (views, white) = capture;
-    let scene = PredictionScene::new(Cow::Borrowed(mesh), Cow::Borrowed(views));
-    let pictures = PlaneDecoder { header: Cow::Borrowed(header), scene, white, workspaces: PlaneWorkspaces::default() };
-    let order = header.order();
-    let mut streams: Vec<Option<Vec<u8>>> = vec![None; order.len()];
-    let mut present = vec![false; views.len()];
-    let mut steps = Vec::new();
-    for index in order::closure(&order, &wanted) {
-        let coded = &header.entries[index];
-        let step = &coded.entry;
-        if step.dependencies().any(|view| !present[view]) {
-            continue;
-        }
-        let Some(bytes) = read(coded)? else { continue };
-        pictures.check(index, &bytes)?;
-        raster::check_work(mesh, &views[step.view].camera)?;
-        streams[index] = Some(bytes);
-        present[step.view] = true;
-        steps.push(index);
-    }
-    let room = ParallelBudget { views, coding: &header.coding, budget, workspaces: &pictures.workspaces };
-    let decode = |index: usize, decoded: &[Option<DecodedView>], is_reference: bool| {
-        let streams = streams[index].as_deref().unwrap_or_default();
-        let mut view = pictures.decode(index, streams, decoded, is_reference, budget)?;
-        let number = order[index].view;
-        let photograph = match wanted(number) {
-            true => {
-                let bytes = photograph_bytes(&views[number].camera, header.coding.components.len());
-                let held = budget.reserve("a decoded photograph", bytes)?;
-                Some((DecodedPhotograph::new(header, white, &view).photograph(), held))
+        let mut view = picture::decode(&task, &parts, coded.offset, &self.workspaces, budget)?;
+        let taken = match take {
+            Some(take) => {
+                let camera = &self.scene.views[coded.entry.view].camera;
+                let bytes = photograph_bytes(camera, coding.components.len());
+                let reservation = budget.reserve("a decoded photograph", bytes)?;
+                Some((take(self.radiance(&view)), reservation))
             }
-            false => None,
+            None => None,
         };
-        pictures.workspaces.recycle(&mut view);
-        Ok((photograph, view))
-    };
-    run_waves(&order, &steps, &room, decode, |given| {
-        let given = given.into_iter().filter_map(|(index, photograph)| Some((order[index].view, photograph?)));
-        let (photographs, _held): (Vec<_>, Vec<_>) =
-            given.map(|(view, (photograph, held))| ((view, photograph), held)).unzip();
-        done(photographs)
-    })
+        self.workspaces.recycle(&mut view);
+        Ok((taken, view))
+    }
+
+    /// Decodes the wanted views and those they depend on, side by side where they do not depend on each other, and calls
+    /// `done` with the wanted ones as linear radiance, some at a time and in any order. `read` returns an entry's streams, one
+    /// after the other; entries for which it returns `None` (a file cut short) are left out with all that depend on them.
+    /// # Errors
+    /// [`Error::Format`] if the streams are damaged; [`Error::Limits`] if the memory for one view and those it is predicted
+    /// from is not available, or drawing it is too much work; those of `read` and `done`.
+    pub(crate) fn for_each_view(
+        &self,
+        wanted: impl Fn(usize) -> bool + Sync + Send,
+        mut read: impl FnMut(&CodedEntry) -> Result<Option<Vec<u8>>>,
+        budget: &Budget,
+        mut done: impl FnMut(Vec<(usize, Photograph)>) -> Result<()>,
+    ) -> Result<()> {
+        let views = &self.scene.views;
+        let order = self.header.order();
+        let mut streams: Vec<Option<Vec<u8>>> = vec![None; order.len()];
+        let mut present = vec![false; views.len()];
+        let mut entries = Vec::new();
+        for index in order::closure(&order, &wanted) {
+            let coded = &self.header.entries[index];
+            if coded.entry.dependencies().any(|view| !present[view]) {
+                continue;
+            }
+            let Some(bytes) = read(coded)? else { continue };
+            self.check(index, &bytes)?;
+            streams[index] = Some(bytes);
+            present[coded.entry.view] = true;
+            entries.push(index);
+        }
+        let room = ParallelBudget { views, coding: &self.header.coding, budget, workspaces: &self.workspaces };
+        let decode = |index: usize, decoded: &[Option<DecodedView>], is_reference: bool| {
+            let streams = streams[index].as_deref().unwrap_or_default();
+            let take = wanted(order[index].view).then_some(|view: DecodedPhotograph| view.photograph());
+            self.decode(index, streams, decoded, is_reference, take, budget)
+        };
+        run_waves(&order, &entries, &room, decode, |given| {
+            let given = given.into_iter().filter_map(|(index, photograph)| Some((order[index].view, photograph?)));
+            let (photographs, _reservations): (Vec<_>, Vec<_>) =
+                given.map(|(view, (photograph, reservation))| ((view, photograph), reservation)).unzip();
+            done(photographs)
+        })
+    }
 }
 
-/// [`for_each_view`], gathered by view; `None` for views not wanted.
+/// Decodes as [`PlaneDecoder::for_each_view`] and gathers the photographs by view; `None` for views not wanted or left out.
+/// # Errors
+/// As [`PlaneDecoder::for_each_view`].
 pub fn decode(
     header: &PlaneHeader,
     mesh: &Mesh,
@@ -133,7 +154,7 @@ pub fn decode(
         budget.charge("decoded photographs", photograph_bytes(&view.camera, header.coding.components.len()))?;
     }
     let mut photographs: Vec<Option<Photograph>> = vec![None; views.len()];
-    for_each_view(header, mesh, (views, white), wanted, read, budget, |given| {
+    PlaneDecoder::new(header, mesh, views, white).for_each_view(wanted, read, budget, |given| {
         given.into_iter().for_each(|(view, photograph)| photographs[view] = Some(photograph));
         Ok(())
     })?;
@@ -158,8 +179,8 @@ impl<'a> DecodedPhotograph<'a> {
         &self.view.mask
     }
 
-    /// Calls `visit` for each row of the part that holds the mask, with the index of its first pixel in the picture: a component's
-    /// radiance with 1 as fourth channel, 0 outside the mask.
+    /// Calls `visit` for each row of the window that holds the mask, with the index of its first pixel in the image: a
+    /// component's radiance with 1 as fourth channel, 0 outside the mask.
     pub fn for_each_row(&self, component: usize, mut visit: impl FnMut(usize, &[[f32; 4]])) {
         let (Some(coding), window) = (self.header.coding.components.get(component), self.view.window) else { return };
         let colours = coding.colour_transform();
@@ -187,7 +208,7 @@ impl<'a> DecodedPhotograph<'a> {
         }
     }
 
-    /// All components.
+    /// Returns all components.
     pub fn photograph(&self) -> Photograph {
         let mask = self.mask();
         let image = |component: usize| {

@@ -1,25 +1,26 @@
-//! Head of section `PLAN`: how the pictures are coded, in which order, and where their streams lie.
+//! Head of section `PLAN`: coding of the views, their order, and the lengths of their streams.
 //!
 //! Layout: `u32` length of the head, `u32` CRC-32 of the head, the head, then the streams in coding order. The head is
-//! enough to find the streams of one view, and each step's streams carry a CRC-32 of their own.
+//! enough to find the streams of one view, and each entry's streams carry a CRC-32 of their own.
 
 use super::order::{MAX_REFERENCES, OrderEntry};
 use super::{ComponentCoding, MAX_PREDICTION_LEVEL, MaskCoding, PlaneCoding};
-use crate::container::Tag;
+use crate::container::incremental::ready;
+use crate::container::{IncrementalReader, Poll, Section, Tag};
 #[cfg(feature = "encode")]
-use crate::container::push_number;
+use crate::container::{push_number, push_u32};
 use crate::error::{Error, Result};
 use crate::limits::{Budget, check};
 use crate::residual::coefficients::Modelling;
 use byteorder::{ByteOrder, LittleEndian};
+use std::ops::Range;
 
 /// Bytes before the head: its length and checksum.
 pub const PREFIX_BYTES: usize = 8;
 /// Largest head, for a length that is read before anything can be checked.
 const MAX_HEAD_BYTES: u64 = 1 << 26;
-const SECTION: Tag = Tag::PLANES;
 
-/// A step of the coding order with its streams.
+/// Entry of the coding order with its streams.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CodedEntry {
     /// View, references and parent.
@@ -30,26 +31,33 @@ pub struct CodedEntry {
     pub lengths: Vec<u32>,
     /// CRC-32 of the streams together.
     pub checksum: u32,
-    /// Where the streams start, in bytes after the head. Not stored: the sum of the lengths before.
+    /// Offset of the streams in bytes after the head. Not stored: the sum of the lengths before.
     pub offset: u64,
+}
+
+impl CodedEntry {
+    /// Bytes of all its streams.
+    pub fn stream_bytes(&self) -> u64 {
+        self.lengths.iter().map(|&length| length as u64).sum()
+    }
 }
 
 /// Head of the section.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PlaneHeader {
-    /// How the pictures are coded.
+    /// Coding of all views.
     pub coding: PlaneCoding,
     /// The coding order; every view once.
     pub entries: Vec<CodedEntry>,
 }
 
 impl PlaneHeader {
-    /// The steps without their streams.
+    /// Returns the coding order without the streams.
     pub fn order(&self) -> Vec<OrderEntry> {
         self.entries.iter().map(|s| s.entry.clone()).collect()
     }
 
-    /// Bytes of the head with its length and checksum.
+    /// Returns the bytes of the head with its length and checksum.
     #[cfg(feature = "encode")]
     pub fn to_bytes(&self) -> Vec<u8> {
         let mut head = Vec::new();
@@ -57,10 +65,12 @@ impl PlaneHeader {
         head.push(masks as u8 | prediction_level << 1 | (modelling as u8) << 3);
         head.push(self.coding.components.len() as u8);
         for component in &self.coding.components {
-            head.extend(component.step.to_le_bytes());
+            push_u32(&mut head, component.step.to_bits());
             head.extend(component.shrink);
             head.push(component.signed as u8 | (component.shaded as u8) << 1);
-            head.extend(component.rotation.iter().flatten().flat_map(|v| v.to_le_bytes()));
+            let mut rotation = [0; 18];
+            LittleEndian::write_i16_into(component.rotation.as_flattened(), &mut rotation);
+            head.extend(rotation);
         }
         push_number(&mut head, self.entries.len() as u64);
         let mut step_of_view = std::collections::HashMap::new();
@@ -77,29 +87,33 @@ impl PlaneHeader {
             for length in &coded.lengths {
                 push_number(&mut head, *length as u64);
             }
-            head.extend(coded.checksum.to_le_bytes());
+            push_u32(&mut head, coded.checksum);
             step_of_view.insert(coded.entry.view, index);
         }
         let mut bytes = Vec::with_capacity(head.len() + PREFIX_BYTES);
-        bytes.extend((head.len() as u32).to_le_bytes());
-        bytes.extend(crc32fast::hash(&head).to_le_bytes());
+        push_u32(&mut bytes, head.len() as u32);
+        push_u32(&mut bytes, crc32fast::hash(&head));
         bytes.extend(head);
         bytes
     }
 
-    /// Length of the head from the section's first [`PREFIX_BYTES`] bytes, [`PREFIX_BYTES`] not counted.
+    /// Returns the head's length in bytes, without its prefix, from the section's first [`PREFIX_BYTES`] bytes.
+    /// # Errors
+    /// [`Error::Format`] for fewer bytes, [`Error::Limits`] for a head of more than 64 MiB.
     pub fn head_bytes(prefix: &[u8]) -> Result<u64> {
         let length = prefix.get(..4).map(LittleEndian::read_u32).ok_or_else(|| cut(prefix.len()))? as u64;
         check("head of section PLAN", length, MAX_HEAD_BYTES)?;
         Ok(length)
     }
 
-    /// Reads a head from the section's start. `bytes` may go on after the head.
+    /// Parses a head with its prefix. `bytes` may go on after it.
+    /// # Errors
+    /// As `open`.
     pub fn parse(bytes: &[u8], views: usize, components: usize, budget: &Budget) -> Result<Self> {
         let length = Self::head_bytes(bytes)? as usize;
         let head = bytes.get(PREFIX_BYTES..PREFIX_BYTES + length).ok_or_else(|| cut(bytes.len()))?;
         if crc32fast::hash(head) != LittleEndian::read_u32(&bytes[4..8]) {
-            return Err(Error::format(SECTION, 4, "the head's checksum does not match: the file is damaged"));
+            return Err(Error::format(Tag::PLANES, 4, "the head's checksum does not match: the file is damaged"));
         }
         let mut reader = PlaneHeaderReader { bytes: head, position: 0 };
         let flags = reader.byte()?;
@@ -107,7 +121,7 @@ impl PlaneHeader {
         let prediction_level = flags >> 1 & 3;
         let modelling = if flags & 8 == 0 { Modelling::Mixed } else { Modelling::Direct };
         if flags > 15 || prediction_level > MAX_PREDICTION_LEVEL {
-            return Err(Error::Unsupported(format!("coding {flags} of the pictures (section PLAN, byte 8)")));
+            return Err(Error::Unsupported(format!("coding {flags} of the views (section PLAN, byte 8)")));
         }
         if reader.byte()? as usize != components {
             return Err(reader.error("the number of components is not that of section VIEW"));
@@ -127,7 +141,7 @@ impl PlaneHeader {
                 Some(seen) if !*seen => *seen = true,
                 _ => return Err(reader.error(format!("view {} does not exist or comes twice", coded.entry.view))),
             }
-            offset += coded.lengths.iter().map(|&l| l as u64).sum::<u64>();
+            offset += coded.stream_bytes();
             steps.push(coded);
         }
         if reader.position != head.len() {
@@ -136,14 +150,63 @@ impl PlaneHeader {
         Ok(PlaneHeader { coding: PlaneCoding { components, masks, prediction_level, modelling }, entries: steps })
     }
 
-    /// Bytes of all streams together.
+    /// Number of bytes of all streams together.
     pub fn stream_bytes(&self) -> u64 {
-        self.entries.last().map_or(0, |s| s.offset + s.lengths.iter().map(|&l| l as u64).sum::<u64>())
+        self.entries.last().map_or(0, |entry| entry.offset + entry.stream_bytes())
     }
 }
 
+/// Section `PLAN` of a file: its head, and where the streams behind it lie.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PlaneSection {
+    /// Head of the section.
+    pub header: PlaneHeader,
+    /// Offset in the file of the first entry's streams, in bytes.
+    pub streams: u64,
+}
+
+impl PlaneSection {
+    /// Range of the file that holds an entry's streams.
+    pub fn stream_range(&self, entry: &CodedEntry) -> Range<u64> {
+        let start = self.streams + entry.offset;
+        start..start + entry.stream_bytes()
+    }
+}
+
+/// Range of the file that holds the head with its prefix; that of the prefix alone until the prefix is there.
+/// # Errors
+/// [`Error::Format`] if the section is shorter or compressed, [`Error::Limits`] for a head of more than 64 MiB.
+pub(crate) fn head_range(file: &IncrementalReader, section: &Section) -> Result<Range<u64>> {
+    let prefix = file.file_range(section, 0..PREFIX_BYTES as u64)?;
+    match file.bytes(prefix.clone())? {
+        Poll::Ready(bytes) => file.file_range(section, 0..PREFIX_BYTES as u64 + PlaneHeader::head_bytes(bytes)?),
+        Poll::NeedRanges(_) => Ok(prefix),
+    }
+}
+
+/// Opens section `PLAN` of a file with so many views and components: parses its head and checks that the streams fill the rest.
+/// # Errors
+/// [`Error::Format`] if the head is damaged or does not fit section VIEW or the streams, [`Error::Unsupported`] for codings of
+/// later versions, [`Error::Limits`] if the memory budget is exceeded.
+pub(crate) fn open(
+    file: &mut IncrementalReader,
+    section: &Section,
+    views: usize,
+    components: usize,
+) -> Result<Poll<PlaneSection>> {
+    ready!(file.bytes(head_range(file, section)?)?);
+    let range = head_range(file, section)?;
+    let head = ready!(file.bytes(range.clone())?);
+    let header = PlaneHeader::parse(head, views, components, &file.budget())?;
+    if section.stored != head.len() as u64 + header.stream_bytes() {
+        return Err(Error::format(Tag::PLANES, head.len(), "the streams are not as long as the head says"));
+    }
+    file.discard(range.clone());
+    Ok(Poll::Ready(PlaneSection { header, streams: range.end }))
+}
+
 fn cut(length: usize) -> Error {
-    Error::format(SECTION, length, "the section ends within its head: the file is cut short")
+    Error::format(Tag::PLANES, length, "the section ends within its head: the file is cut short")
 }
 
 struct PlaneHeaderReader<'a> {
@@ -153,7 +216,7 @@ struct PlaneHeaderReader<'a> {
 
 impl PlaneHeaderReader<'_> {
     fn error(&self, message: impl Into<String>) -> Error {
-        Error::format(SECTION, self.position + PREFIX_BYTES, message)
+        Error::format(Tag::PLANES, self.position + PREFIX_BYTES, message)
     }
     fn take<const N: usize>(&mut self) -> Result<[u8; N]> {
         let bytes = self.bytes.get(self.position..self.position + N).and_then(|b| b.try_into().ok());
@@ -176,7 +239,7 @@ impl PlaneHeaderReader<'_> {
         Err(self.error("a number of more than five bytes"))
     }
     fn component(&mut self) -> Result<ComponentCoding> {
-        let step = f32::from_le_bytes(self.take()?);
+        let step = LittleEndian::read_f32(&self.take::<4>()?);
         if !(step.is_finite() && (1e-6..=1e3).contains(&step)) {
             return Err(self.error(format!("quantiser step {step}, 0.000001 to 1000 expected")));
         }
@@ -186,12 +249,10 @@ impl PlaneHeaderReader<'_> {
             return Err(Error::Unsupported(format!("component flags {flags} (section PLAN)")));
         }
         let mut rotation = [[0i16; 3]; 3];
-        for value in rotation.iter_mut().flatten() {
-            *value = i16::from_le_bytes(self.take()?);
-        }
+        LittleEndian::read_i16_into(&self.take::<18>()?, rotation.as_flattened_mut());
         Ok(ComponentCoding { step, shrink, rotation, signed: flags & 1 != 0, shaded: flags & 2 != 0 })
     }
-    /// A view `back` steps before the next one; 0 is none.
+    /// Returns the view `back` entries before the next one; 0 is none.
     fn earlier(&self, back: u64, steps: &[CodedEntry]) -> Result<Option<usize>> {
         if back == 0 {
             return Ok(None);
@@ -221,7 +282,7 @@ impl PlaneHeaderReader<'_> {
         let lengths = (0..components + 1)
             .map(|_| u32::try_from(self.varint()?).map_err(|_| self.error("a stream of 4 GiB or more")))
             .collect::<Result<Vec<_>>>()?;
-        let checksum = u32::from_le_bytes(self.take()?);
+        let checksum = LittleEndian::read_u32(&self.take::<4>()?);
         Ok(CodedEntry { entry: OrderEntry { view, references, parent }, scale, lengths, checksum, offset })
     }
 }

@@ -6,10 +6,10 @@
 #[cfg(feature = "encode")]
 pub(crate) mod colour;
 pub(crate) mod decode;
-pub(crate) mod decoder;
 #[cfg(feature = "encode")]
 pub(crate) mod encode;
 pub(crate) mod header;
+pub(crate) mod on_demand;
 pub(crate) mod order;
 mod picture;
 #[cfg(feature = "encode")]

@@ -1,4 +1,4 @@
-//! Coding order of the views, and the references that each is predicted from.
+//! Coding order of the views, and the views that each is predicted from.
 
 /// One view of the coding order.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -118,7 +118,7 @@ mod planning {
     }
 }
 
-/// Groups `steps` into waves that may run side by side: wave `n + 1` needs only what waves `0..=n` have coded. `steps` are indices into
+/// Groups `steps` into waves whose entries do not depend on each other: wave `n + 1` needs only waves `0..=n`. `steps` are indices into
 /// `order`, ascending, and hold all that they need ([`closure`]).
 pub(crate) fn waves(order: &[OrderEntry], steps: &[usize]) -> Vec<Vec<usize>> {
     let mut wave_of_view = std::collections::HashMap::new();
@@ -135,12 +135,12 @@ pub(crate) fn waves(order: &[OrderEntry], steps: &[usize]) -> Vec<Vec<usize>> {
     waves
 }
 
-/// The steps that decoding `wanted` views takes, in coding order. Indices into `order`.
+/// Returns the entries that decoding `wanted` views takes, in coding order, as indices into `order`.
 pub(crate) fn closure(order: &[OrderEntry], wanted: impl Fn(usize) -> bool) -> Vec<usize> {
     closure_beyond(order, wanted, |_| false)
 }
 
-/// [`closure`] where some views are `known` already.
+/// Returns the [`closure`] if some views are `known` already.
 pub(crate) fn closure_beyond(
     order: &[OrderEntry],
     wanted: impl Fn(usize) -> bool,

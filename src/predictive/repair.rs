@@ -1,7 +1,7 @@
-//! A section PLAN of what is left of one: the views whose streams, and those of all that they are predicted from, are whole.
+//! Repair of section PLAN: keeps the views whose streams, and those of all that they are predicted from, are whole.
 //!
 //! Section VIEW stays as it is, since its cameras are coded one by another and would not come out the same in another order, and so
-//! every view keeps its step. Steps that are lost are coded anew with a mask that shows nothing, predicted from nothing; the others keep
+//! every view keeps its entry. Entries that are lost are coded anew with a mask that shows nothing, predicted from nothing; the others keep
 //! their streams, and decode to the same bits as before.
 
 use super::header::{CodedEntry, PREFIX_BYTES, PlaneHeader};
@@ -22,9 +22,9 @@ use std::ops::Range;
 
 /// Bytes by which streams may have moved against those before them, where bytes were lost or added between.
 const MAX_SHIFT: usize = 64;
-/// Bytes that are looked at for checksums, as a multiple of the section's.
+/// Most bytes that are read for checksums, as a multiple of the section's.
 const MAX_WORK: usize = 32;
-/// Scale of steps that hold nothing.
+/// Scale of entries that hold nothing.
 const PLAIN_SCALE: u8 = 64;
 
 /// Why a view is lost.
@@ -36,7 +36,7 @@ pub(crate) enum ViewLoss {
     Predicted(usize),
 }
 
-/// What was made of a damaged section.
+/// Repaired section.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct RepairedPlanes {
     /// The new section.
@@ -45,7 +45,7 @@ pub(crate) struct RepairedPlanes {
     pub lost: Vec<(usize, ViewLoss)>,
 }
 
-/// Where a whole head of the section begins in one of `ranges` of a file: at their starts, or anywhere in them.
+/// Finds the offset of a whole head of the section in one of `ranges` of a file: at their starts, or anywhere in them.
 pub(crate) fn find_head(
     file: &[u8],
     ranges: &[Range<usize>],
@@ -74,9 +74,9 @@ pub(crate) fn find_head(
     None
 }
 
-/// Makes a section of what is left of the one whose head begins at `start` and whose streams end before `end`.
+/// Repairs the section whose head begins at `start` and whose streams end before `end`.
 /// # Errors
-/// [`Error::Format`] where not even the head is whole, [`Error::Limits`] where drawing the lost views takes too much.
+/// [`Error::Format`] if not even the head is whole, [`Error::Limits`] if drawing the lost views takes too much.
 pub(crate) fn repair(
     file: &[u8],
     (start, end): (usize, usize),
@@ -123,7 +123,7 @@ pub(crate) fn repair(
     Ok(RepairedPlanes { bytes, lost })
 }
 
-/// Where each step's streams are: after those before, after what was found last, or a little off, where bytes were lost or added.
+/// Finds each entry's streams: after those before, after what was found last, or a little off if bytes were lost or added.
 fn find_streams(header: &PlaneHeader, streams: &[u8]) -> Vec<Option<Range<usize>>> {
     let mut work = MAX_WORK * streams.len();
     let mut is_there = |coded: &CodedEntry, start: Option<usize>| {
@@ -154,7 +154,7 @@ fn find_streams(header: &PlaneHeader, streams: &[u8]) -> Vec<Option<Range<usize>
     found
 }
 
-/// Codes the steps of the new section.
+/// Coder of the entries of the new section.
 struct PlaneRepairer<'a> {
     scene: PredictionScene<'a>,
     coding: PlaneCoding,
@@ -184,7 +184,7 @@ impl PlaneRepairer<'_> {
         Ok((CodedEntry { lengths, ..coded.clone() }, bytes))
     }
 
-    /// A view that shows nothing.
+    /// Codes a view that shows nothing.
     fn lost(&self, mesh: &Mesh, view: usize) -> Result<(CodedEntry, Vec<u8>)> {
         let camera = &self.scene.views[view].camera;
         check_work(mesh, camera)?;

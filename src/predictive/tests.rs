@@ -209,7 +209,7 @@ fn views_one_at_a_time_are_those_decoded_together_even_with_little_memory() {
 }
 
 fn check_order(decoding: DecodeSpeed) {
-    use crate::predictive::decoder::ViewDecoder;
+    use crate::predictive::on_demand::ViewDecoder;
     use std::borrow::Cow;
     use std::sync::Arc;
     let (mesh, views, photographs) = scene(24);
@@ -227,7 +227,7 @@ fn check_order(decoding: DecodeSpeed) {
             let mut photograph = decoder.kept(view).map(|picture| picture.photograph());
             assert_eq!(photograph.is_some(), steps.is_empty());
             for step in steps {
-                let (offset, length) = match decoder.entry(step) {
+                let (offset, length) = match header.entries.get(step) {
                     Some(coded) => (coded.offset as usize, coded.lengths.iter().sum::<u32>() as usize),
                     None => unreachable!(),
                 };

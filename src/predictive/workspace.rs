@@ -1,4 +1,4 @@
-//! Memory that views are worked on in: used again for the next one, and as many side by side as the budget has room for.
+//! Scratch buffers reused between views (not zeroed), and the number of views that the memory budget allows side by side.
 
 use super::order::OrderEntry;
 use super::{DecodedView, PlaneCoding};
@@ -9,14 +9,14 @@ use crate::transform::shape_adaptive::TransformScratch;
 use crate::views::{Camera, View};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// Memory that a component's picture is worked on in, for the next one to use again.
+/// Scratch buffers of one component of a view.
 #[derive(Debug, Default)]
 pub(crate) struct PlaneWorkspace {
     pub coefficients: Coefficients,
     pub transform: TransformScratch,
 }
 
-/// Memory that is not in use.
+/// Pool of scratch buffers that are not in use.
 #[derive(Debug, Default)]
 pub(crate) struct PlaneWorkspaces(Mutex<FreeWorkspaces>);
 
@@ -40,11 +40,11 @@ impl PlaneWorkspaces {
         self.free().workspaces.push(workspace);
         result
     }
-    /// Takes a view's signals, which nobody will look at any more.
+    /// Returns a view's signals to the pool.
     pub(crate) fn recycle(&self, view: &mut DecodedView) {
         self.free().signals.extend(view.signals.drain(..).map(MaskedPixels::into_scratch));
     }
-    /// Frees what is kept for the next view, unless that and `bytes` more are left of the budget.
+    /// Frees the pool unless its size and `bytes` more are left of the budget.
     pub(crate) fn free_for(&self, budget: &Budget, bytes: u64) {
         let mut free = self.free();
         let workspaces = free.workspaces.iter().map(|w| w.coefficients.bytes() + w.transform.bytes());
@@ -55,7 +55,7 @@ impl PlaneWorkspaces {
     }
 }
 
-/// Bytes for each pixel of a picture while it is drawn.
+/// Bytes for each pixel of a view while it is drawn.
 const DRAWING_BYTES: u64 = 64;
 /// Bytes for each pixel of a view's window, and for each of these and component, while it is decoded.
 const CODING_BYTES: [u64; 2] = [48, 152];
@@ -86,16 +86,16 @@ pub(crate) fn photograph_bytes(camera: &Camera, components: usize) -> u64 {
     pixels(camera).saturating_mul(PHOTOGRAPH_BYTES[0] + PHOTOGRAPH_BYTES[1] * components as u64)
 }
 
-/// The most that decoding a view and handing it out may take: what is charged is less where its window is smaller than the picture.
+/// Peak memory in bytes of decoding a view and handing it out; less is charged if its window is smaller than the image.
 pub(crate) fn peak_bytes(camera: &Camera, coding: &PlaneCoding) -> u64 {
     (drawing_bytes(camera).saturating_add(coding_bytes(pixels(camera), coding)))
         .saturating_add(photograph_bytes(camera, coding.components.len()))
 }
 
-/// Most views that are worked on side by side, so that memory does not grow with the threads.
+/// Most views that are coded side by side, so that memory does not grow with the threads.
 const MAX_PARALLEL_VIEWS: usize = 8;
 
-/// What decides how many views are worked on side by side.
+/// Memory budget of views that are coded side by side.
 pub(crate) struct ParallelBudget<'a> {
     pub views: &'a [View],
     pub coding: &'a PlaneCoding,
@@ -104,8 +104,8 @@ pub(crate) struct ParallelBudget<'a> {
 }
 
 impl ParallelBudget<'_> {
-    /// How many of the first of these steps the budget has room for, whatever their masks, and one at least: what that one
-    /// really takes is charged when its mask is known.
+    /// Returns how many of the first of these entries the budget has room for, whatever their masks, and one at least: its
+    /// actual size is charged when its mask is known.
     pub(crate) fn parallel_views(&self, order: &[OrderEntry], steps: &[usize]) -> usize {
         let (mut count, mut bytes) = (0, 0u64);
         for &step in steps.iter().take(MAX_PARALLEL_VIEWS) {
@@ -120,5 +120,5 @@ impl ParallelBudget<'_> {
     }
 }
 
-/// A picture's signal: the sqrt domain, rotated, row-major in the view's window.
+/// Signal of a component: the sqrt domain, rotated, row-major in the view's window.
 pub(crate) type PlaneSignal = Vec<ColourLanes>;

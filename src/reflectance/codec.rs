@@ -21,7 +21,6 @@ use crate::surface::charts::Charts;
 use crate::transform::shape_adaptive::{ColourLanes, WaveletPlan};
 use byteorder::{ByteOrder, LittleEndian};
 
-const SECTION: Tag = Tag::REFLECTANCE;
 const VERSION: u8 = 0;
 /// Flag: the lights are known.
 const RELIGHTABLE: u8 = 1;
@@ -100,30 +99,34 @@ pub fn encode(
 /// The maps of a section, for the mesh and the charts they were made for.
 pub fn decode(bytes: &[u8], mesh: &Mesh, charts: &Charts, budget: &Budget) -> Result<ReflectanceMaps> {
     let Some((header, mut stream)) = bytes.split_first_chunk::<HEADER_BYTES>() else {
-        return Err(Error::format(SECTION, bytes.len(), format!("ends within its head of {HEADER_BYTES} bytes")));
+        return Err(Error::format(
+            Tag::REFLECTANCE,
+            bytes.len(),
+            format!("ends within its head of {HEADER_BYTES} bytes"),
+        ));
     };
     let [version, flags, count] = [header[0], header[1], header[2]];
     if version != VERSION || flags > RELIGHTABLE + PALETTE {
         return Err(Error::Unsupported(format!("section RFLC of version {version}, flags {flags}")));
     }
     if count != 3 && count != 7 {
-        return Err(Error::format(SECTION, 2, format!("{count} planes; 3 or 7 expected")));
+        return Err(Error::format(Tag::REFLECTANCE, 2, format!("{count} planes; 3 or 7 expected")));
     }
     let mut numbers = [0f32; 5];
     for (k, number) in numbers.iter_mut().enumerate() {
         *number = LittleEndian::read_f32(&header[3 + 4 * k..]);
         if !is_in_range(k, *number) {
-            return Err(Error::format(SECTION, 3 + 4 * k, format!("{number} is no scale or step")));
+            return Err(Error::format(Tag::REFLECTANCE, 3 + 4 * k, format!("{number} is no scale or step")));
         }
     }
     let [diffuse_scale, specular_scale, steps @ ..] = numbers;
     let mut palette = Vec::new();
     if flags & PALETTE != 0 {
         if count != 7 {
-            return Err(Error::format(SECTION, 2, "a palette without specular planes"));
+            return Err(Error::format(Tag::REFLECTANCE, 2, "a palette without specular planes"));
         }
         let end;
-        (palette, end) = crate::reflectance::palette::read_palette(bytes, HEADER_BYTES, SECTION, budget)?;
+        (palette, end) = crate::reflectance::palette::read_palette(bytes, HEADER_BYTES, Tag::REFLECTANCE, budget)?;
         stream = bytes.get(end..).unwrap_or_default();
     }
     budget.charge_items("reflectance maps", charts.width as u64 * charts.height as u64, BYTES_A_TEXEL)?;
@@ -143,7 +146,7 @@ pub fn decode(bytes: &[u8], mesh: &Mesh, charts: &Charts, budget: &Budget) -> Re
         left -= here;
     }
     if !coder.ends_as_written(0) {
-        return Err(Error::format(SECTION, bytes.len(), "its length does not fit its content"));
+        return Err(Error::format(Tag::REFLECTANCE, bytes.len(), "its length does not fit its content"));
     }
     let scales = [diffuse_scale, specular_scale];
     from_planes(&ReflectancePlanes { relightable: flags & RELIGHTABLE != 0, scales, planes, palette })

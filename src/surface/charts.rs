@@ -61,7 +61,6 @@ impl Charts {
 pub(crate) const NONE: u32 = u32::MAX;
 
 /// Section tag, for errors.
-const SECTION: Tag = Tag::CHARTS;
 
 /// For each triangle the triangles on the other side of its edges (corners 0-1, 1-2, 2-0), or [`NONE`]. Of an edge with more than two
 /// triangles the first two in mesh order are neighbours, then the next two, and so on. Part of the format.
@@ -210,7 +209,7 @@ impl Visit<'_> {
         if count > 0 && !self.models.fresh.code(coder, wanted == count) {
             let back = self.models.index.code(coder, (count - 1).wrapping_sub(wanted) & !(1 << 31));
             return count.checked_sub(1).and_then(|last| last.checked_sub(back)).ok_or_else(|| {
-                Error::format(SECTION, 0u64, format!("triangle {triangle} names a chart that does not exist"))
+                Error::format(Tag::CHARTS, 0u64, format!("triangle {triangle} names a chart that does not exist"))
             });
         }
         let mut new = best;
@@ -221,7 +220,7 @@ impl Visit<'_> {
             }
             new = (node & 7) as u8;
             if new > 5 {
-                return Err(Error::format(SECTION, 0u64, format!("a chart faces direction {new}; 0 to 5 exist")));
+                return Err(Error::format(Tag::CHARTS, 0u64, format!("a chart faces direction {new}; 0 to 5 exist")));
             }
         }
         self.facings.push(new);
@@ -267,11 +266,11 @@ pub fn encode(mesh: &Mesh, charts: &Charts) -> Result<Vec<u8>> {
 /// Charts of a section, for the mesh they were made for. Every triangle lies within the atlas, half a texel from its border.
 pub fn decode(bytes: &[u8], mesh: &Mesh, budget: &Budget) -> Result<Charts> {
     let Some((head, rest)) = bytes.split_first_chunk::<4>() else {
-        return Err(Error::format(SECTION, bytes.len() as u64, "ends within the texel density; 4 bytes expected"));
+        return Err(Error::format(Tag::CHARTS, bytes.len() as u64, "ends within the texel density; 4 bytes expected"));
     };
     let texels_per_unit = LittleEndian::read_f32(head) as f64;
     if !(texels_per_unit.is_finite() && texels_per_unit > 0.0) {
-        return Err(Error::format(SECTION, 0u64, "the texel density must be a positive number"));
+        return Err(Error::format(Tag::CHARTS, 0u64, "the texel density must be a positive number"));
     }
     let (vertices, count) = (mesh.positions.len() as u64, mesh.triangles.len() as u64);
     check("triangles", count, budget.limits().mesh_elements as u64)?;
@@ -300,12 +299,12 @@ pub fn decode(bytes: &[u8], mesh: &Mesh, budget: &Budget) -> Result<Charts> {
     }
     charts.chart_of_triangle = visit.chart_of_triangle;
     if !coder.ends_as_written(0) {
-        return Err(Error::format(SECTION, bytes.len() as u64, "its length does not fit its content"));
+        return Err(Error::format(Tag::CHARTS, bytes.len() as u64, "its length does not fit its content"));
     }
     for t in 0..mesh.triangles.len() {
         let inside = |[x, y]: [f64; 2]| x >= 0.5 && y >= 0.5 && x <= width as f64 - 0.5 && y <= height as f64 - 0.5;
         if !charts.corners(mesh, t).into_iter().all(inside) {
-            return Err(Error::format(SECTION, bytes.len() as u64, format!("triangle {t} lies outside the atlas")));
+            return Err(Error::format(Tag::CHARTS, bytes.len() as u64, format!("triangle {t} lies outside the atlas")));
         }
     }
     budget.release(count * 53);

@@ -12,9 +12,9 @@ use serde::{Deserialize, Serialize};
 /// and the image position `(fx q.x / q.z + cx, fy q.y / q.z + cy)`.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct Camera {
-    /// Width of the picture in pixels.
+    /// Width of the image in pixels.
     pub width: u32,
-    /// Height of the picture in pixels.
+    /// Height of the image in pixels.
     pub height: u32,
     /// Focal lengths in pixels.
     pub focal: [f64; 2],
@@ -82,7 +82,7 @@ impl View {
     }
 }
 
-/// What a set of photographs shows of the object.
+/// Component of reflection that a set of photographs shows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Component {
@@ -94,7 +94,7 @@ pub enum Component {
     Combined,
 }
 
-/// One view's decoded pictures.
+/// Pixels of a view.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Photograph {
     /// Pixels that show the object.

@@ -3,7 +3,8 @@
 use super::layout::{PatchLayout, interpolate_grid};
 use super::model::{CodedReflectionModel, ReflectionModel};
 use super::stream::{VolumeModels, code_volume};
-use super::{HEADER_BYTES, TAG, WaveletHeader};
+use super::{HEADER_BYTES, WaveletHeader};
+use crate::container::Tag;
 use crate::entropy::{BitCoder, RangeDecoder};
 use crate::error::{Error, Result};
 use crate::image::{Mask, RgbImage};
@@ -42,7 +43,7 @@ pub fn decode(
     budget: &Budget,
 ) -> Result<DecodedWaveletTexture> {
     let header = WaveletHeader::parse(bytes)?;
-    let wrong = |offset: usize, message: &str| Error::format(TAG, offset as u64, message);
+    let wrong = |offset: usize, message: &str| Error::format(Tag::WAVELET_TEXTURE, offset as u64, message);
     if header.components as usize != components.len() || header.views as usize != views {
         return Err(wrong(2, "components and views differ from the asset's"));
     }
@@ -243,7 +244,7 @@ pub(super) fn predicted(
     }
 }
 
-/// Photographs of profile `wavelet-texture`: model plus residual at every pixel that meets the mesh.
+/// Draws the photographs of profile `wavelet-texture`: model plus residual at every pixel that meets the mesh.
 pub fn photographs(
     decoded: &DecodedWaveletTexture,
     mesh: &Mesh,

@@ -19,7 +19,7 @@ use crate::transform::colour::{self, ColourRotation, IDENTITY};
 use crate::transform::daubechies::VolumeShape;
 use crate::views::{Component, Photograph};
 
-/// How to encode.
+/// Encoder options of profile `wavelet-texture`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct WaveletOptions {
     /// Coefficients kept, per cent of all (of both components, seen or not), `0..=100`.
@@ -28,7 +28,7 @@ pub struct WaveletOptions {
     pub view_levels: u8,
     /// Width of the levels relative to the smallest kept magnitude.
     pub relative_step: f32,
-    /// How long to fill what no photograph shows.
+    /// Effort of filling what no photograph shows.
     pub effort: FillEffort,
 }
 
@@ -235,7 +235,7 @@ struct PatchVolumes<'a, const L: usize> {
     effort: FillEffort,
 }
 
-/// What [`PatchVolumes::keep_largest`] keeps.
+/// Coefficients kept by [`PatchVolumes::keep_largest`].
 struct KeptCoefficients {
     /// Per patch the coefficients: their place, interleaved by planes, and value.
     coefficients: Vec<Vec<(u32, f32)>>,

@@ -68,7 +68,7 @@ fn fit_diffuse(samples: &WaveletSamples, patch: usize, component: usize, relight
     grid
 }
 
-/// Gives samples that nothing saw the mean of their neighbours, ring by ring.
+/// Fills samples that no photograph shows with the mean of their neighbours, ring by ring.
 fn spread(grid: &mut [[f32; 3]], known: &mut [bool], side: usize) {
     while known.contains(&true) && known.contains(&false) {
         let before = known.to_vec();

@@ -17,18 +17,19 @@ mod stream;
 pub(crate) use decode::DecodedWaveletTexture;
 pub use decode::decode;
 #[cfg(feature = "encode")]
-pub(crate) use encode::encode_to_target;
-#[cfg(feature = "encode")]
 pub use encode::{EncodedWaveletTexture, WaveletOptions, WaveletSampleError, encode};
+#[cfg(feature = "encode")]
+pub(crate) use encode::encode_to_target;
 #[cfg(feature = "encode")]
 pub use samples::{PosedPhotograph, WaveletSamples};
 
 use crate::container::Tag;
+#[cfg(feature = "encode")]
+use crate::container::push_u32;
 use crate::quantise::dead_zone::DeadZone;
 use crate::transform::colour::{ColourRotation, IDENTITY};
+use byteorder::{ByteOrder, LittleEndian};
 
-/// The section's four letters.
-pub(crate) const TAG: Tag = Tag::WAVELET_TEXTURE;
 /// Version of the section; 0 is experimental.
 const VERSION: u8 = 0;
 /// Bytes before the range coded part.
@@ -50,7 +51,7 @@ struct WaveletHeader {
     diffuse_scale: f32,
     diffuse_step: f32,
     specular_scale: f32,
-    /// Of `sqrt(K_d)` and of the components' residuals.
+    /// Colour rotations of `sqrt(K_d)` and of the components' residuals.
     rotations: [ColourRotation; 3],
 }
 
@@ -59,25 +60,25 @@ impl WaveletHeader {
     fn to_bytes(self) -> Vec<u8> {
         let flags = self.modelled as u8 | (self.relightable as u8) << 1 | (self.lobes as u8) << 2;
         let mut bytes = vec![VERSION, flags, self.components, self.view_levels];
-        bytes.extend(self.views.to_le_bytes());
-        bytes.extend(self.patches.to_le_bytes());
+        push_u32(&mut bytes, self.views);
+        push_u32(&mut bytes, self.patches);
         let [threshold, step] = [self.quantiser.threshold, self.quantiser.step];
         for number in [threshold, step, self.diffuse_scale, self.diffuse_step, self.specular_scale] {
-            bytes.extend(number.to_le_bytes());
+            push_u32(&mut bytes, number.to_bits());
         }
         for number in self.rotations.iter().flatten().flatten() {
-            bytes.extend(number.to_le_bytes());
+            push_u32(&mut bytes, number.to_bits());
         }
         bytes
     }
     fn parse(bytes: &[u8]) -> crate::Result<WaveletHeader> {
-        let wrong = |offset: usize, message: &str| crate::Error::format(TAG, offset as u64, message);
+        let wrong = |offset: usize, message: &str| crate::Error::format(Tag::WAVELET_TEXTURE, offset as u64, message);
         let Some(header) = bytes.first_chunk::<HEADER_BYTES>() else {
             return Err(wrong(bytes.len(), "shorter than its header of 140 bytes"));
         };
         let [version, flags, components, view_levels] = [header[0], header[1], header[2], header[3]];
         if version != VERSION {
-            return Err(crate::Error::Unsupported(format!("version {version} of section {TAG}")));
+            return Err(crate::Error::Unsupported(format!("version {version} of section {}", Tag::WAVELET_TEXTURE)));
         }
         if flags > 7 {
             return Err(wrong(1, "reserved bits are set"));
@@ -88,15 +89,14 @@ impl WaveletHeader {
         if view_levels > MAX_VIEW_LEVELS {
             return Err(wrong(3, "at most 7 levels along the views"));
         }
-        let word = |offset: usize| -> [u8; 4] { std::array::from_fn(|i| header[offset + i]) };
         let number = |offset: usize| -> crate::Result<f32> {
-            let number = f32::from_le_bytes(word(offset));
+            let number = LittleEndian::read_f32(&header[offset..]);
             let valid = number.is_finite() && (0.0..=1e30).contains(&number);
             if valid { Ok(number) } else { Err(wrong(offset, "a number in 0..=1e30 expected")) }
         };
         let mut rotations = [IDENTITY; 3];
         for (k, number) in rotations.iter_mut().flatten().flatten().enumerate() {
-            *number = f32::from_le_bytes(word(32 + 4 * k));
+            *number = LittleEndian::read_f32(&header[32 + 4 * k..]);
             if !(-1.001..=1.001).contains(number) {
                 return Err(wrong(32 + 4 * k, "a rotation's element in -1..=1 expected"));
             }
@@ -107,8 +107,8 @@ impl WaveletHeader {
             lobes: flags & 4 != 0,
             components,
             view_levels,
-            views: u32::from_le_bytes(word(4)),
-            patches: u32::from_le_bytes(word(8)),
+            views: LittleEndian::read_u32(&header[4..]),
+            patches: LittleEndian::read_u32(&header[8..]),
             quantiser: DeadZone { threshold: number(12)?, step: number(16)? },
             diffuse_scale: number(20)?,
             diffuse_step: number(24)?,

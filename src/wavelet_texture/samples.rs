@@ -7,7 +7,7 @@ use crate::surface::occluders::{Footprint, Occluders};
 use crate::surface::patches::{area_normal, unit};
 use crate::views::View;
 
-/// One photograph with its circumstances. All images and the mask have the camera's size.
+/// Photograph with its camera and light. All images and the mask have the camera's size.
 #[derive(Debug, Clone, Copy)]
 pub struct PosedPhotograph<'a> {
     /// Camera and light.
@@ -18,7 +18,7 @@ pub struct PosedPhotograph<'a> {
     pub images: &'a [RgbImage],
 }
 
-/// What the photographs show of one patch.
+/// Radiance of one patch in the photographs.
 #[derive(Debug, Clone, Default)]
 pub struct PatchSamples {
     /// Per view and sample, view by view and row by row: whether the photograph shows it.
@@ -27,7 +27,7 @@ pub struct PatchSamples {
     pub radiance: Vec<Vec<[f32; 3]>>,
 }
 
-/// What the photographs show of the whole surface.
+/// Radiance of the whole surface in the photographs.
 #[derive(Debug, Clone)]
 pub struct WaveletSamples {
     /// The patches, their sides chosen.
@@ -216,7 +216,7 @@ fn filter(data: &mut [[f32; 3]], start: usize, stride: usize, length: usize) {
     }
 }
 
-/// Gives pixels next to usable ones the mean of those, ring by ring; the rest become zero.
+/// Fills pixels next to usable ones with their mean, ring by ring; the rest become zero.
 fn extend(data: &mut [[f32; 3]], usable: &Mask, rings: usize) {
     let (width, height) = (usable.width, usable.height);
     let mut known = usable.data.clone();

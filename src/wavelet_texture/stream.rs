@@ -8,7 +8,7 @@ use crate::transform::daubechies::VolumeShape;
 
 /// Distinct view bands of a volume: one low and at most 7 levels.
 const VIEW_BANDS: usize = 8;
-/// Distinct levels of a picture: one low and at most 4.
+/// Distinct levels of a patch: one low and at most 4.
 const PATCH_LEVELS: usize = 5;
 
 /// Adaptive models of one kind of volume, for each of its components.
@@ -17,7 +17,7 @@ pub(super) struct VolumeModels {
 }
 
 struct ComponentModels {
-    /// Whether a band holds anything: by view band, picture level, parents' flags and the first component's flag.
+    /// Whether a band holds anything: by view band, patch level, parents' flags and the first component's flag.
     band: Vec<BitModel>,
     /// Significance by colour, neighbours and earlier colours.
     near: Vec<BitModel>,
@@ -116,7 +116,7 @@ fn code_position<C: BitCoder>(
     }
 }
 
-/// One view band at one picture level of a volume.
+/// One view band at one patch level of a volume.
 struct VolumeBand {
     shape: VolumeShape,
     view_band: usize,

@@ -25,7 +25,7 @@ const LENGTH_EXPONENTS: std::ops::RangeInclusive<i32> = -30..=60;
 /// Largest lattice coordinate. Part of the format.
 const MAX_COORDINATE: i64 = 1 << 30;
 
-/// What the section holds.
+/// Content of section VIEW.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct ViewsSection {
     /// Radiance of the white board under the unpolarised light.
@@ -36,7 +36,7 @@ pub struct ViewsSection {
     pub views: Vec<View>,
 }
 
-/// What stands before the views.
+/// Parameters that precede the views.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct ViewHeader {
     rotation_exponent: i32,
@@ -56,7 +56,7 @@ struct LatticePose {
 
 const IDENTITY_POSE: LatticePose = LatticePose { rotation: [1.0, 0.0, 0.0, 0.0], translation: [0; 3] };
 
-/// One coded number of each kind, and where the views are told by their difference to earlier ones, what was before.
+/// Adaptive models of every kind of number.
 #[derive(Debug, Clone, Default)]
 struct ViewSectionModels {
     small: NumberModel,
@@ -186,7 +186,9 @@ fn successor(name: &[u8]) -> Option<Vec<u8>> {
     Some(next)
 }
 
-/// Reads the section. Memory and counts are bounded by `budget` and its limits.
+/// Decodes the section. Memory and counts are bounded by `budget` and its limits.
+/// # Errors
+/// [`Error::Format`] if it is damaged, [`Error::Unsupported`] for later versions, [`Error::Limits`] if it claims too much.
 pub fn decode(bytes: &[u8], budget: &Budget) -> Result<ViewsSection> {
     let Some((&version, stream)) = bytes.split_first() else {
         return Err(Error::format(Tag::VIEWS, 0u8, "empty"));
@@ -289,8 +291,8 @@ impl ViewReader<'_> {
         }
         let [width, height] = [0, 1].map(|k| self.models.sizes[k].code(&mut self.coder, 0));
         let side = self.budget.limits().image_side as u64;
-        check("width of a picture", width as u64, side)?;
-        check("height of a picture", height as u64, side)?;
+        check("width of an image", width as u64, side)?;
+        check("height of an image", height as u64, side)?;
         let square = self.models.square.code(&mut self.coder, false);
         let fx = code_float(&mut self.coder, 0.0);
         let fy = if square { fx } else { code_float(&mut self.coder, 0.0) };

@@ -5,7 +5,7 @@ use crate::entropy::RangeEncoder;
 
 /// Half of what the projection of a scene point may move, in pixels: for the rotation, and for the translation.
 const HALF_TOLERANCE: f64 = 0.004;
-/// What a light may move, relative to its distance from the nearest scene point.
+/// Largest movement of a light, relative to its distance from the nearest scene point.
 const LIGHT_TOLERANCE: f64 = 1e-5;
 /// Scene points that are looked at.
 const POINTS: usize = 64;

@@ -12,17 +12,19 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut best: Vec<f64> = Vec::new();
     for _ in 0..3 {
         let mut file = IncrementalDecoder::new(Some(bytes.len() as u64), true, Limits::default());
-        file.give(0, &bytes)?;
-        let Poll::Ready(opened) = file.open()? else { return Err("the file is cut".into()) };
+        file.feed(0, &bytes)?;
+        let Poll::Ready(header) = file.header()? else { return Err("the file is cut".into()) };
         file.mesh()?;
-        let order: Vec<usize> = match &opened.pictures {
-            PhotographCoding::Tuned { header, .. } => header.steps.iter().map(|coded| coded.step.view).collect(),
-            _ => (0..opened.capture.views.len()).collect(),
+        let order: Vec<usize> = match &header.photographs {
+            PhotographCoding::Predictive(planes) => {
+                planes.header.entries.iter().map(|coded| coded.entry.view).collect()
+            }
+            _ => (0..header.capture.views.len()).collect(),
         };
         best.resize(order.len(), f64::INFINITY);
         for (view, best) in order.into_iter().zip(&mut best) {
             let began = Instant::now();
-            while let Poll::Ready(ViewStatus::Again) = file.view(view)? {}
+            while let Poll::Ready(ViewStatus::InProgress) = file.view(view)? {}
             *best = best.min(began.elapsed().as_secs_f64() * 1e3);
         }
     }

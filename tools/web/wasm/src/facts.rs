@@ -1,4 +1,4 @@
-//! What a file says of itself, as JSON.
+//! Description of a file as JSON.
 
 use serde_json::{Value, json};
 use tsuya::View;
@@ -14,15 +14,16 @@ pub fn opened(opened: &FileHeader) -> Value {
         PhotographCoding::WaveletTexture => Some("wavelet-texture"),
     };
     let order: Vec<Value> = match photographs {
-        PhotographCoding::Predictive { header, streams } => {
-            let steps = header.entries.iter().map(|coded| {
-                let bytes: u64 = coded.lengths.iter().map(|&length| length as u64).sum();
+        PhotographCoding::Predictive(planes) => {
+            let entries = planes.header.entries.iter().map(|coded| {
+                let streams = planes.stream_range(coded);
+                let bytes = streams.end - streams.start;
                 let mut needs: Vec<usize> = coded.entry.dependencies().collect();
                 needs.sort_unstable();
                 needs.dedup();
-                json!({"view": coded.entry.view, "needs": needs, "offset": streams + coded.offset, "bytes": bytes})
+                json!({"view": coded.entry.view, "needs": needs, "offset": streams.start, "bytes": bytes})
             });
-            steps.collect()
+            entries.collect()
         }
         _ => Vec::new(),
     };
@@ -48,7 +49,7 @@ pub fn opened(opened: &FileHeader) -> Value {
     })
 }
 
-/// The sections that are known, and whether these are all.
+/// Sections known so far, and whether these are all.
 pub fn sections((sections, is_complete): (&[Section], bool)) -> Value {
     let list: Vec<Value> = (sections.iter())
         .map(|s| json!({"tag": s.tag.to_string(), "offset": s.offset, "bytes": s.header_bytes() + s.stored}))

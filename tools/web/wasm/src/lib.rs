@@ -33,7 +33,7 @@ fn with_state<T>(run: impl FnOnce(&mut State) -> T, otherwise: T) -> T {
     })
 }
 
-/// Where `length` bytes may be written for [`tsuya_give`].
+/// Returns the address that `length` bytes may be written to for [`tsuya_give`].
 #[unsafe(no_mangle)]
 pub extern "C" fn tsuya_input(length: u32) -> *mut u8 {
     with_state(
@@ -59,7 +59,7 @@ pub extern "C" fn tsuya_open(length: f64, is_seekable: u32, memory_mib: u32) {
     with_state(|state| state.file = Some(file), ());
 }
 
-/// Takes the bytes in the input for the file's place `offset`.
+/// Feeds the bytes in the input as those of the file from `offset` on.
 #[unsafe(no_mangle)]
 pub extern "C" fn tsuya_give(offset: f64) -> u32 {
     with_state(
@@ -74,7 +74,7 @@ pub extern "C" fn tsuya_give(offset: f64) -> u32 {
     )
 }
 
-/// Says where the file ends.
+/// Sets the length of the file.
 #[unsafe(no_mangle)]
 pub extern "C" fn tsuya_end(length: f64) {
     with_state(
@@ -103,7 +103,7 @@ pub extern "C" fn tsuya_run(operation: u32, argument: u32, flags: u32) -> u32 {
     )
 }
 
-/// Where an output lies; null where there are not so many.
+/// Returns the address of an output; null if there are fewer.
 #[unsafe(no_mangle)]
 pub extern "C" fn tsuya_output(index: u32) -> *const u8 {
     let pointer = |state: &mut State| state.outputs.get(index as usize).map(|output| output.bytes().as_ptr());

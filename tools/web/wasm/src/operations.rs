@@ -1,22 +1,24 @@
-//! What can be asked of a file.
+//! Operations on a file.
 
 use crate::facts;
 use crate::output::{Output, to_halves};
 use serde_json::{Value, json};
+use tsuya::Component;
+use tsuya::RenderMesh;
 use tsuya::brdf::{Brdf, HalfDifference};
 use tsuya::container::{Poll, Tag};
 use tsuya::decoder::{IncrementalDecoder, ViewPhotograph, ViewStatus};
 use tsuya::image::Grid;
-use tsuya::{Component, Error, RenderMesh, Result};
+use tsuya::{Error, Result};
 
-/// How an operation ended.
+/// Result of an operation.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub enum Status {
-    /// The outputs hold what was asked for.
+    /// The outputs hold the result.
     Ready = 0,
     /// The first output lists ranges that must arrive first.
     NeedRanges = 1,
-    /// The first output says what is wrong.
+    /// The first output describes the error.
     Error = 2,
     /// A part is done; call again.
     InProgress = 3,
@@ -30,7 +32,7 @@ const MATERIAL: [usize; 3] = [90, 30, 36];
 /// Runs an operation by its number.
 pub fn run_operation(file: &mut IncrementalDecoder, operation: u32, argument: u32, flags: u32) -> Result<Answer> {
     match operation {
-        0 => Ok(found(file.open()?, |opened| {
+        0 => Ok(found(file.header()?, |opened| {
             let mut description = facts::opened(&opened);
             merge(&mut description["facts"], facts::sections(file.sections()));
             (description, Vec::new())
@@ -90,7 +92,7 @@ pub fn run_operation(file: &mut IncrementalDecoder, operation: u32, argument: u3
     }
 }
 
-/// The answer of a result; `None` stands for a file that is not open.
+/// Returns the answer of a result; `None` stands for a file that is not open.
 pub fn answer<T>(result: Option<Result<T>>, right: impl FnOnce(T) -> Answer) -> Answer {
     let error = match result {
         Some(Ok(value)) => return right(value),
@@ -206,7 +208,7 @@ fn reflectance(file: &mut IncrementalDecoder) -> Result<Answer> {
 
 /// Bit 0 of `flags` asks for half floats, bits 1 to 3 for the components.
 fn view(file: &mut IncrementalDecoder, index: usize, flags: u32) -> Result<Answer> {
-    let components = match file.open()? {
+    let components = match file.header()? {
         Poll::Ready(opened) => opened.capture.components.clone(),
         Poll::NeedRanges(ranges) => return Ok(need_ranges(ranges)),
     };

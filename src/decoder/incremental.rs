@@ -1,0 +1,325 @@
+//! Incremental decoding: each part of a file as soon as its bytes are there, each view by itself.
+
+use super::stages::{self, PhotographCoding};
+use crate::brdf::materials::NamedMaterial;
+use crate::container::incremental::ready;
+use crate::container::metadata::Metadata;
+use crate::container::{IncrementalReader, Poll, Section, Tag, missing_section};
+use crate::error::{Error, Result};
+use crate::image::Mask;
+use crate::lighting::EnvironmentLobes;
+use crate::limits::Limits;
+use crate::mesh::Mesh;
+use crate::predictive::decode::DecodedPhotograph;
+use crate::predictive::header;
+use crate::predictive::on_demand::ViewDecoder;
+use crate::reflectance::maps::ReflectanceMaps;
+use crate::surface::charts::Charts;
+use crate::views::Photograph;
+use crate::views::codec::ViewsSection;
+use crate::visibility::Visibility;
+use crate::wavelet_texture::DecodedWaveletTexture;
+use std::borrow::Cow;
+use std::ops::Range;
+use std::sync::Arc;
+
+/// Decoder of a file that is fed piece by piece.
+///
+/// Every method returns either its result or the ranges of the file that it needs; these are fetched and handed to
+/// [`IncrementalDecoder::feed`], and the method is called again. Only views evicted to stay within the memory budget are
+/// decoded again.
+#[derive(Debug)]
+pub struct IncrementalDecoder {
+    file: IncrementalReader,
+    header: Option<Arc<FileHeader>>,
+    mesh: Option<Option<Arc<Mesh>>>,
+    charts: Option<Option<Arc<Charts>>>,
+    photographs: Option<PhotographDecoder>,
+}
+
+/// Everything that precedes the photographs' streams.
+#[derive(Debug)]
+pub struct FileHeader {
+    /// The object's metadata.
+    pub metadata: Metadata,
+    /// White board, components and views; empty in a file without.
+    pub capture: ViewsSection,
+    /// Profile and head of the photographs.
+    pub photographs: PhotographCoding,
+}
+
+/// Decoder of the photographs by profile.
+#[derive(Debug)]
+enum PhotographDecoder {
+    None,
+    Predictive(Box<ViewDecoder<'static>>),
+    WaveletTexture(Box<DecodedWaveletTexture>, Arc<Mesh>),
+}
+
+/// Result of [`IncrementalDecoder::view`].
+#[derive(Debug)]
+pub enum ViewStatus<T = Photograph> {
+    /// The view.
+    Decoded(T),
+    /// A view that it is predicted from has been decoded; the method is to be called again.
+    InProgress,
+    /// The file holds no photographs.
+    Absent,
+}
+
+/// A view just decoded.
+#[derive(Debug)]
+pub enum ViewPhotograph<'a> {
+    /// Of profile `predictive`.
+    Predictive(DecodedPhotograph<'a>),
+    /// Of profile `wavelet-texture`.
+    WaveletTexture(Photograph),
+}
+
+impl ViewPhotograph<'_> {
+    /// Pixels that show the object.
+    pub fn mask(&self) -> &Mask {
+        match self {
+            ViewPhotograph::Predictive(picture) => picture.mask(),
+            ViewPhotograph::WaveletTexture(photograph) => &photograph.mask,
+        }
+    }
+
+    /// Calls `visit` for the rows that the object may be in, or parts of them, with the index of the first pixel in the
+    /// image: a component's radiance with 1 as fourth channel, 0 outside the mask.
+    pub fn for_each_row(&self, component: usize, mut visit: impl FnMut(usize, &[[f32; 4]])) {
+        match self {
+            ViewPhotograph::Predictive(picture) => picture.for_each_row(component, visit),
+            ViewPhotograph::WaveletTexture(Photograph { mask, images }) => {
+                let Some(image) = images.get(component) else { return };
+                let mut row = Vec::with_capacity(image.width);
+                for y in 0..image.height {
+                    let pixels = image.row(y).iter().zip(mask.row(y));
+                    row.clear();
+                    row.extend(pixels.map(|([r, g, b], &inside)| if inside { [*r, *g, *b, 1.0] } else { [0.0; 4] }));
+                    visit(y * image.width, &row);
+                }
+            }
+        }
+    }
+
+    /// Returns all components.
+    pub fn photograph(self) -> Photograph {
+        match self {
+            ViewPhotograph::Predictive(picture) => picture.photograph(),
+            ViewPhotograph::WaveletTexture(photograph) => photograph,
+        }
+    }
+}
+
+impl IncrementalDecoder {
+    /// Creates a decoder of a file of which nothing is there yet; see [`IncrementalReader::new`].
+    pub fn new(length: Option<u64>, is_seekable: bool, limits: Limits) -> Self {
+        let file = IncrementalReader::new(length, is_seekable, limits);
+        IncrementalDecoder { file, header: None, mesh: None, charts: None, photographs: None }
+    }
+
+    /// Feeds bytes of the file.
+    /// # Errors
+    /// As [`IncrementalReader::feed`].
+    pub fn feed(&mut self, offset: u64, bytes: &[u8]) -> Result<()> {
+        self.file.feed(offset, bytes)
+    }
+    /// Sets the length of a file that was begun without one.
+    pub fn set_length(&mut self, length: u64) {
+        self.file.set_length(length);
+    }
+    /// Sections known so far, and whether these are all.
+    pub fn sections(&self) -> (&[Section], bool) {
+        self.file.sections()
+    }
+
+    /// Decodes metadata, views and the head of the photographs.
+    /// # Errors
+    /// [`Error::Format`] if one of them is damaged or missing, [`Error::Unsupported`] for later versions, [`Error::Limits`] if
+    /// the memory budget is exceeded; so do the other methods for what they decode.
+    pub fn header(&mut self) -> Result<Poll<Arc<FileHeader>>> {
+        if let Some(header) = &self.header {
+            return Ok(Poll::Ready(header.clone()));
+        }
+        // All of it is asked for at once, not one section after the other.
+        let mut ranges = Vec::new();
+        if let Some(planes) = ready!(self.file.find(Tag::PLANES)?) {
+            ranges.push(header::head_range(&self.file, &planes)?);
+        }
+        for tag in [Tag::METADATA, Tag::VIEWS] {
+            let section = ready!(self.file.find(tag)?);
+            ranges.extend(section.map(|section| section.offset..section.end().unwrap_or(u64::MAX)));
+        }
+        ready!(self.file.require(&ranges)?);
+        let metadata = ready!(stages::metadata(&mut self.file)?);
+        let capture = ready!(stages::views(&mut self.file)?);
+        let (views, components) = (capture.views.len(), capture.components.len());
+        let photographs = ready!(stages::photograph_coding(&mut self.file, views, components)?);
+        let header = Arc::new(FileHeader { metadata, capture, photographs });
+        self.header = Some(header.clone());
+        Ok(Poll::Ready(header))
+    }
+
+    /// Decodes the mesh; `None` in a file that needs none.
+    pub fn mesh(&mut self) -> Result<Poll<Option<Arc<Mesh>>>> {
+        if self.mesh.is_none() {
+            self.mesh = Some(ready!(stages::mesh(&mut self.file)?).map(Arc::new));
+        }
+        Ok(Poll::Ready(self.mesh.clone().flatten()))
+    }
+
+    /// Decodes the atlas; `None` in a file without.
+    pub fn charts(&mut self) -> Result<Poll<Option<Arc<Charts>>>> {
+        if self.charts.is_none() {
+            let mesh = ready!(self.mesh()?);
+            self.charts = Some(ready!(stages::charts(&mut self.file, mesh.as_deref())?).map(Arc::new));
+        }
+        Ok(Poll::Ready(self.charts.clone().flatten()))
+    }
+
+    /// Decodes the reflectance; `None` in a file without. Not kept.
+    pub fn reflectance(&mut self) -> Result<Poll<Option<ReflectanceMaps>>> {
+        let charts = ready!(self.charts()?);
+        let mesh = ready!(self.mesh()?);
+        self.handed_out(|file| stages::reflectance(file, mesh.as_deref(), charts.as_deref()))
+    }
+
+    /// Decodes the visibility of the vertices; `None` in a file without. Not kept.
+    pub fn visibility(&mut self) -> Result<Poll<Option<Visibility>>> {
+        let mesh = ready!(self.mesh()?);
+        self.handed_out(|file| stages::visibility(file, mesh.as_deref()))
+    }
+
+    /// Decodes the light to show the object in; `None` in a file without. Not kept.
+    pub fn light(&mut self) -> Result<Poll<Option<EnvironmentLobes>>> {
+        self.handed_out(stages::light)
+    }
+
+    /// Decodes the fitted materials; none in a file without. Not kept.
+    pub fn materials(&mut self) -> Result<Poll<Vec<NamedMaterial>>> {
+        self.handed_out(stages::materials)
+    }
+
+    /// Runs a stage whose result the caller keeps: what it charges is released.
+    fn handed_out<T>(&mut self, stage: impl FnOnce(&mut IncrementalReader) -> Result<Poll<T>>) -> Result<Poll<T>> {
+        let budget = self.file.budget();
+        let before = budget.left();
+        let result = stage(&mut self.file);
+        budget.release(before.saturating_sub(budget.left()));
+        result
+    }
+
+    /// Creates the decoder of the photographs.
+    fn photographs(&mut self) -> Result<Poll<()>> {
+        if self.photographs.is_some() {
+            return Ok(Poll::Ready(()));
+        }
+        let budget = self.file.budget();
+        let header = ready!(self.header()?);
+        let mesh = ready!(self.mesh()?);
+        let capture = &header.capture;
+        let decoder = match (&header.photographs, mesh) {
+            (PhotographCoding::None, _) => PhotographDecoder::None,
+            (_, None) => return Err(missing_section(Tag::MESH)),
+            (PhotographCoding::Predictive(planes), Some(mesh)) => {
+                // A second copy, and the vertices' normals.
+                budget.charge_items("mesh", mesh.positions.len() as u64, 36)?;
+                budget.charge_items("mesh", mesh.triangles.len() as u64, 12)?;
+                let decoder = ViewDecoder::new(
+                    Cow::Owned(planes.header.clone()),
+                    Cow::Owned((*mesh).clone()),
+                    Cow::Owned(capture.views.clone()),
+                    capture.white,
+                    budget,
+                );
+                PhotographDecoder::Predictive(Box::new(decoder))
+            }
+            (PhotographCoding::WaveletTexture, Some(mesh)) => {
+                let (components, views) = (&capture.components, capture.views.len());
+                let decoded = ready!(stages::wavelet_texture(&mut self.file, &mesh, components, views)?);
+                PhotographDecoder::WaveletTexture(Box::new(decoded), mesh)
+            }
+        };
+        self.photographs = Some(decoder);
+        Ok(Poll::Ready(()))
+    }
+
+    /// Decodes a view, or one that it is predicted from: no call takes longer than one view.
+    /// # Errors
+    /// Also [`Error::Parameter`] if `index` is out of range.
+    pub fn view(&mut self, index: usize) -> Result<Poll<ViewStatus>> {
+        self.view_as(index, |photograph| photograph.photograph())
+    }
+
+    /// Decodes a view as [`IncrementalDecoder::view`] and returns what `take` makes of it.
+    pub fn view_as<T>(&mut self, index: usize, take: impl FnOnce(ViewPhotograph) -> T) -> Result<Poll<ViewStatus<T>>> {
+        ready!(self.photographs()?);
+        let header = ready!(self.header()?);
+        let Some(view) = header.capture.views.get(index) else {
+            let count = header.capture.views.len();
+            return Err(Error::parameter(format!("view {index} does not exist: the file has {count} views")));
+        };
+        let status = match &mut self.photographs {
+            None | Some(PhotographDecoder::None) => ViewStatus::Absent,
+            Some(PhotographDecoder::WaveletTexture(decoded, mesh)) => {
+                let (budget, components) = (self.file.budget(), header.capture.components.len());
+                let (photograph, _reservation) =
+                    stages::wavelet_photograph(decoded, mesh, (index, view), components, &budget)?;
+                ViewStatus::Decoded(take(ViewPhotograph::WaveletTexture(photograph)))
+            }
+            Some(PhotographDecoder::Predictive(decoder)) => {
+                let entries = decoder.missing_entries(index)?;
+                let Some(&first) = entries.first() else {
+                    return match decoder.kept(index) {
+                        Some(kept) => Ok(Poll::Ready(ViewStatus::Decoded(take(ViewPhotograph::Predictive(kept))))),
+                        None => Err(Error::parameter("the view is neither missing nor kept")),
+                    };
+                };
+                let ranges = stream_ranges(&header, &entries)?;
+                // What is there is decoded while the rest arrives.
+                let Poll::Ready(bytes) = self.file.bytes(ranges[0].clone())? else {
+                    ready!(self.file.require(&ranges)?);
+                    return Err(Error::parameter("bytes are there and are not"));
+                };
+                if entries.len() == 1 {
+                    ViewStatus::Decoded(decoder.decode(first, bytes, |view| take(ViewPhotograph::Predictive(view)))?)
+                } else {
+                    decoder.decode(first, bytes, |_| ())?;
+                    ViewStatus::InProgress
+                }
+            }
+        };
+        Ok(Poll::Ready(status))
+    }
+
+    /// Returns the ranges that a view and those it is predicted from still need, to be fetched ahead; none before the
+    /// photographs' order is known.
+    /// # Errors
+    /// [`Error::Parameter`] if `index` is out of range.
+    pub fn ranges_for(&mut self, index: usize) -> Result<Vec<Range<u64>>> {
+        let (Some(PhotographDecoder::Predictive(decoder)), Some(header)) = (&mut self.photographs, &self.header) else {
+            return Ok(Vec::new());
+        };
+        let ranges = stream_ranges(header, &decoder.missing_entries(index)?)?;
+        Ok(match self.file.require(&ranges)? {
+            Poll::Ready(()) => Vec::new(),
+            Poll::NeedRanges(ranges) => ranges,
+        })
+    }
+
+    /// Compares the checksum of every section.
+    /// # Errors
+    /// [`Error::Format`] for the first one that does not match.
+    pub fn verify(&mut self) -> Result<Poll<()>> {
+        self.file.verify()
+    }
+}
+
+/// Ranges of the file that hold the streams of entries of the coding order.
+fn stream_ranges(header: &FileHeader, entries: &[usize]) -> Result<Vec<Range<u64>>> {
+    let PhotographCoding::Predictive(planes) = &header.photographs else { return Ok(Vec::new()) };
+    let range = |&index: &usize| planes.header.entries.get(index).map(|entry| planes.stream_range(entry));
+    let ranges: Option<Vec<_>> = entries.iter().map(range).collect();
+    ranges.ok_or_else(|| Error::parameter("the entry does not exist"))
+}

@@ -1,0 +1,180 @@
+//! From a file back to photographs, mesh and reflectance: the encoder's stages ([`crate::encoder`]) from bottom to top.
+//!
+//! Every stage decodes one section, or names the ranges of the file that it needs (`stages`, [`Poll`](crate::container::Poll)).
+//! Two drivers run them: [`decode_from`] here, which reads the ranges from a file and decodes views side by side, and
+//! [`IncrementalDecoder`], which hands them to its caller and decodes one view at a time.
+
+use crate::asset::Asset;
+use crate::container::{Container, metadata};
+use crate::error::{Error, Result};
+use crate::limits::Limits;
+use crate::predictive::decode::PlaneDecoder;
+use crate::predictive::header::CodedEntry;
+use crate::predictive::workspace::photograph_bytes;
+use crate::views::codec::ViewsSection;
+use crate::views::{Photograph, View};
+use std::io::{Read, Seek};
+
+pub(crate) mod incremental;
+mod stages;
+
+pub use incremental::{FileHeader, IncrementalDecoder, ViewPhotograph, ViewStatus};
+pub use stages::PhotographCoding;
+
+/// Photographs to decode.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub enum ViewSelection {
+    /// All of them.
+    #[default]
+    All,
+    /// None: mesh, views, reflectance only.
+    None,
+    /// These, by index in the file's views; those they are predicted from are read, too.
+    Views(Vec<usize>),
+}
+
+impl ViewSelection {
+    fn includes(&self, view: usize) -> bool {
+        match self {
+            ViewSelection::All => true,
+            ViewSelection::None => false,
+            ViewSelection::Views(views) => views.contains(&view),
+        }
+    }
+
+    /// # Errors
+    /// [`Error::Parameter`] for a view that a file of so many views has not.
+    fn check(&self, views: usize) -> Result<()> {
+        match self {
+            ViewSelection::Views(selected) => match selected.iter().find(|&&view| view >= views) {
+                Some(view) => Err(Error::parameter(format!("view {view} does not exist: the file has {views} views"))),
+                None => Ok(()),
+            },
+            _ => Ok(()),
+        }
+    }
+}
+
+/// Decoder options.
+#[derive(Debug, Clone, Default)]
+pub struct DecodeOptions {
+    /// Bounds on what the file may ask for.
+    pub limits: Limits,
+    /// Photographs to decode.
+    pub selection: ViewSelection,
+}
+
+/// Decodes a file in memory.
+/// # Errors
+/// As [`decode_from`], and those of [`Container::open_slice`].
+pub fn decode(bytes: &[u8], options: &DecodeOptions) -> Result<Asset> {
+    decode_from(&mut Container::open_slice(bytes, options.limits)?, options)
+}
+
+/// Decodes an open file; reads only the sections, and of section PLAN only the views, that are selected.
+/// # Errors
+/// [`Error::Format`] if a section is damaged or missing, [`Error::Unsupported`] for codings of later versions,
+/// [`Error::Limits`] if the memory budget is exceeded, [`Error::Parameter`] if a selected view does not exist.
+pub fn decode_from<R: Read + Seek>(file: &mut Container<R>, options: &DecodeOptions) -> Result<Asset> {
+    let mut asset = decode_model(file, options)?;
+    let mut photographs = std::mem::take(&mut asset.photographs);
+    for (_, view) in asset.views.iter().enumerate().filter(|(index, _)| options.selection.includes(*index)) {
+        file.budget().charge("decoded photographs", photograph_bytes(&view.camera, asset.components.len()))?;
+    }
+    decode_photographs(file, &asset, options, |_, given| {
+        given.into_iter().for_each(|(view, photograph)| photographs[view] = Some(photograph));
+        Ok(())
+    })?;
+    asset.photographs = photographs;
+    Ok(asset)
+}
+
+/// Decodes an open file and calls `done` with the selected photographs, their views' indices and everything else that the
+/// file holds, some at a time and in any order: memory does not grow with their number. The returned asset has none.
+/// # Errors
+/// As [`decode_from`], and those of `done`.
+pub fn decode_each<R: Read + Seek>(
+    file: &mut Container<R>,
+    options: &DecodeOptions,
+    done: impl FnMut(&Asset, Vec<(usize, Photograph)>) -> Result<()>,
+) -> Result<Asset> {
+    let asset = decode_model(file, options)?;
+    decode_photographs(file, &asset, options, done)?;
+    Ok(asset)
+}
+
+/// Returns the views of a file, without their photographs.
+/// # Errors
+/// [`Error::Format`] if the section is missing or damaged, [`Error::Limits`] if it exceeds the budget of `file`.
+pub fn read_views<R: Read + Seek>(file: &mut Container<R>) -> Result<Vec<View>> {
+    Ok(file.drive(stages::views)?.views)
+}
+
+/// Decodes everything but the photographs.
+fn decode_model<R: Read + Seek>(file: &mut Container<R>, options: &DecodeOptions) -> Result<Asset> {
+    // 6. Container: metadata.
+    let metadata = file.drive(stages::metadata)?;
+    // 3. Views, which all other stages need, like the mesh.
+    let ViewsSection { white, components, views } = file.drive(stages::views)?;
+    // 2. Mesh, as the encoder's later stages saw it.
+    let mesh = file.drive(stages::mesh)?;
+    options.selection.check(views.len())?;
+    // 5. The reflectance that was fitted to the photographs, on the atlas.
+    let charts = file.drive(|file| stages::charts(file, mesh.as_ref()))?;
+    let reflectance = file.drive(|file| stages::reflectance(file, mesh.as_ref(), charts.as_ref()))?;
+    // Sections that are added to a file: what the vertices see, light, materials.
+    let visibility = file.drive(|file| stages::visibility(file, mesh.as_ref()))?;
+    let light = file.drive(stages::light)?;
+    let materials = file.drive(stages::materials)?;
+    let (metadata, mesh, photographs) = (metadata.0, mesh.unwrap_or_default(), vec![None; views.len()]);
+    Ok(Asset {
+        metadata,
+        mesh,
+        charts,
+        reflectance,
+        white,
+        components,
+        views,
+        photographs,
+        materials,
+        visibility,
+        light,
+    })
+}
+
+/// Decodes the selected photographs that the file has not lost.
+fn decode_photographs<R: Read + Seek>(
+    file: &mut Container<R>,
+    asset: &Asset,
+    options: &DecodeOptions,
+    mut done: impl FnMut(&Asset, Vec<(usize, Photograph)>) -> Result<()>,
+) -> Result<()> {
+    if options.selection == ViewSelection::None {
+        return Ok(());
+    }
+    let budget = file.budget();
+    let lost = metadata::lost_views(&asset.metadata);
+    let wanted = |view: usize| options.selection.includes(view) && !lost.contains(&view);
+    let Asset { mesh, components, views, .. } = asset;
+    // 5. Photographs, as the profile coded them, with 4. the pixels that were coded. Each keeps 1. the components of reflection.
+    match file.drive(|file| stages::photograph_coding(file, views.len(), components.len()))? {
+        PhotographCoding::None => {}
+        PhotographCoding::Predictive(planes) => {
+            let decoder = PlaneDecoder::new(&planes.header, mesh, views, asset.white);
+            let read = |entry: &CodedEntry| {
+                let range = planes.stream_range(entry);
+                file.drive(|file| file.take(range.clone())).map(Some)
+            };
+            decoder.for_each_view(wanted, read, &budget, |given| done(asset, given))?;
+        }
+        PhotographCoding::WaveletTexture => {
+            let decoded = file.drive(|file| stages::wavelet_texture(file, mesh, components, views.len()))?;
+            for (index, view) in views.iter().enumerate().filter(|(index, _)| wanted(*index)) {
+                let (photograph, _reservation) =
+                    stages::wavelet_photograph(&decoded, mesh, (index, view), components.len(), &budget)?;
+                done(asset, vec![(index, photograph)])?;
+            }
+        }
+    }
+    Ok(())
+}
