@@ -17,9 +17,9 @@ mod stream;
 pub(crate) use decode::DecodedWaveletTexture;
 pub use decode::decode;
 #[cfg(feature = "encode")]
-pub use encode::{EncodedWaveletTexture, WaveletOptions, WaveletSampleError, encode};
-#[cfg(feature = "encode")]
 pub(crate) use encode::encode_to_target;
+#[cfg(feature = "encode")]
+pub use encode::{EncodedWaveletTexture, WaveletOptions, WaveletSampleError, encode};
 #[cfg(feature = "encode")]
 pub use samples::{PosedPhotograph, WaveletSamples};
 
