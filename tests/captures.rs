@@ -127,7 +127,7 @@ fn wrong_captures_say_what_is_wrong() {
         )
         .unwrap();
     });
-    fails(read(beside.path()), "tsuya align");
+    fails(read(beside.path()), "capture::align");
     let empty = variant(2, |_, folder| std::fs::write(folder.join("scan.ply"), b"").unwrap());
     fails(read(empty.path()), "0 bytes");
     let nothing = variant(2, |_, folder| {

@@ -26,8 +26,7 @@ pub use incremental::{IncrementalReader, Poll};
 pub use metadata::{AchievedError, Metadata, metres_per_unit};
 pub use reader::Container;
 pub use section::{Section, SectionCodec};
-#[cfg(feature = "encode")]
-pub(crate) use section::{push_number, push_u32};
+pub(crate) use section::{push_f32, push_number, push_u16, push_u32};
 pub use stream::{FilePrefix, SectionStream, read_prefix, read_stream, verify};
 pub(crate) use tags::is_required;
 #[cfg(feature = "encode")]

@@ -140,11 +140,23 @@ impl Section {
     }
 }
 
+/// Appends a little-endian number of two bytes.
+pub(crate) fn push_u16(bytes: &mut Vec<u8>, value: u16) {
+    let start = bytes.len();
+    bytes.resize(start + 2, 0);
+    LittleEndian::write_u16(&mut bytes[start..], value);
+}
+
 /// Appends a little-endian number of four bytes.
 pub(crate) fn push_u32(bytes: &mut Vec<u8>, value: u32) {
     let start = bytes.len();
     bytes.resize(start + 4, 0);
     LittleEndian::write_u32(&mut bytes[start..], value);
+}
+
+/// Appends a little-endian number in single precision.
+pub(crate) fn push_f32(bytes: &mut Vec<u8>, value: f32) {
+    push_u32(bytes, value.to_bits());
 }
 
 /// Appends a number as LEB128: seven bits a byte from the lowest on, the high bit set if more follow.

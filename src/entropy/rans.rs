@@ -5,6 +5,7 @@
 
 use super::symbol::{SymbolStarts, interval};
 use super::{BitCoder, SymbolCoder};
+use byteorder::{ByteOrder, LittleEndian};
 use wide::i16x16;
 
 /// Bits of a probability.
@@ -40,7 +41,10 @@ impl RansEncoder {
         }
         words.push((state >> 32) as u32);
         words.push(state as u32);
-        words.into_iter().rev().flat_map(u32::to_le_bytes).collect()
+        words.reverse();
+        let mut bytes = vec![0; 4 * words.len()];
+        LittleEndian::write_u32_into(&words, &mut bytes);
+        bytes
     }
 }
 
@@ -90,13 +94,13 @@ impl<'a> RansDecoder<'a> {
     }
     #[inline(always)]
     fn word(&mut self) -> u64 {
-        let Some((word, rest)) = self.bytes.split_first_chunk() else {
+        let Some((word, rest)) = self.bytes.split_first_chunk::<4>() else {
             self.bytes = &[];
             self.is_exhausted = true;
             return 0;
         };
         self.bytes = rest;
-        u32::from_le_bytes(*word) as u64
+        LittleEndian::read_u32(word) as u64
     }
     /// True when the stream ends as [`RansEncoder::finish`] ends it: after the last symbol every byte is consumed, and the state is the
     /// one that the encoder began with.

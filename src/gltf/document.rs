@@ -1,5 +1,6 @@
 //! GLB and glTF files as JSON and bytes. Nothing is lost by reading and writing: unknown members and chunks stay.
 
+use crate::container::push_u32;
 use crate::error::{Error, Result};
 use crate::input::percent_decoded;
 use crate::limits::Budget;
@@ -130,12 +131,12 @@ impl GltfDocument {
         text.resize(text.len().next_multiple_of(4), b' ');
         let mut bytes = Vec::new();
         bytes.extend(MAGIC);
-        bytes.extend(2u32.to_le_bytes());
+        push_u32(&mut bytes, 2);
         bytes.extend([0; 4]);
         let mut chunk = |kind: u32, content: &[u8]| {
             let padded = content.len().next_multiple_of(4);
-            bytes.extend((padded as u32).to_le_bytes());
-            bytes.extend(kind.to_le_bytes());
+            push_u32(&mut bytes, padded as u32);
+            push_u32(&mut bytes, kind);
             bytes.extend(content);
             bytes.resize(bytes.len() + padded - content.len(), 0);
         };

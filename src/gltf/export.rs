@@ -12,6 +12,7 @@ use crate::image::Grid;
 use crate::limits::Limits;
 use crate::surface::split::RenderMesh;
 use crate::views::View;
+use byteorder::{ByteOrder, LittleEndian};
 use serde_json::{Map, Value, json};
 
 /// bufferView targets.
@@ -133,12 +134,12 @@ fn node(asset: &Asset, title: &str) -> Value {
 /// Writes the vertices and triangles; returns the primitive.
 pub(super) fn write_geometry(document: &mut GltfDocument, geometry: &RenderMesh) -> Result<Value> {
     let count = geometry.positions.len();
-    let indices = geometry.triangles.iter().flatten();
+    let indices = geometry.triangles.as_flattened();
     // The largest index of a type is kept free by glTF.
     let (kind, bytes): (u64, Vec<u8>) = if count <= usize::from(u16::MAX) {
-        (U16, indices.flat_map(|&index| (index as u16).to_le_bytes()).collect())
+        (U16, numbers(indices.iter().map(|&index| index as u16), LittleEndian::write_u16_into))
     } else {
-        (U32, indices.flat_map(|&index| index.to_le_bytes()).collect())
+        (U32, numbers(indices.iter().copied(), LittleEndian::write_u32_into))
     };
     let view = push_view(document, &bytes, Some(INDICES))?;
     let accessors = document.list_mut("accessors")?;
@@ -170,7 +171,15 @@ pub(super) fn write_geometry(document: &mut GltfDocument, geometry: &RenderMesh)
 }
 
 fn floats<const N: usize>(elements: &[[f32; N]]) -> Vec<u8> {
-    elements.iter().flatten().flat_map(|x| x.to_le_bytes()).collect()
+    numbers(elements.as_flattened().iter().copied(), LittleEndian::write_f32_into)
+}
+
+/// Numbers as an accessor stores them.
+fn numbers<T>(values: impl Iterator<Item = T>, write_into: fn(&[T], &mut [u8])) -> Vec<u8> {
+    let values: Vec<T> = values.collect();
+    let mut bytes = vec![0; values.len() * size_of::<T>()];
+    write_into(&values, &mut bytes);
+    bytes
 }
 
 /// Writes the textures and the material.

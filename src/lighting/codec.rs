@@ -2,7 +2,7 @@
 //! coder of the photographs. Normative text: `spec/lighting.md`.
 
 use super::{EnvironmentLobes, PrefilteredMap, SphericalGaussian};
-use crate::container::Tag;
+use crate::container::{Tag, push_f32, push_u16};
 use crate::entropy::{BitCoder, RangeDecoder, code_end};
 use crate::error::{Error, Result};
 use crate::image::Mask;
@@ -71,7 +71,7 @@ pub fn encode(light: &EnvironmentLobes, options: &LightCodingOptions) -> Result<
     let mut bytes = vec![VERSION, light.diffuse.len() as u8, light.prefiltered.len() as u8];
     for lobe in &light.diffuse {
         for value in lobe.axis.into_iter().chain([lobe.sharpness]).chain(lobe.amplitude) {
-            bytes.extend((value as f32).to_le_bytes());
+            push_f32(&mut bytes, value as f32);
         }
     }
     let mut coder = crate::entropy::RangeEncoder::new();
@@ -80,8 +80,8 @@ pub fn encode(light: &EnvironmentLobes, options: &LightCodingOptions) -> Result<
         let mean = cells.iter().flatten().map(|&x| x as f64).sum::<f64>() / (3 * cells.len()) as f64;
         let floor = ((mean / 128.0) as f32).clamp(1e-12, 1e12);
         let head = LightHeader { size: level.size(), sharpness: level.sharpness() as f32, floor, step: options.step };
-        bytes.extend((head.size as u16).to_le_bytes());
-        [head.sharpness, head.floor, head.step].iter().for_each(|value| bytes.extend(value.to_le_bytes()));
+        push_u16(&mut bytes, head.size as u16);
+        [head.sharpness, head.floor, head.step].into_iter().for_each(|value| push_f32(&mut bytes, value));
         let integer = |x: f32| {
             let steps = (1.0 + x.max(0.0) as f64 / floor as f64).log2() * STEPS as f64;
             steps.round().min(MAX_INDEX as f64) as f32

@@ -8,7 +8,7 @@ use super::{ComponentCoding, MAX_PREDICTION_LEVEL, MaskCoding, PlaneCoding};
 use crate::container::incremental::ready;
 use crate::container::{IncrementalReader, Poll, Section, Tag};
 #[cfg(feature = "encode")]
-use crate::container::{push_number, push_u32};
+use crate::container::{push_f32, push_number, push_u32};
 use crate::error::{Error, Result};
 use crate::limits::{Budget, check};
 use crate::residual::coefficients::Modelling;
@@ -65,7 +65,7 @@ impl PlaneHeader {
         head.push(masks as u8 | prediction_level << 1 | (modelling as u8) << 3);
         head.push(self.coding.components.len() as u8);
         for component in &self.coding.components {
-            push_u32(&mut head, component.step.to_bits());
+            push_f32(&mut head, component.step);
             head.extend(component.shrink);
             head.push(component.signed as u8 | (component.shaded as u8) << 1);
             let mut rotation = [0; 18];

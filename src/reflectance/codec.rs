@@ -6,7 +6,7 @@
 
 use super::maps::ReflectanceMaps;
 use super::maps::{ReflectancePlanes, from_planes};
-use crate::container::Tag;
+use crate::container::{Tag, push_f32};
 use crate::entropy::RangeDecoder;
 use crate::error::{Error, Result};
 use crate::image::{Grid, Mask};
@@ -73,7 +73,7 @@ pub fn encode(
                 _ => format!("a step of {value} levels in the reflectance maps, 0.001 to 1000000 expected"),
             }));
         }
-        bytes.extend(value.to_le_bytes());
+        push_f32(&mut bytes, value);
     }
     if with_palette {
         crate::reflectance::palette::write_palette(&planes.palette, &mut bytes)?;

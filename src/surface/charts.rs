@@ -3,7 +3,7 @@
 //! Triangles are visited in an order that follows from the mesh alone; each is predicted to belong to the chart of one of
 //! its neighbours that were visited before, so that only the borders between charts cost bits.
 
-use crate::container::Tag;
+use crate::container::{Tag, push_f32};
 use crate::entropy::{BitCoder, BitModel, NumberModel, RangeDecoder, RangeEncoder};
 use crate::error::{Error, Result};
 use crate::limits::{Budget, check};
@@ -233,7 +233,8 @@ pub fn encode(mesh: &Mesh, charts: &Charts) -> Result<Vec<u8>> {
     if charts.chart_of_triangle.len() != mesh.triangles.len() {
         return Err(Error::parameter("the charts belong to another mesh"));
     }
-    let mut bytes = (charts.texels_per_unit as f32).to_le_bytes().to_vec();
+    let mut bytes = Vec::new();
+    push_f32(&mut bytes, charts.texels_per_unit as f32);
     let mut coder = RangeEncoder::new();
     let neighbours = neighbours(mesh);
     let order = visiting_order(&neighbours);

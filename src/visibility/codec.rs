@@ -4,7 +4,7 @@
 //! those neighbours in the cut mesh that came before it. Normative text: `spec/visibility.md`.
 
 use super::{Visibility, VisibilityError};
-use crate::container::Tag;
+use crate::container::{Tag, push_f32, push_u32};
 use crate::entropy::{BitCoder, NumberModel, RangeDecoder, code_end};
 use crate::error::{Error, Result};
 use crate::limits::Budget;
@@ -112,13 +112,13 @@ pub(super) fn write(content: &VisibilityContent, mesh: &Mesh) -> Vec<u8> {
     });
     let mut bytes = vec![VERSION, content.ground as u8, content.size as u8];
     bytes.extend(content.terms.map(|terms| terms as u8));
-    bytes.extend((content.places.count() as u32).to_le_bytes());
-    bytes.extend(content.places.spacing().to_le_bytes());
-    bytes.extend(content.error.rms_radians.to_le_bytes());
-    bytes.extend(content.error.wrong_signs.to_le_bytes());
-    bytes.extend((streams[0].len() as u32).to_le_bytes());
+    push_u32(&mut bytes, content.places.count() as u32);
+    push_f32(&mut bytes, content.places.spacing());
+    push_f32(&mut bytes, content.error.rms_radians);
+    push_f32(&mut bytes, content.error.wrong_signs);
+    push_u32(&mut bytes, streams[0].len() as u32);
     let steps = std::iter::once(content.steps.mean).chain(content.steps.terms.iter().flatten().copied());
-    steps.for_each(|step| bytes.extend(step.to_le_bytes()));
+    steps.for_each(|step| push_f32(&mut bytes, step));
     bytes.extend(streams.concat());
     bytes
 }

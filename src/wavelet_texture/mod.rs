@@ -25,7 +25,7 @@ pub use samples::{PosedPhotograph, WaveletSamples};
 
 use crate::container::Tag;
 #[cfg(feature = "encode")]
-use crate::container::push_u32;
+use crate::container::{push_f32, push_u32};
 use crate::quantise::dead_zone::DeadZone;
 use crate::transform::colour::{ColourRotation, IDENTITY};
 use byteorder::{ByteOrder, LittleEndian};
@@ -64,10 +64,10 @@ impl WaveletHeader {
         push_u32(&mut bytes, self.patches);
         let [threshold, step] = [self.quantiser.threshold, self.quantiser.step];
         for number in [threshold, step, self.diffuse_scale, self.diffuse_step, self.specular_scale] {
-            push_u32(&mut bytes, number.to_bits());
+            push_f32(&mut bytes, number);
         }
-        for number in self.rotations.iter().flatten().flatten() {
-            push_u32(&mut bytes, number.to_bits());
+        for &number in self.rotations.iter().flatten().flatten() {
+            push_f32(&mut bytes, number);
         }
         bytes
     }

@@ -17,7 +17,7 @@ pub(super) use fit::fit;
 use super::torrance_sparrow::{level_of_sigma, sigma_of_level};
 use super::{ReflectionGeometry, TorranceSparrowLobe};
 use crate::brdf::dsbrdf::DsbrdfMaterial;
-use crate::container::Tag;
+use crate::container::{Tag, push_u16};
 use crate::error::{Error, Result};
 use crate::limits::Budget;
 use byteorder::{ByteOrder, LittleEndian};
@@ -106,7 +106,7 @@ pub(super) fn write_palette(palette: &[PaletteEntry], bytes: &mut Vec<u8>) -> Re
         let coded = entry.lobes.encode();
         let length = u16::try_from(coded.len()).map_err(|_| Error::parameter("a palette's entry is too large"))?;
         bytes.push(entry.level);
-        bytes.extend(length.to_le_bytes());
+        push_u16(bytes, length);
         bytes.extend(coded);
     }
     Ok(())
