@@ -60,8 +60,6 @@ impl Charts {
 /// No triangle, no chart.
 pub(crate) const NONE: u32 = u32::MAX;
 
-/// Section tag, for errors.
-
 /// For each triangle the triangles on the other side of its edges (corners 0-1, 1-2, 2-0), or [`NONE`]. Of an edge with more than two
 /// triangles the first two in mesh order are neighbours, then the next two, and so on. Part of the format.
 pub(crate) fn neighbours(mesh: &Mesh) -> Vec<[u32; 3]> {
