@@ -142,7 +142,7 @@ fn pictures_are_measured_before_they_are_decoded() {
         ("d.jpg", jpeg_of_scans(300), "a JPEG of more than 256 scans"),
         ("a.hdr", b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 9000 +X 9000\n".to_vec(), memory),
         ("a.exr", exr(&folder, "displayWindow", 16_001), memory),
-        ("b.exr", exr(&folder, "dataWindow", 9000), memory),
+        ("b.exr", exr(&folder, "dataWindow", 9000), "EXR: "),
         ("c.exr", exr(&folder, "displayWindow", 40_000), "a picture of 40000 x 40000 pixels"),
     ];
     for (name, bytes, expected) in cases {

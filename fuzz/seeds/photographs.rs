@@ -2,7 +2,8 @@
 
 use crate::{Seeds, pictures, scene};
 use exr::prelude::{
-    AnyChannel, AnyChannels, Compression, Encoding, FlatSamples, Image, LayerAttributes, WritableImage, write_rgb_file,
+    AnyChannel, AnyChannels, Compression, Encoding, FlatSamples, Image, ImageAttributes, IntegerBounds, Layer,
+    LayerAttributes, Vec2, WritableImage, write_rgb_file,
 };
 use image::{DynamicImage, ImageFormat};
 use std::fmt::Write;
@@ -55,11 +56,28 @@ fn photographs(seeds: &Seeds) {
         };
         let channels = AnyChannels::sort(["R", "G", "B", "A"].iter().zip(1..).map(|(n, k)| channel(n, k)).collect());
         let encoding = Encoding { compression, ..Encoding::UNCOMPRESSED };
-        let layer = exr::prelude::Layer::new((8, 4), LayerAttributes::named("main"), encoding, channels);
+        let layer = Layer::new((8, 4), LayerAttributes::named("main"), encoding, channels);
         let mut bytes = Cursor::new(Vec::new());
         Image::from_layer(layer).write().non_parallel().to_buffered(&mut bytes).expect("a picture");
         seeds.put("photograph", &format!("{name}.exr"), bytes.into_inner());
     }
+    seeds.put("photograph", "parts.exr", exr_of_parts());
+}
+
+/// Depth, then colour in a window of its own.
+fn exr_of_parts() -> Vec<u8> {
+    let part = |name: &str, channels: &[&str], at: i32| {
+        let values = |k: usize| FlatSamples::F32((0..32).map(|at| (at * k % 7) as f32 * 0.25).collect());
+        let channels = channels.iter().zip(1..).map(|(name, k)| AnyChannel::new(*name, values(k)));
+        let mut attributes = LayerAttributes::named(name);
+        attributes.layer_position = Vec2(at, at);
+        Layer::new((8, 4), attributes, Encoding::FAST_LOSSLESS, AnyChannels::sort(channels.collect()))
+    };
+    let parts = vec![part("depth", &["Z"], 0), part("beauty", &["R", "G", "B", "A"], 1)];
+    let window = ImageAttributes::new(IntegerBounds::from_dimensions((8, 4)));
+    let mut bytes = Cursor::new(Vec::new());
+    Image::from_layers(window, parts).write().non_parallel().to_buffered(&mut bytes).expect("a picture");
+    bytes.into_inner()
 }
 
 /// The first byte says which of the extensions: PLY, OBJ, GLB, glTF.

@@ -22,6 +22,10 @@ pub(crate) mod json;
 mod lens;
 mod scale;
 #[cfg(test)]
+mod test_capture;
+#[cfg(test)]
+mod test_dialects;
+#[cfg(test)]
 mod tests;
 mod transforms;
 mod view_names;

@@ -4,6 +4,7 @@ use super::{Grid, Mask, RgbImage, from_srgb};
 use crate::error::{Error, Result};
 use crate::input::FileAccess;
 use crate::limits::Reservation;
+use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 
 mod openexr;
@@ -153,12 +154,17 @@ pub(crate) fn read_mask(path: &Path, access: &FileAccess, size: (u32, u32)) -> R
     })
 }
 
-/// Width and height of an image in pixels, from its header.
+/// Bytes of a file's header, at most, and memory of reading it.
+const MAX_HEADER_BYTES: u64 = 16 << 20;
+
+/// Returns width and height of an image in pixels; reads no more of the file than its header.
 pub(crate) fn read_size(path: &Path, access: &FileAccess) -> Result<(u32, u32)> {
-    let bytes = access.read_bytes(path, "picture file", u64::MAX)?;
-    let file = ImageFile { path, bytes: &bytes, access };
-    let size = if openexr::is_exr(&bytes) { openexr::size(&file) } else { raster::size(&file) };
-    size.map_err(Error::from)
+    let (file, bytes) = crate::input::open(path)?;
+    let _held = access.reserve(path, "picture header", bytes.min(MAX_HEADER_BYTES))?;
+    let mut file = BufReader::new(file);
+    let is_exr = openexr::is_exr(file.fill_buf().map_err(|e| Error::io(path, e))?);
+    let size = if is_exr { openexr::size(file.take(MAX_HEADER_BYTES)) } else { raster::size(file, MAX_HEADER_BYTES) };
+    size.map_err(|message| Error::input(path, message))
 }
 
 /// A picture as its file has it.
@@ -256,119 +262,4 @@ fn check_size(path: &Path, found: (u32, u32), declared: Option<(u32, u32)>) -> R
 }
 
 #[cfg(test)]
-mod tests {
-    use crate::image::read::*;
-
-    #[test]
-    fn transfer_functions_at_known_codes() {
-        let srgb = ColorSpace::from_name("sRGB").unwrap();
-        assert!((srgb.linear(188.0 / 255.0) - 0.502_886_5).abs() < 1e-6);
-        assert!((srgb.linear(10.0 / 255.0) - 10.0 / 255.0 / 12.92).abs() < 1e-8);
-        assert_eq!((srgb.linear(0.0), srgb.linear(1.0)), (0.0, 1.0));
-        let rec709 = ColorSpace::from_name("rec709").unwrap();
-        assert!((rec709.linear(0.5) - ((0.5f32 + 0.099) / 1.099).powf(1.0 / 0.45)).abs() < 2e-5);
-        let gamma = ColorSpace::from_name("gamma-2.2").unwrap();
-        assert!((gamma.linear(128.0 / 255.0) - (128.0f32 / 255.0).powf(2.2)).abs() < 1e-6);
-        let other = ColorSpace::from_name("linear-rec2020").unwrap();
-        assert_eq!((other.linear(1.0), other.linear_name.as_str()), (1.0, "linear-rec2020"));
-        assert!(matches!(ColorSpace::from_name("gamma-x"), Err(Error::Unsupported(_))));
-        assert!(matches!(ColorSpace::from_name("slog3"), Err(Error::Unsupported(_))));
-    }
-
-    #[test]
-    fn every_format_gives_the_same_radiance() {
-        let folder = tempfile::tempdir().unwrap();
-        let space = ColorSpace::from_name("srgb").unwrap();
-        let read = |name: &str| {
-            let path = folder.path().join(name);
-            match read_radiance_image(&path, &FileAccess::default(), &space, Some((3, 2))) {
-                Ok(picture) => picture,
-                Err(fault) => panic!("{}", Error::from(fault)),
-            }
-        };
-        let codes: Vec<u8> = (0..18).map(|i| i * 15).collect();
-        let picture = image::RgbImage::from_raw(3, 2, codes.clone()).unwrap();
-        picture.save(folder.path().join("a.png")).unwrap();
-        picture.save(folder.path().join("a.tiff")).unwrap();
-        let deep: Vec<u16> = codes.iter().map(|&c| c as u16 * 257).collect();
-        let deep = image::ImageBuffer::<image::Rgb<u16>, _>::from_raw(3, 2, deep).unwrap();
-        deep.save(folder.path().join("b.png")).unwrap();
-        let linear = |i: usize| space.linear(codes[i] as f32 / 255.0);
-        exr::prelude::write_rgb_file(folder.path().join("a.exr"), 3, 2, |x, y| {
-            let at = (y * 3 + x) * 3;
-            (linear(at), linear(at + 1), linear(at + 2))
-        })
-        .unwrap();
-        for name in ["a.png", "b.png", "a.tiff", "a.exr"] {
-            let picture = read(name);
-            assert!(picture.alpha.is_none());
-            let found: Vec<f32> = picture.colour.data.iter().flatten().copied().collect();
-            assert_eq!(found, (0..18).map(linear).collect::<Vec<_>>(), "{name}");
-        }
-        let grey = image::GrayImage::from_raw(3, 2, vec![0, 50, 100, 150, 200, 255]).unwrap();
-        grey.save(folder.path().join("g.jpg")).unwrap();
-        let picture = read("g.jpg");
-        assert!((picture.colour.data[5][1] - 1.0).abs() < 0.1);
-        let mut clear = image::RgbaImage::from_pixel(3, 2, image::Rgba([9, 9, 9, 255]));
-        clear.put_pixel(1, 1, image::Rgba([9, 9, 9, 100]));
-        clear.save(folder.path().join("c.png")).unwrap();
-        assert_eq!(read("c.png").alpha.unwrap().data, [true, true, true, true, false, true]);
-    }
-
-    #[test]
-    fn cropped_and_damaged_exr() {
-        use exr::prelude::*;
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("cropped.exr");
-        let values = SpecificChannels::rgb(|p: Vec2<usize>| {
-            if p == Vec2(1, 0) { (f32::INFINITY, 1.0, 1.0) } else { (p.x() as f32 + 1.0, p.y() as f32, 3.0) }
-        });
-        let mut layer = LayerAttributes::named("main");
-        layer.layer_position = Vec2(11, 6);
-        let layer = Layer::new((2, 2), layer, Encoding::FAST_LOSSLESS, values);
-        let window = IntegerBounds { position: Vec2(10, 5), size: Vec2(4, 3) };
-        Image { attributes: ImageAttributes::new(window), layer_data: layer }.write().to_file(&path).unwrap();
-        let space = ColorSpace::from_name("srgb").unwrap();
-        let picture = read_radiance_image(&path, &FileAccess::default(), &space, Some((4, 3))).ok().unwrap().colour;
-        assert_eq!(*picture.value_at(0, 0), [0.0; 3]);
-        assert_eq!(*picture.value_at(1, 1), [1.0, 0.0, 3.0]);
-        assert_eq!(*picture.value_at(2, 2), [2.0, 1.0, 3.0]);
-        assert!(picture.value_at(2, 1).iter().all(|c| c.is_nan()));
-        let whole = std::fs::read(&path).unwrap();
-        for length in [0, 1, 4, 20, whole.len() / 2, whole.len() - 1] {
-            std::fs::write(&path, &whole[..length]).unwrap();
-            assert!(
-                matches!(
-                    read_radiance_image(&path, &FileAccess::default(), &space, None),
-                    Err(ImageFault::Unreadable(_))
-                ),
-                "{length}"
-            );
-        }
-    }
-
-    #[test]
-    fn flipped_bytes_never_panic() {
-        let folder = tempfile::tempdir().unwrap();
-        let picture = image::RgbImage::from_fn(9, 7, |x, y| image::Rgb([(x * 20) as u8, (y * 30) as u8, 5]));
-        for name in ["a.png", "a.tiff", "a.jpg", "a.exr"] {
-            let file = folder.path().join(name);
-            match name {
-                "a.exr" => exr::prelude::write_rgb_file(&file, 9, 7, |x, y| (x as f32, y as f32, 0.5)).unwrap(),
-                _ => picture.save(&file).unwrap(),
-            }
-            let whole = std::fs::read(&file).unwrap();
-            for at in 0..whole.len().min(700) {
-                for value in [0, 0x7f, 0xff, whole[at] ^ 1] {
-                    let mut bytes = whole.clone();
-                    bytes[at] = value;
-                    let access = FileAccess::default();
-                    let read = |raw: &RawImage| raw.values.len();
-                    if let Ok(count) = decode(&file, &bytes, &access, Some((9, 7)), read) {
-                        assert_eq!(count, 4 * 63);
-                    }
-                }
-            }
-        }
-    }
-}
+mod tests;

@@ -5,7 +5,7 @@ use super::{ImageFault, ImageFile, RawImage, check_size};
 use crate::image::Grid;
 use crate::limits::Reservation;
 use image::{ColorType, DynamicImage, ImageDecoder, ImageFormat, ImageReader};
-use std::io::Cursor;
+use std::io::{BufRead, Cursor, Read, Seek};
 
 /// Pixels that a byte of a JPEG can stand for, at most: a bit for a grey block of 8 x 8.
 const JPEG_PIXELS_PER_BYTE: u64 = 512;
@@ -88,10 +88,51 @@ pub(super) fn read_raster<'a>(
     Ok((RawImage { width, height, values, has_alpha, display_referred }, held))
 }
 
-/// Width and height.
-pub(super) fn size(file: &ImageFile) -> Result<(u32, u32), ImageFault> {
-    let reader = image::ImageReader::new(Cursor::new(file.bytes)).with_guessed_format().map_err(|e| file.damaged(e))?;
-    reader.into_dimensions().map_err(|e| file.damaged(e))
+/// Returns width and height; reads no more than the header, of `max_bytes` at most.
+pub(super) fn size(file: impl BufRead + Seek, max_bytes: u64) -> Result<(u32, u32), String> {
+    let unreadable = |e: &dyn std::fmt::Display| format!("not readable as a picture: {e}");
+    let mut reader = ImageReader::new(file).with_guessed_format().map_err(|e| unreadable(&e))?;
+    if reader.format() == Some(ImageFormat::Jpeg) {
+        // The decoder would read the whole file.
+        let mut file = reader.into_inner();
+        let size = file.rewind().and_then(|()| jpeg_size(file)).map_err(|e| unreadable(&e))?;
+        return size.ok_or_else(|| "a JPEG without a size before its first scan".into());
+    }
+    let mut limits = image::Limits::default();
+    limits.max_alloc = Some(max_bytes);
+    reader.limits(limits);
+    reader.into_dimensions().map_err(|e| unreadable(&e))
+}
+
+/// The size in a JPEG's frame header (ITU-T T.81, B.2.2); `None` if a scan comes first.
+fn jpeg_size(mut file: impl Read + Seek) -> std::io::Result<Option<(u32, u32)>> {
+    file.seek_relative(2)?;
+    loop {
+        let mut marker = [0xff; 2];
+        file.read_exact(&mut marker)?;
+        // Fill bytes, and what should not be there.
+        while marker != [0xff, marker[1]] || marker[1] == 0xff {
+            marker[0] = marker[1];
+            file.read_exact(&mut marker[1..])?;
+        }
+        match marker[1] {
+            // Without a length.
+            0xd0..=0xd8 | 0x00 | 0x01 => continue,
+            0xd9 | 0xda => return Ok(None),
+            kind => {
+                let mut head = [0; 2];
+                file.read_exact(&mut head)?;
+                if matches!(kind, 0xc0..=0xcf) && ![0xc4, 0xc8, 0xcc].contains(&kind) {
+                    let mut frame = [0; 5];
+                    file.read_exact(&mut frame)?;
+                    let [_, sides @ ..] = frame;
+                    let [height, width] = [0, 2].map(|at| u32::from(u16::from_be_bytes([sides[at], sides[at + 1]])));
+                    return Ok(Some((width, height)));
+                }
+                file.seek_relative(i64::from(u16::from_be_bytes(head)).saturating_sub(2).max(0))?;
+            }
+        }
+    }
 }
 
 /// The picture where it has 8 bits a colour.
