@@ -53,7 +53,12 @@ fn photographs_on_a_turntable() {
 
 #[test]
 fn a_moving_tag_is_followed() {
-    let lens = Lens::Radial { numerator: [-0.12, 0.03, 0.0, 0.0], denominator: [0.0; 3], tangential: [0.001, -0.002] };
+    let lens = Lens::Radial {
+        numerator: [-0.12, 0.03, 0.0, 0.0],
+        denominator: [0.0; 3],
+        tangential: [0.001, -0.002],
+        shear: 0.0,
+    };
     for lens in [Lens::Pinhole, lens] {
         let camera = camera(640, 480, 600.0);
         let rays = Rays::new(&camera, &lens);

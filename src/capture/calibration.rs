@@ -223,6 +223,7 @@ fn lens_of(model: &str, bending: &[f64]) -> std::result::Result<Lens, String> {
                 numerator: [at(0), at(1), at(4), 0.0],
                 denominator: [at(5), at(6), at(7)],
                 tangential: [at(2), at(3)],
+                shear: 0.0,
             }
         }
         "equidistant"
@@ -306,8 +307,12 @@ mod tests {
             "distortion_coefficients": {"type_id": "opencv-matrix", "rows": 1, "cols": 4, "dt": "d", "data": [-0.01,0.02,-0.0003,0.0001]}}"#;
         let [a, b, c] = [&old, kalibr, json].map(|text| read_text(text).unwrap());
         assert_eq!((a.camera.focal, a.camera.principal), ([600.0; 2], [320.0, 240.0]));
-        let lens =
-            Lens::Radial { numerator: [-0.01, 0.02, 0.0, 0.0], denominator: [0.0; 3], tangential: [-0.0003, 0.0001] };
+        let lens = Lens::Radial {
+            numerator: [-0.01, 0.02, 0.0, 0.0],
+            denominator: [0.0; 3],
+            tangential: [-0.0003, 0.0001],
+            shear: 0.0,
+        };
         assert_eq!((a.lens, b, c), (lens, a, a));
         let fisheye = Lens::Fisheye { coefficients: [-0.01, 0.02, -0.0003, 0.0001] };
         assert_eq!(read_text(&old.replace("Camera_Matrix", "fisheye_model: 1\nCamera_Matrix")).unwrap().lens, fisheye);

@@ -101,6 +101,12 @@ pub(super) fn capture_folder(description: &Path) -> PathBuf {
     if description.extension().is_some_and(|e| e == "json") {
         return folder;
     }
+    // Sidecars lie beside the photographs.
+    if description.extension().is_some_and(|e| e.eq_ignore_ascii_case("xmp"))
+        && folder.file_name().is_some_and(|n| n == "images")
+    {
+        return parent(&folder);
+    }
     let is_number = |name: &std::ffi::OsStr| name.to_str().is_some_and(|name| name.parse::<u32>().is_ok());
     if folder.file_name().is_some_and(is_number) && parent(&folder).file_name().is_some_and(|n| n == "sparse") {
         folder = parent(&folder);

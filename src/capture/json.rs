@@ -9,6 +9,9 @@ use std::path::{Path, PathBuf};
 /// Bytes of a JSON document, at most.
 const MAX_BYTES: u64 = 64 << 20;
 
+/// Letters of an identifier, at most.
+const MAX_IDENTIFIER: usize = 64;
+
 /// A parsed JSON file, with its text for finding lines. Its memory is charged as long as it lives.
 pub(crate) struct JsonDocument<'a> {
     path: PathBuf,
@@ -107,6 +110,28 @@ impl<'a> JsonNode<'a> {
     }
     pub(crate) fn number(&self) -> Result<f64> {
         self.value.as_f64().filter(|v| v.is_finite()).ok_or_else(|| self.expected("a number"))
+    }
+    /// A number, or a text that holds one, as writers of property trees put it.
+    pub(crate) fn written_number(&self) -> Result<f64> {
+        match self.value.as_str().map(|text| text.trim().parse::<f64>()) {
+            Some(Ok(number)) if number.is_finite() => Ok(number),
+            _ => self.number(),
+        }
+    }
+    /// Numbers, written in either way; an empty text is an empty list.
+    pub(crate) fn written_numbers(&self, max: usize) -> Result<Vec<f64>> {
+        if self.value.as_str().is_some_and(str::is_empty) {
+            return Ok(Vec::new());
+        }
+        self.items(max)?.iter().map(JsonNode::written_number).collect()
+    }
+    /// A name or a whole number by which others refer to an object.
+    pub(crate) fn identifier(&self) -> Result<String> {
+        match self.value {
+            Value::String(text) if text.len() <= MAX_IDENTIFIER => Ok(text.clone()),
+            Value::Number(number) => Ok(number.to_string()),
+            _ => Err(self.expected("an identifier")),
+        }
     }
     /// A count, which some tools write as `1080.0`.
     pub(crate) fn count(&self) -> Result<u32> {

@@ -11,7 +11,7 @@ pub enum Lens {
     #[default]
     Pinhole,
     /// With `r2 = x^2 + y^2`: `(x, y) * (1 + k1 r2 + k2 r2^2 + k3 r2^3 + k4 r2^4) / (1 + d1 r2 + d2 r2^2 + d3 r2^3)` plus
-    /// `(2 p1 x y + p2 (r2 + 2 x^2), p1 (r2 + 2 y^2) + 2 p2 x y)`.
+    /// `(2 p1 x y + p2 (r2 + 2 x^2), p1 (r2 + 2 y^2) + 2 p2 x y)`; then `x + shear y` for `x`.
     Radial {
         /// `k1 k2 k3 k4`.
         numerator: [f64; 4],
@@ -19,11 +19,23 @@ pub enum Lens {
         denominator: [f64; 3],
         /// `p1 p2`.
         tangential: [f64; 2],
+        /// Skew of the pixels over the focal length of the rows.
+        shear: f64,
     },
     /// `(x, y) * theta_d / r`, `theta = atan r`, `theta_d = theta (1 + k1 theta^2 + k2 theta^4 + k3 theta^6 + k4 theta^8)`.
     Fisheye {
         /// `k1 k2 k3 k4`.
         coefficients: [f64; 4],
+    },
+    /// `(x, y) * atan(2 r tan(omega / 2)) / (omega r)` (Devernay and Faugeras 2001, equation 13).
+    FieldOfView {
+        /// Angle in radians, above 0 and below pi.
+        omega: f64,
+    },
+    /// `(x, y) * 2 / (1 + sqrt(1 - 4 k r^2))`, the inverse of a division by `1 + k r^2` (Fitzgibbon 2001).
+    Division {
+        /// `k`.
+        coefficient: f64,
     },
 }
 
@@ -32,10 +44,11 @@ impl Lens {
     pub fn is_pinhole(&self) -> bool {
         match self {
             Lens::Pinhole => true,
-            Lens::Radial { numerator, denominator, tangential } => {
-                numerator.iter().chain(denominator).chain(tangential).all(|&k| k == 0.0)
+            Lens::Radial { numerator, denominator, tangential, shear } => {
+                numerator.iter().chain(denominator).chain(tangential).chain([shear]).all(|&k| k == 0.0)
             }
-            Lens::Fisheye { .. } => false,
+            Lens::Division { coefficient } => *coefficient == 0.0,
+            Lens::Fisheye { .. } | Lens::FieldOfView { .. } => false,
         }
     }
 
@@ -43,14 +56,13 @@ impl Lens {
     pub fn distort(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         let square = x * x + y * y;
         let scale = self.radial_scale(square.sqrt());
-        let [p1, p2] = match self {
-            Lens::Radial { tangential, .. } => *tangential,
-            _ => [0.0; 2],
+        let ([p1, p2], shear) = match self {
+            Lens::Radial { tangential, shear, .. } => (*tangential, *shear),
+            _ => ([0.0; 2], 0.0),
         };
-        [
-            x * scale + 2.0 * p1 * x * y + p2 * (square + 2.0 * x * x),
-            y * scale + p1 * (square + 2.0 * y * y) + 2.0 * p2 * x * y,
-        ]
+        let across = x * scale + 2.0 * p1 * x * y + p2 * (square + 2.0 * x * x);
+        let down = y * scale + p1 * (square + 2.0 * y * y) + 2.0 * p2 * x * y;
+        [across + shear * down, down]
     }
 
     /// The ideal image position that the lens puts at `distorted`, by Newton's method; `None` where there is none.
@@ -64,6 +76,15 @@ impl Lens {
                 distorted.map(|c| c * scale)
             }
             Lens::Radial { .. } => distorted,
+            Lens::FieldOfView { omega } => {
+                let radius = distorted[0].hypot(distorted[1]);
+                let ideal = (radius * omega).min(1.5).tan() / (2.0 * (0.5 * omega).tan());
+                distorted.map(|c| if radius > 1e-9 { c * ideal / radius } else { c })
+            }
+            Lens::Division { coefficient } => {
+                let scale = 1.0 / (1.0 + coefficient * (distorted[0].powi(2) + distorted[1].powi(2)));
+                distorted.map(|c| c * scale)
+            }
         };
         for _ in 0..50 {
             let at = self.distort(ideal);
@@ -102,6 +123,12 @@ impl Lens {
                 let bent = theta * (1.0 + s * (k[0] + s * (k[1] + s * (k[2] + s * k[3]))));
                 if radius > 1e-12 { bent / radius } else { 1.0 }
             }
+            Lens::FieldOfView { omega } => {
+                let slope = 2.0 * (0.5 * omega).tan();
+                if radius > 1e-9 { (slope * radius).atan() / (omega * radius) } else { slope / omega }
+            }
+            // Beyond its largest radius nothing is seen: not a number.
+            Lens::Division { coefficient } => 2.0 / (1.0 + (1.0 - 4.0 * coefficient * radius * radius).sqrt()),
         }
     }
 
@@ -221,12 +248,24 @@ fn interpolate(image: &RgbImage, [x, y]: [f64; 2]) -> Option<[f32; 3]> {
 mod tests {
     use super::*;
 
-    fn lenses() -> [Lens; 4] {
+    fn lenses() -> [Lens; 6] {
         [
-            Lens::Radial { numerator: [-0.12, 0.02, 0.0, 0.0], denominator: [0.0; 3], tangential: [0.002, -0.001] },
-            Lens::Radial { numerator: [0.08, 0.0, 0.0, 0.0], denominator: [0.0; 3], tangential: [0.0; 2] },
-            Lens::Radial { numerator: [0.1, 0.02, 0.01, 0.0], denominator: [0.2, 0.01, 0.0], tangential: [0.0; 2] },
+            Lens::Radial {
+                numerator: [-0.12, 0.02, 0.0, 0.0],
+                denominator: [0.0; 3],
+                tangential: [0.002, -0.001],
+                shear: 0.003,
+            },
+            Lens::Radial { numerator: [0.08, 0.0, 0.0, 0.0], denominator: [0.0; 3], tangential: [0.0; 2], shear: 0.0 },
+            Lens::Radial {
+                numerator: [0.1, 0.02, 0.01, 0.0],
+                denominator: [0.2, 0.01, 0.0],
+                tangential: [0.0; 2],
+                shear: 0.0,
+            },
             Lens::Fisheye { coefficients: [0.03, -0.01, 0.002, 0.0] },
+            Lens::FieldOfView { omega: 0.5 },
+            Lens::Division { coefficient: -0.05 },
         ]
     }
 
@@ -246,7 +285,12 @@ mod tests {
     #[test]
     fn known_values() {
         // Worked by hand from the equations.
-        let lens = Lens::Radial { numerator: [0.1, 0.0, 0.0, 0.0], denominator: [0.0; 3], tangential: [0.01, 0.02] };
+        let lens = Lens::Radial {
+            numerator: [0.1, 0.0, 0.0, 0.0],
+            denominator: [0.0; 3],
+            tangential: [0.01, 0.02],
+            shear: 0.0,
+        };
         let [x, y] = lens.distort([0.5, 0.2]);
         assert!((x - (0.5 * 1.029 + 0.002 + 0.02 * 0.79)).abs() < 1e-12);
         assert!((y - (0.2 * 1.029 + 0.01 * 0.37 + 0.004)).abs() < 1e-12);
@@ -308,7 +352,8 @@ mod tests {
 
     #[test]
     fn the_fold_of_a_polynomial_is_missing_not_wrong() {
-        let lens = Lens::Radial { numerator: [-0.5, 0.0, 0.0, 0.0], denominator: [0.0; 3], tangential: [0.0; 2] };
+        let lens =
+            Lens::Radial { numerator: [-0.5, 0.0, 0.0, 0.0], denominator: [0.0; 3], tangential: [0.0; 2], shear: 0.0 };
         // r (1 - 0.5 r^2) turns at r = sqrt(2/3).
         assert!((lens.radius_limit(2.0, 4096) - (2.0f64 / 3.0).sqrt()).abs() < 2e-3);
         let camera = Camera { width: 40, height: 40, focal: [10.0; 2], principal: [20.0; 2], ..Camera::default() };

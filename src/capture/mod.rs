@@ -1,7 +1,7 @@
 //! Reading captures: photographs, cameras, lights, masks, the white board and the mesh.
 //!
-//! Two kinds are read: `transforms.json` (nerfstudio's keys, and ours for polarised photographs, lights and the white board) and
-//! COLMAP models, text or binary. Photographs become linear radiance of a pinhole camera: display-referred ones are linearised,
+//! Read are `transforms.json` (nerfstudio's keys, and ours for polarised photographs, lights and the white board), COLMAP models, text or
+//! binary, and the cameras of Metashape, RealityCapture, Meshroom and OpenMVG. Photographs become linear radiance of a pinhole camera: display-referred ones are linearised,
 //! lens distortion is removed. Keys of `transforms.json` beyond nerfstudio's:
 //!
 //! - `mesh_file`; `mesh_transform`, 4 x 4 rows, mesh to world (as `tsuya align` finds it);
@@ -18,6 +18,7 @@ pub(crate) mod calibration;
 mod colmap;
 mod describe;
 mod description;
+mod import;
 pub(crate) mod json;
 mod lens;
 mod scale;

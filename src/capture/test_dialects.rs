@@ -105,7 +105,8 @@ fn distorted_photographs_become_pinhole_ones() {
     // The picture is a ramp in x: the value tells the source position.
     let ideal = [(12.5 - 8.0) / 20.0, (6.5 - 6.0) / 20.0];
     let bent =
-        Lens::Radial { numerator: [0.5, 0.0, 0.0, 0.0], denominator: [0.0; 3], tangential: [0.0; 2] }.distort(ideal);
+        Lens::Radial { numerator: [0.5, 0.0, 0.0, 0.0], denominator: [0.0; 3], tangential: [0.0; 2], shear: 0.0 }
+            .distort(ideal);
     let expected = bent[0] * 20.0 + 8.0 - 0.5;
     assert!((frame.photograph.value_at(12, 6)[0] as f64 - expected).abs() < 1e-5);
     assert_eq!(capture.missing_pixels, 0);

@@ -138,7 +138,7 @@ pub(super) fn read_intrinsics(
         Some("OPENCV_FISHEYE" | "SIMPLE_RADIAL_FISHEYE" | "RADIAL_FISHEYE") => Lens::Fisheye { coefficients: radial },
         None if find("is_fisheye").is_some_and(|node| node.is_true()) => Lens::Fisheye { coefficients: radial },
         Some("OPENCV" | "SIMPLE_RADIAL" | "RADIAL" | "PERSPECTIVE") | None => {
-            Lens::Radial { numerator: radial, denominator: [0.0; 3], tangential }
+            Lens::Radial { numerator: radial, denominator: [0.0; 3], tangential, shear: 0.0 }
         }
         Some(other) => {
             let message = format!(
@@ -286,7 +286,12 @@ mod tests {
         assert_eq!(camera.to_camera([5.0, 7.0, 7.0]), [1.0, 0.0, 0.0]);
         assert_eq!(camera.to_camera([5.0, 6.0, 8.0]), [0.0, -1.0, 0.0]);
         assert_eq!(camera.centre(), [5.0, 6.0, 7.0]);
-        let lens = Lens::Radial { numerator: [0.1, 0.0, 0.0, 0.0], denominator: [0.0; 3], tangential: [0.01, 0.0] };
+        let lens = Lens::Radial {
+            numerator: [0.1, 0.0, 0.0, 0.0],
+            denominator: [0.0; 3],
+            tangential: [0.01, 0.0],
+            shear: 0.0,
+        };
         assert_eq!(a.lens, lens);
         assert_eq!(a.view.light, Some(PointLight { position: [9.0; 3], intensity: [3.0; 3] }));
         assert_eq!(b.view.camera.focal, [60.0, 61.0]);

@@ -1,4 +1,5 @@
-//! COLMAP models, binary and text: cameras and the poses of the photographs. Points are not needed.
+//! COLMAP models, binary and text: cameras and the poses of the photographs. Points are not needed, nor are the rigs and frames that models have
+//! since COLMAP 3.12: its images have the poses of their cameras in them as before.
 
 use super::description::{CaptureDescription, FrameDescription, camera_fault, capture_folder, folder_name};
 use super::lens::Lens;
@@ -15,7 +16,7 @@ use std::path::{Path, PathBuf};
 mod tests;
 
 /// Name and number of parameters of COLMAP's camera models, by their number in binary files.
-const MODELS: [(&str, usize); 11] = [
+const MODELS: [(&str, usize); 18] = [
     ("SIMPLE_PINHOLE", 3),
     ("PINHOLE", 4),
     ("SIMPLE_RADIAL", 4),
@@ -27,6 +28,13 @@ const MODELS: [(&str, usize); 11] = [
     ("SIMPLE_RADIAL_FISHEYE", 4),
     ("RADIAL_FISHEYE", 5),
     ("THIN_PRISM_FISHEYE", 12),
+    ("RAD_TAN_THIN_PRISM_FISHEYE", 16),
+    ("SIMPLE_DIVISION", 4),
+    ("DIVISION", 5),
+    ("SIMPLE_FISHEYE", 3),
+    ("FISHEYE", 4),
+    ("EUCM", 6),
+    ("EQUIRECTANGULAR", 2),
 ];
 
 struct ColmapPose {
@@ -128,7 +136,7 @@ fn camera(model: &str, width: u64, height: u64, p: &[f64]) -> std::result::Resul
     if expected.is_some_and(|n| n != p.len()) {
         return Err(format!("camera model {model} has {} parameters, found {}", expected.unwrap_or(0), p.len()));
     }
-    let radial = |numerator, denominator, tangential| Lens::Radial { numerator, denominator, tangential };
+    let radial = |numerator, denominator, tangential| Lens::Radial { numerator, denominator, tangential, shear: 0.0 };
     let fisheye = |coefficients| Lens::Fisheye { coefficients };
     let none = [0.0; 3];
     let (focal, principal, lens) = match (model, p) {
@@ -143,6 +151,12 @@ fn camera(model: &str, width: u64, height: u64, p: &[f64]) -> std::result::Resul
         }
         ("SIMPLE_RADIAL_FISHEYE", &[f, x, y, k]) => ([f, f], [x, y], fisheye([k, 0.0, 0.0, 0.0])),
         ("RADIAL_FISHEYE", &[f, x, y, k, l]) => ([f, f], [x, y], fisheye([k, l, 0.0, 0.0])),
+        ("SIMPLE_FISHEYE", &[f, x, y]) => ([f, f], [x, y], fisheye([0.0; 4])),
+        ("FISHEYE", &[f, g, x, y]) => ([f, g], [x, y], fisheye([0.0; 4])),
+        ("FOV", &[f, g, x, y, omega]) if omega == 0.0 => ([f, g], [x, y], Lens::Pinhole),
+        ("FOV", &[f, g, x, y, omega]) => ([f, g], [x, y], Lens::FieldOfView { omega }),
+        ("SIMPLE_DIVISION", &[f, x, y, k]) => ([f, f], [x, y], Lens::Division { coefficient: k }),
+        ("DIVISION", &[f, g, x, y, k]) => ([f, g], [x, y], Lens::Division { coefficient: k }),
         _ => {
             let model = escaped(model);
             return Err(format!(

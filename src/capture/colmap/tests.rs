@@ -51,7 +51,12 @@ fn text_and_binary_say_the_same() {
     assert_eq!(a.view.camera.to_camera([10.0, 20.0, 30.0]), [11.0, 22.0, 33.0]);
     // The quaternion (1, 1, 1, 1) / 2 turns x into y, y into z, z into x.
     assert_eq!(b.view.camera.to_camera([10.0, 20.0, 30.0]), [31.0, 12.0, 23.0]);
-    let expected = Lens::Radial { numerator: [0.1, 0.01, 0.0, 0.0], denominator: [0.0; 3], tangential: [0.001, 0.002] };
+    let expected = Lens::Radial {
+        numerator: [0.1, 0.01, 0.0, 0.0],
+        denominator: [0.0; 3],
+        tangential: [0.001, 0.002],
+        shear: 0.0,
+    };
     assert_eq!((a.lens, b.lens), (Lens::Pinhole, expected));
 }
 
@@ -132,9 +137,49 @@ fn text_faults_name_the_line() {
         let error = error.unwrap().to_string();
         assert!(error.contains(expected), "{error}");
     };
-    check("#\n1 FOV 4 4 1 1 1 1 1", false, "line 2: camera model FOV is not supported");
+    check("#\n1 EUCM 4 4 1 1 1 1 1 1", false, "line 2: camera model EUCM is not supported; undistort the photographs");
     check("1 PINHOLE 4 4 1 1 1", false, "line 1: camera model PINHOLE has 4 parameters, found 3");
     check("1 PINHOLE 4 x 1 1 1 1", false, "line 1: HEIGHT should be a number, found \"x\"");
     check("\n1 1 0 0", true, "line 2: QZ is missing");
     check("1 1 0 0 0 0 0 0 1", true, "line 1: NAME is missing");
+}
+
+#[test]
+fn all_camera_models_are_read_or_refused_by_name() {
+    let parameters: Vec<f64> = (0..16).map(|k| [50.0, 51.0, 31.5, 24.0, 0.1, 0.02][k.min(5)]).collect();
+    for (model, count) in MODELS {
+        match camera(model, 64, 48, &parameters[..count]) {
+            Ok((camera, lens)) => {
+                assert!(camera.focal[0] == 50.0 && lens.distort([0.1, 0.0])[0] != 0.0, "{model}");
+            }
+            Err(error) => {
+                let refused = ["THIN_PRISM_FISHEYE", "RAD_TAN_THIN_PRISM_FISHEYE", "EUCM", "EQUIRECTANGULAR"];
+                assert!(refused.contains(&model) && error.contains(model), "{error}");
+            }
+        }
+    }
+    // COLMAP's own formulas at one position.
+    let at = |model: &str, parameters: &[f64]| camera(model, 64, 48, parameters).unwrap().1.distort([0.6, -0.8]);
+    let [x, y] = at("FOV", &[50.0, 50.0, 32.0, 24.0, 0.9]);
+    let factor = (2.0 * 0.45f64.tan()).atan() / 0.9;
+    assert!((x - 0.6 * factor).abs() < 1e-12 && (y + 0.8 * factor).abs() < 1e-12);
+    let [x, _] = at("SIMPLE_DIVISION", &[50.0, 32.0, 24.0, -0.2]);
+    assert!((x - 0.6 * 2.0 / (1.0 + 1.8f64.sqrt())).abs() < 1e-12);
+    // A division by 1 + k r^2 leads back.
+    assert!((x / (1.0 - 0.2 * (x / 0.6).powi(2)) - 0.6).abs() < 1e-12);
+}
+
+#[test]
+fn rigs_and_frames_beside_a_model_change_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let put = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
+    put("cameras.txt", CAMERAS);
+    put("images.txt", IMAGES);
+    let access = FileAccess::default();
+    let before = crate::capture::describe(folder.path(), &access).unwrap();
+    put("rigs.txt", "# RIG_ID NUM_SENSORS ...\n1 2 CAMERA 3 CAMERA 4 1 1 0 0 0 0.1 0 0\n");
+    put("frames.txt", "# FRAME_ID RIG_ID RIG_FROM_WORLD[] ...\n1 1 0.5 0.5 0.5 0.5 1 2 3 2 CAMERA 3 2 CAMERA 4 1\n");
+    for path in [folder.path().to_owned(), folder.path().join("rigs.txt"), folder.path().join("frames.txt")] {
+        assert_eq!(crate::capture::describe(path, &access).unwrap(), before);
+    }
 }
