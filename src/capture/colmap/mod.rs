@@ -153,7 +153,7 @@ fn camera(model: &str, width: u64, height: u64, p: &[f64]) -> std::result::Resul
         ("RADIAL_FISHEYE", &[f, x, y, k, l]) => ([f, f], [x, y], fisheye([k, l, 0.0, 0.0])),
         ("SIMPLE_FISHEYE", &[f, x, y]) => ([f, f], [x, y], fisheye([0.0; 4])),
         ("FISHEYE", &[f, g, x, y]) => ([f, g], [x, y], fisheye([0.0; 4])),
-        ("FOV", &[f, g, x, y, omega]) if omega == 0.0 => ([f, g], [x, y], Lens::Pinhole),
+        ("FOV", &[f, g, x, y, 0.0]) => ([f, g], [x, y], Lens::Pinhole),
         ("FOV", &[f, g, x, y, omega]) => ([f, g], [x, y], Lens::FieldOfView { omega }),
         ("SIMPLE_DIVISION", &[f, x, y, k]) => ([f, f], [x, y], Lens::Division { coefficient: k }),
         ("DIVISION", &[f, g, x, y, k]) => ([f, g], [x, y], Lens::Division { coefficient: k }),
