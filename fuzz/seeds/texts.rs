@@ -12,6 +12,7 @@ const POSES: [&str; 3] = [
 pub fn put(seeds: &Seeds) {
     captures(seeds);
     colmap(seeds);
+    imports(seeds);
     calibrations(seeds);
     let job = r#"{"mesh":"a.obj","material":MATERIAL,"environment":{"file":"e.exr","scale":2,"rotation_y_deg":30},
 "camera":{"position":[0,0,5],"target":[0,0,0],"up":[0,1,0],"fov_y_deg":90},"size":[200,100],"shadows":false,"evaluator":"published"}"#;
@@ -82,6 +83,79 @@ fn captures(seeds: &Seeds) {
         let turned = "\"mesh_transform\":[[0,1,0,0.1],[-1,0,0,0],[0,0,1,0],[0,0,0,1]]";
         let text = format!("{{{head},{turned},\"camera_model\":\"{model}\",{numbers},\"frames\":[{}]}}", frame(0, ""));
         seeds.put("transforms", name, text);
+    }
+}
+
+/// The first byte is the program's number in the target.
+fn imports(seeds: &Seeds) {
+    let put = |name: &str, kind: u8, text: &str| {
+        let text = text.replace("SIDE", &SIDE.to_string());
+        seeds.put("imports", name, [&[kind], text.as_bytes()].concat());
+    };
+    let metashape = r#"<?xml version="1.0" encoding="UTF-8"?><document version="2.0.0"><chunk label="1" enabled="true"><sensors><sensor id="0"
+type="KIND"><calibration type="KIND" class="adjusted"><resolution width="SIDE" height="SIDE"/><f>8</f><cx>0.1</cx><cy>-0.1</cy><b1>0.1</b1><b2>SKEW</b2>
+<k1>0.1</k1><k2>0.01</k2><k3>0</k3><k4>0</k4><p1>SKEW</p1><p2>0</p2></calibration></sensor></sensors><components><component id="0"><transform>
+<rotation>0 -1 0 1 0 0 0 0 1</rotation><translation>1 2 3</translation><scale>2</scale></transform></component></components><cameras><group id="0">
+<camera id="0" sensor_id="0" component_id="0" label="a"><transform>1 0 0 0 0 -1 0 0 0 0 -1 4 0 0 0 1</transform></camera></group>
+<camera id="1" sensor_id="0" label="b.tif"><transform>1 0 0 0 0 -1 0 0 0 0 -1 4 0 0 0 1</transform></camera>
+<camera id="2" sensor_id="0" label="c" enabled="0"/><camera id="3" sensor_id="0" label="d"/></cameras>
+<reference>LOCAL_CS["Local"]</reference><transform>1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1</transform></chunk></document>"#;
+    put("metashape", 0, &metashape.replace("KIND", "frame").replace("SKEW", "0.01"));
+    put("metashape-fisheye", 0, &metashape.replace("KIND", "fisheye").replace("SKEW", "0"));
+    put("metashape-earth", 0, &metashape.replace("KIND", "frame").replace("SKEW", "0").replace("LOCAL_CS", "GEOGCS"));
+    let columns = "#cameras 2\n#name,x,y,alt,heading,pitch,roll,f,px,py,k1,k2,k3,k4,t1,t2\n";
+    put(
+        "table",
+        1,
+        &format!("{columns}a.tif,0,0,4,0,0,0,36,0.01,0,0.1,0,0,0,0.01,0\n\nb,1,0,4,10,5,-3,36,0,0,0,0,0,0,0,0\n"),
+    );
+    put("realityscan", 1, "#name,x,y,alt,yaw,pitch,roll,f_35mm,px_norm,py_norm\na.tif,0,0,4,0,0,0,36,0,0\n");
+    for (number, model) in ["perspective", "brown3", "brown4t2", "division"].into_iter().enumerate() {
+        let text = r#"<x:xmpmeta xmlns:x="adobe:ns:meta/"><rdf:RDF xmlns:rdf="http://www.w3.org/1999/02/22-rdf-syntax-ns#"><rdf:Description
+xcr:Version="3" xcr:Coordinates="absolute" xcr:DistortionModel="MODEL" xcr:FocalLength35mm="36" xcr:Skew="0.01" xcr:AspectRatio="1.1" xcr:PrincipalPointU="0.01"
+xcr:PrincipalPointV="0" xcr:Position="0 0 4" xmlns:xcr="http://www.capturingreality.com/ns/xcr/1.1#"><xcr:Rotation>1 0 0 0 -1 0 0 0 -1</xcr:Rotation>
+<xcr:DistortionCoeficients>0.1 0.01 0 0 0.001 0</xcr:DistortionCoeficients></rdf:Description></rdf:RDF></x:xmpmeta>"#;
+        put(&format!("sidecar-{number}"), 2, &text.replace("MODEL", model));
+    }
+    let pose = r#""rotation":["1","0","0","0","-1","0","0","0","-1"],"center":["0","0","4"]"#;
+    for (number, (version, intrinsic)) in [
+        (r#""1","2","11""#, r#""type":"pinhole","distortionType":"brown","undistortionType":"none","focalLength":"36","sensorWidth":"36","pixelRatio":"1.1""#),
+        (r#""1","2","3""#, r#""type":"fisheye4","focalLength":"36","sensorWidth":"36","pixelRatio":"1.1""#),
+        (r#""1","2","0""#, r#""type":"radial3","pxFocalLength":["8","9"]"#),
+        (r#""1","0","0""#, r#""type":"fisheye1","pxFocalLength":"8""#),
+        (r#""1","2","8""#, r#""type":"pinhole","distortionType":"radialk3pt","focalLength":36"#),
+    ]
+    .into_iter()
+    .enumerate()
+    {
+        put(
+            &format!("meshroom-{number}"),
+            3,
+            &format!(
+                r#"{{"version":[{version}],"featuresFolders":[],"views":[{{"viewId":"1","poseId":"1","intrinsicId":"5","path":"/x/a.tif"}},
+{{"viewId":"2","poseId":"1","rigId":"3","subPoseId":"0","isPoseIndependant":"false","intrinsicId":"5","path":"D:\\x\\b.tif"}},{{"viewId":"3","path":"c"}}],
+"intrinsics":[{{"intrinsicId":"5","width":"SIDE","height":"SIDE",{intrinsic},"principalPoint":["0.1","0"],"distortionParams":["0.1","0.01","0","0.001","0"]}}],
+"poses":[{{"poseId":"1","pose":{{"transform":{{{pose}}},"locked":"0"}}}}],"rigs":[{{"rigId":"3","subPoses":[{{"pose":{{{pose}}}}}]}}]}}"#
+            ),
+        );
+    }
+    for (name, lens) in [
+        ("pinhole", ""),
+        ("pinhole_radial_k1", r#","disto_k1":[0.1]"#),
+        ("pinhole_radial_k3", r#","disto_k3":[0.1,0.01,0]"#),
+        ("pinhole_brown_t2", r#","disto_t2":[0.1,0.01,0,0.001,0]"#),
+        ("fisheye", r#","fisheye":[0.1,0.01,0,0]"#),
+    ] {
+        put(
+            name,
+            4,
+            &format!(
+                r#"{{"sfm_data_version":"0.3","root_path":"/x","views":[{{"key":0,"value":{{"polymorphic_id":1073741824,"ptr_wrapper":{{"id":2147483649,
+"data":{{"local_path":"","filename":"a.tif","width":SIDE,"height":SIDE,"id_view":0,"id_intrinsic":0,"id_pose":0}}}}}}}}],"intrinsics":[{{"key":0,
+"value":{{"polymorphic_id":2147483649,"polymorphic_name":"{name}","ptr_wrapper":{{"id":2147483650,"data":{{"width":SIDE,"height":SIDE,"focal_length":8.0,
+"principal_point":[4.0,4.0]{lens}}}}}}}}}],"extrinsics":[{{"key":0,"value":{{"rotation":[[1,0,0],[0,-1,0],[0,0,-1]],"center":[0,0,4]}}}}]}}"#
+            ),
+        );
     }
 }
 

@@ -80,7 +80,8 @@ impl CaptureDescription {
             }
             [] => Err(Error::input(
                 &folder,
-                "the capture names no mesh and there is none beside it (a point cloud is none); give one with option `mesh`",
+                "the capture names no mesh and there is none beside it (a point cloud is none: make a mesh of it by Poisson's method or ball \
+                 pivoting); give one with option `mesh`, or make one from the masks with `capture::visual_hull`",
             )),
             [a, b, ..] => Err(Error::input(
                 &folder,

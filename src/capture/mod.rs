@@ -18,6 +18,7 @@ pub(crate) mod calibration;
 mod colmap;
 mod describe;
 mod description;
+mod hull;
 mod import;
 pub(crate) mod json;
 mod lens;
@@ -38,6 +39,7 @@ pub use align::{Alignment, Correspondence, align, apply_pose, read_correspondenc
 pub use calibration::{Calibration, read_calibration};
 pub use describe::describe;
 pub use description::{CaptureDescription, FrameDescription, WhiteReference};
+pub use hull::{HullOptions, VisualHull, visual_hull};
 pub use lens::Lens;
 #[cfg(feature = "ar")]
 pub(crate) use transforms::nearest_rotation;

@@ -12,6 +12,7 @@ mod decode;
 mod demo;
 mod encode;
 mod gltf;
+mod hull;
 mod info;
 mod light;
 mod output;
@@ -64,6 +65,7 @@ enum Command {
     Composite(composite::Composite),
     Align(align::Align),
     Check(check::Check),
+    Hull(hull::Hull),
     Ar(Box<ar::Ar>),
     Brdf(brdf::Brdf),
     Bake(bake::Bake),
@@ -88,6 +90,7 @@ impl Command {
             Command::Composite(composite) => composite.run(),
             Command::Align(align) => align.run(),
             Command::Check(check) => check.run(),
+            Command::Hull(hull) => hull.run(),
             Command::Ar(ar) => ar.run(),
             Command::Brdf(brdf) => brdf.run(),
             Command::Bake(bake) => bake.run(),
