@@ -198,6 +198,7 @@ mod tests {
             name: "test".into(),
             frames: vec![CaptureFrame { view, photograph, cross, mask: None }],
             mesh: Mesh::default(),
+            origin: [0.0; 3],
             white: [1.0, 0.9, 0.8],
             beta,
             color_space: "linear-rec709".into(),

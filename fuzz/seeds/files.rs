@@ -42,6 +42,7 @@ fn capture(mesh: Mesh, kind: Kind) -> Capture {
         name: "seed".into(),
         frames: frames.collect(),
         mesh,
+        origin: [0.0; 3],
         white: scene::WHITE,
         beta: kind.polarised.then_some([1.0; 3]),
         color_space: "linear-rec709".into(),

@@ -62,6 +62,31 @@ fn photographs(seeds: &Seeds) {
         seeds.put("photograph", &format!("{name}.exr"), bytes.into_inner());
     }
     seeds.put("photograph", "parts.exr", exr_of_parts());
+    profiles(seeds);
+}
+
+/// Pictures that say something about their colours.
+fn profiles(seeds: &Seeds) {
+    use image::ImageEncoder;
+    for (name, profile) in [
+        ("p3", moxcms::ColorProfile::new_display_p3()),
+        ("adobe", moxcms::ColorProfile::new_adobe_rgb()),
+        ("grey", moxcms::ColorProfile::new_gray_with_gamma(2.2)),
+    ] {
+        let profile = profile.encode().expect("a profile");
+        let mut bytes = Cursor::new(Vec::new());
+        let mut encoder = image::codecs::tiff::TiffEncoder::new(&mut bytes);
+        encoder.set_icc_profile(profile.clone()).expect("TIFF holds profiles");
+        encoder.write_image(&[90; 96], 8, 4, image::ExtendedColorType::Rgb8).expect("a picture");
+        seeds.put("photograph", &format!("{name}.tif"), bytes.into_inner());
+        let mut bytes = Vec::new();
+        let mut encoder = image::codecs::png::PngEncoder::new(&mut bytes);
+        encoder.set_icc_profile(profile).expect("PNG holds profiles");
+        encoder.write_image(&[90; 96], 8, 4, image::ExtendedColorType::Rgb8).expect("a picture");
+        seeds.put("photograph", &format!("{name}.png"), bytes);
+    }
+    let header = "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\nEXPOSURE=2\nCOLORCORR=1 2 4\nPRIMARIES=.7 .3 .2 .7 .1 .1 .33 .33\n\n-Y 4 +X 7\n";
+    seeds.put("photograph", "header.hdr", [header.as_bytes(), &[128; 112]].concat());
 }
 
 /// Depth, then colour in a window of its own.

@@ -1,9 +1,8 @@
 //! Frames of a camera in memory, and the display's curve as tables.
 
 use crate::error::{Error, Result};
-use crate::image::read::read_display_image;
-use crate::image::read::read_radiance;
-use crate::image::{Grid, Mask, RgbImage, from_srgb, to_srgb};
+use crate::image::read::{ColorSpace, read_display_image, read_radiance_image};
+use crate::image::{Grid, ImageOrientation, Mask, RgbImage, from_srgb, to_srgb};
 use crate::input::FileAccess;
 use crate::metrics::{DisplayImage, to_display};
 use std::path::Path;
@@ -26,12 +25,21 @@ impl Plate {
         }
     }
 
-    /// Reads a photograph: PNG, JPEG and TIFF of 8 bits are taken as they are, others (EXR, HDR, 16 bits) as linear radiance.
+    /// Reads a photograph: PNG, JPEG and TIFF of 8 bits are taken as they are, others (EXR, HDR, 16 bits) as linear radiance. It is turned as its
+    /// orientation says.
     pub fn read(path: &Path, access: &FileAccess) -> Result<Self> {
+        Ok(Plate::read_with_orientation(path, access)?.0)
+    }
+
+    /// As [`Plate::read`], with the orientation that the photograph was stored in.
+    pub fn read_with_orientation(path: &Path, access: &FileAccess) -> Result<(Self, ImageOrientation)> {
         Ok(match read_display_image(path, access)? {
-            Some(picture) => Plate::Display(picture),
+            Some((picture, orientation)) => (Plate::Display(picture), orientation),
             // Which also says what is wrong with a damaged one.
-            None => Plate::Linear(read_radiance(path, access)?),
+            None => {
+                let picture = read_radiance_image(path, access, &ColorSpace::from_files(), None)?;
+                (Plate::Linear(picture.colour), picture.orientation)
+            }
         })
     }
 

@@ -10,6 +10,7 @@ use super::Lens;
 use super::json::JsonDocument;
 use super::transforms::read_intrinsics;
 use crate::error::{Error, Result};
+use crate::image::ImageOrientation;
 use crate::input::{FileAccess, escaped};
 use crate::views::Camera;
 use std::collections::HashMap;
@@ -50,6 +51,41 @@ impl Calibration {
                 calibration.display()
             ),
         ))
+    }
+}
+
+impl Calibration {
+    /// Returns the calibration of a photograph that is shown upright, width and height in pixels. One that is of the stored size is turned with the
+    /// photograph; where both sizes are the same it is taken to be of the stored one, which is the sensor's. Others are returned as they are.
+    pub fn upright(&self, orientation: ImageOrientation, size: [usize; 2]) -> Self {
+        let Camera { width, height, focal, principal, .. } = self.camera;
+        let stored = orientation.swap_sides(size);
+        // Rows that are sheared along columns have no lens here.
+        let is_sheared = matches!(self.lens, Lens::Radial { shear, .. } if shear != 0.0);
+        if [width as usize, height as usize] != stored || (orientation.transposed && is_sheared) {
+            return *self;
+        }
+        let [width, height] = orientation.swap_sides([width, height]);
+        let (focal, mut principal) = (orientation.swap_sides(focal), orientation.swap_sides(principal));
+        let mut lens = self.lens;
+        if let Lens::Radial { tangential, shear, .. } = &mut lens {
+            if orientation.mirrored_x != orientation.mirrored_y {
+                *shear = -*shear;
+            }
+            // The first bends along y, the second along x.
+            *tangential = orientation.swap_sides(*tangential);
+        }
+        for (axis, (mirrored, side)) in
+            [(orientation.mirrored_x, width), (orientation.mirrored_y, height)].into_iter().enumerate()
+        {
+            if mirrored {
+                principal[axis] = f64::from(side) - principal[axis];
+                if let Lens::Radial { tangential, .. } = &mut lens {
+                    tangential[1 - axis] = -tangential[1 - axis];
+                }
+            }
+        }
+        Calibration { camera: Camera { width, height, focal, principal, ..self.camera }, lens }
     }
 }
 
@@ -326,6 +362,37 @@ mod tests {
             let error = read_text(text).unwrap_err().to_string();
             assert!(error.contains(said), "{error}");
         }
+    }
+
+    #[test]
+    fn calibrations_turn_with_the_photograph() {
+        let stored = read_text(OPENCV).unwrap();
+        let position = |calibration: &Calibration, [x, y]: [f64; 2]| {
+            let [u, v] = calibration.lens.distort([x, y]);
+            let Camera { focal, principal, .. } = calibration.camera;
+            [focal[0] * u + principal[0], focal[1] * v + principal[1]]
+        };
+        for number in 1..=8 {
+            let orientation = ImageOrientation::from_exif(number).unwrap();
+            let size = orientation.swap_sides([640, 480]);
+            let upright = stored.upright(orientation, size);
+            assert_eq!([upright.camera.width as usize, upright.camera.height as usize], size, "{number}");
+            // A direction in the stored image, and the same in the upright one.
+            let turn = |p: [f64; 2], size: [f64; 2]| {
+                let [x, y] = orientation.swap_sides(p);
+                [
+                    if orientation.mirrored_x { size[0] - x } else { x },
+                    if orientation.mirrored_y { size[1] - y } else { y },
+                ]
+            };
+            let ideal = [0.3, -0.2];
+            let expected = turn(position(&stored, ideal), size.map(|side| side as f64));
+            let found = position(&upright, turn(ideal, [0.0; 2]));
+            assert!((0..2).all(|k| (found[k] - expected[k]).abs() < 1e-9), "{number}: {found:?} {expected:?}");
+        }
+        // What was calibrated upright stays.
+        let upright = Calibration { camera: Camera { width: 480, height: 640, ..stored.camera }, ..stored };
+        assert_eq!(upright.upright(ImageOrientation::from_exif(6).unwrap(), [480, 640]), upright);
     }
 
     #[test]

@@ -63,6 +63,8 @@ pub struct Capture {
     pub frames: Vec<CaptureFrame>,
     /// The mesh, in world coordinates, cleaned ([`crate::mesh::clean`]).
     pub mesh: Mesh,
+    /// What was subtracted from the capture's coordinates of mesh, cameras and lights; 0 unless they are too large for single precision.
+    pub origin: [f64; 3],
     /// Mean radiance of the unpolarised white board's middle; 1 without a board.
     pub white: [f64; 3],
     /// `on_board / off_board` per colour; given, or measured on the board.
@@ -99,7 +101,8 @@ pub struct CaptureReadOptions {
     pub mesh_pose: Option<[[f64; 4]; 4]>,
     /// `on / off` of a white diffuse surface per colour. Default: measured on the capture's white board.
     pub beta: Option<[f64; 3]>,
-    /// Colour space of integer pictures, see [`ColorSpace::from_name`]. Default: the capture's, else `srgb`.
+    /// Colour space of integer pictures, see [`ColorSpace::from_name`]. Default: the capture's, else what each picture says (ICC profile, PNG's
+    /// chunks), else `srgb`.
     pub color_space: Option<String>,
     /// Factor of the mesh's coordinates, before its pose. Default: 1, and an error where the mesh is so large or so small for the
     /// cameras that its unit must be another than theirs.
@@ -135,22 +138,11 @@ pub fn read_with_progress(
     progress: &(dyn Fn(usize, usize) + Sync),
 ) -> Result<Capture> {
     let access = options.access();
-    let description = describe(path, &access)?;
+    let mut description = describe(path, &access)?;
     let mut warnings = description.warnings.clone();
     let declared = options.color_space.as_ref().or(description.color_space.as_ref());
-    let space = ColorSpace::from_name(declared.map_or("srgb", String::as_str))?;
-
-    let mesh_path = description.find_mesh(options)?;
-    let (mut mesh, report) = crate::mesh::clean::clean(crate::mesh::read::read(&mesh_path, &access)?);
-    if mesh.triangles.is_empty() {
-        return Err(Error::input(&mesh_path, "the mesh has only degenerate triangles"));
-    }
-    if !report.is_clean() {
-        warnings.push(format!("{}: {report}", mesh_path.display()));
-    }
-    let pose = options.mesh_pose.or(description.mesh_pose);
-    scale::place(&mesh_path, &mut mesh, pose, options.mesh_scale, &description.frames)?;
-    check_registration(&mesh_path, &mesh, &description.frames, &mut warnings)?;
+    let space = declared.map_or_else(|| Ok(ColorSpace::from_files()), |name| ColorSpace::from_name(name))?;
+    let (mesh, origin) = read_mesh(&mut description, options, &access, &mut warnings)?;
 
     let (white, measured_beta) = match &description.white_reference {
         Some(reference) => white::calibrate(reference, &access, &space)?,
@@ -205,11 +197,13 @@ pub fn read_with_progress(
     if missing_pixels > 0 {
         warnings.push(format!("{missing_pixels} pixels are NaN or infinite and are taken as missing"));
     }
+    warnings.extend(access.remarks());
     let CaptureDescription { name, path, .. } = description;
     let mut capture = Capture {
         name,
         frames,
         mesh,
+        origin,
         white,
         beta,
         color_space: settings.space.linear_name,
@@ -221,6 +215,40 @@ pub fn read_with_progress(
         agreement::settle(&path, &mut capture)?;
     }
     Ok(capture)
+}
+
+/// Reads the mesh and places it in the world, whose origin may be moved to it; returns where that lies in the capture's coordinates.
+fn read_mesh(
+    description: &mut CaptureDescription,
+    options: &CaptureReadOptions,
+    access: &FileAccess,
+    warnings: &mut Vec<String>,
+) -> Result<(Mesh, [f64; 3])> {
+    let path = description.find_mesh(options)?;
+    let mut mesh = crate::mesh::read::read_precise(&path, access)?;
+    let pose = options.mesh_pose.or(description.mesh_pose);
+    scale::place(&path, &mut mesh, pose, options.mesh_scale, &description.frames)?;
+    let origin = scale::origin(&mesh);
+    if origin != [0.0; 3] {
+        scale::move_origin(description, origin);
+        let [x, y, z] = origin;
+        warnings.push(format!(
+            "the coordinates are large for single precision: ({x}, {y}, {z}) is subtracted from mesh, cameras and lights"
+        ));
+    }
+    let mesh = mesh.around(origin);
+    if mesh.positions.iter().flatten().any(|c| !c.is_finite()) {
+        return Err(Error::input(&path, "scaled and moved, the mesh has a vertex that is not finite"));
+    }
+    let (mesh, report) = crate::mesh::clean::clean(mesh);
+    if mesh.triangles.is_empty() {
+        return Err(Error::input(&path, "the mesh has only degenerate triangles"));
+    }
+    if !report.is_clean() {
+        warnings.push(format!("{}: {report}", path.display()));
+    }
+    check_registration(&path, &mesh, &description.frames, warnings)?;
+    Ok((mesh, origin))
 }
 
 fn check_beta(description: &CaptureDescription, beta: Option<[f64; 3]>, crossed: bool) -> Result<()> {

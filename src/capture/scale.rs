@@ -1,9 +1,9 @@
-//! Check of the mesh's unit of length against the cameras'.
+//! Where the mesh stands in the world: its unit of length, its pose, and an origin near it.
 
-use super::align::apply_pose;
-use super::description::FrameDescription;
+use super::align::{is_mirroring, moved_point};
+use super::description::{CaptureDescription, FrameDescription};
 use crate::error::{Error, Result};
-use crate::mesh::Mesh;
+use crate::mesh::read::PreciseMesh;
 use glam::{DMat3, DVec3};
 use std::path::Path;
 
@@ -16,12 +16,15 @@ const SUSPICIOUS_FACTOR: f64 = 30.0;
 const WIDEST: f64 = 3.0;
 /// Vertices that are looked at.
 const MAX_VERTICES: usize = 100_000;
+/// A mesh farther from the origin than so many times its size gets an origin of its own: single precision holds 24 bits, and of a thousandth of the
+/// size some 13 are wanted.
+const FAR: f64 = 128.0;
 
 /// Brings a mesh into the world: scaled by `scale`, moved by `pose`. An error where no scale is given and the cameras say that the mesh
 /// is in another unit than they.
 pub(super) fn place(
     path: &Path,
-    mesh: &mut Mesh,
+    mesh: &mut PreciseMesh,
     pose: Option<[[f64; 4]; 4]>,
     scale: Option<f64>,
     frames: &[FrameDescription],
@@ -30,10 +33,13 @@ pub(super) fn place(
         if !(scale.is_finite() && scale > 0.0) {
             return Err(Error::parameter(format!("the mesh's scale should be a positive number, it is {scale}")));
         }
-        mesh.positions.iter_mut().flatten().for_each(|c| *c = (f64::from(*c) * scale) as f32);
+        mesh.positions.iter_mut().flatten().for_each(|c| *c *= scale);
     }
     if let Some(pose) = pose {
-        apply_pose(mesh, &pose);
+        mesh.positions.iter_mut().for_each(|p| *p = moved_point(&pose, *p));
+        if is_mirroring(&pose) {
+            mesh.triangles.iter_mut().for_each(|triangle| triangle.swap(1, 2));
+        }
     }
     if mesh.positions.iter().flatten().any(|c| !c.is_finite()) {
         return Err(Error::input(path, "scaled and moved, the mesh has a vertex that is not finite"));
@@ -43,6 +49,32 @@ pub(super) fn place(
             Err(Error::input(path, message(factor)))
         }
         _ => Ok(()),
+    }
+}
+
+/// Returns an origin for a mesh that lies so far from the world's that single precision would lose its shape, as with coordinates of a national grid;
+/// 0 for others.
+pub(super) fn origin(mesh: &PreciseMesh) -> [f64; 3] {
+    let range =
+        |k: usize| mesh.positions.iter().fold((f64::MAX, f64::MIN), |(low, high), p| (low.min(p[k]), high.max(p[k])));
+    let ranges: [(f64, f64); 3] = std::array::from_fn(range);
+    let size = ranges.iter().map(|(low, high)| high - low).fold(0.0, f64::max);
+    let distance = ranges.iter().map(|(low, high)| low.abs().max(high.abs())).fold(0.0, f64::max);
+    if size.is_nan() || size <= 0.0 || distance <= FAR * size {
+        return [0.0; 3];
+    }
+    // Few digits, so that it can be told and added again.
+    let step = 10f64.powf(size.log10().floor());
+    ranges.map(|(low, high)| (0.5 * (low + high) / step).round() * step)
+}
+
+/// Moves cameras and lights to another origin.
+pub(super) fn move_origin(description: &mut CaptureDescription, origin: [f64; 3]) {
+    for view in description.frames.iter_mut().map(|frame| &mut frame.view) {
+        view.camera.translation = view.camera.to_camera(origin);
+        if let Some(light) = &mut view.light {
+            (0..3).for_each(|k| light.position[k] -= origin[k]);
+        }
     }
 }
 
@@ -78,7 +110,7 @@ fn grouped(number: f64) -> String {
 
 /// Returns how many times larger the mesh is than an object that the cameras were pointed at. `None` if the cameras don't determine how far away
 /// they stand: a single one, or all in parallel.
-fn factor(mesh: &Mesh, frames: &[FrameDescription]) -> Option<f64> {
+fn factor(mesh: &PreciseMesh, frames: &[FrameDescription]) -> Option<f64> {
     // The point nearest to all optical axes.
     let axes: Vec<(DVec3, DVec3)> = (frames.iter())
         .map(|frame| {
@@ -106,8 +138,7 @@ fn factor(mesh: &Mesh, frames: &[FrameDescription]) -> Option<f64> {
         })
         .collect();
     let stride = (mesh.positions.len() / MAX_VERTICES).max(1);
-    let vertices: Vec<DVec3> =
-        mesh.positions.iter().step_by(stride).map(|p| DVec3::from_array(p.map(f64::from))).collect();
+    let vertices: Vec<DVec3> = mesh.positions.iter().step_by(stride).map(|p| DVec3::from_array(*p)).collect();
     let middle = DVec3::from_array(std::array::from_fn(|k| median(vertices.iter().map(|p| p[k]).collect())));
     let size = median(vertices.iter().map(|p| (*p - middle).length()).collect());
     let factor = size / median(seen) / USUAL_SHARE;

@@ -125,3 +125,42 @@ fn display_referred_photographs_with_alpha() {
         small.read(&CaptureReadOptions { color_space: Some("linear-rec709".into()), ..Default::default() }).unwrap();
     assert_eq!(linear.frames[0].photograph.value_at(9, 9)[0], (188.0f64 * 257.0 / 65535.0) as f32);
 }
+
+#[test]
+fn coordinates_of_a_national_grid_keep_the_shape() {
+    let small = Small::new(false);
+    let near = small.read(&CaptureReadOptions::default()).unwrap();
+    // The camera of POSE stands at 0, 0, 5.
+    let origin = [448_262.125f64, 5_411_933.25, 121.5];
+    let moved = |p: [f64; 3]| -> [f64; 3] { std::array::from_fn(|k| p[k] + origin[k]) };
+    let [x, y, z] = moved([0.0, 0.0, 5.0]);
+    let pose = format!("[[1, 0, 0, {x}], [0, 1, 0, {y}], [0, 0, 1, {z}], [0, 0, 0, 1]]");
+    let vertices = near.mesh.positions.iter().map(|p| moved(p.map(f64::from)).map(|c| format!("{c}")).join(" "));
+    let vertices: Vec<String> = vertices.collect();
+    let ply = format!(
+        "ply\nformat ascii 1.0\nelement vertex 3\nproperty double x\nproperty double y\nproperty double z\nelement face 1\n\
+         property list uchar int vertex_indices\nend_header\n{}\n3 0 1 2\n",
+        vertices.join("\n")
+    );
+    let obj = format!("v {}\nf 1 2 3\n", vertices.join("\nv "));
+    for (name, text) in [("mesh.ply", ply), ("mesh.obj", obj)] {
+        let mut far = Small::new(false);
+        fs::remove_file(far.path("mesh.obj")).unwrap();
+        fs::write(far.path(name), text).unwrap();
+        far.frames.iter_mut().for_each(|frame| {
+            *frame = frame.replace(POSE, &pose) + ", \"light_position\": [448262.125, 5411933.25, 131.5]"
+        });
+        let far = far.read(&CaptureReadOptions::default()).unwrap();
+        let warned = |warning: &String| warning.contains("(448263, 5411934, 122) is subtracted");
+        assert!(far.origin == [448_263.0, 5_411_934.0, 122.0] && far.warnings.iter().any(warned), "{:?}", far.warnings);
+        for (a, b) in near.mesh.positions.iter().zip(&far.mesh.positions) {
+            assert!((0..3).all(|k| f64::from(a[k]) + origin[k] - far.origin[k] == f64::from(b[k])), "{a:?} {b:?}");
+        }
+        let (a, b) = (&near.frames[0].view.camera, &far.frames[0].view.camera);
+        for (p, q) in near.mesh.positions.iter().zip(&far.mesh.positions) {
+            let (p, q) = (a.project(p.map(f64::from)).unwrap(), b.project(q.map(f64::from)).unwrap());
+            assert!((0..2).all(|k| (p.0[k] - q.0[k]).abs() < 1e-6) && (p.1 - q.1).abs() < 1e-8, "{p:?} {q:?}");
+        }
+        assert_eq!(far.frames[0].view.light.unwrap().position, [-0.875, -0.75, 9.5]);
+    }
+}

@@ -1,9 +1,11 @@
 //! Images in memory: linear RGB, integer planes and masks. Row-major, origin at the top left, pixel centres at +0.5.
 
 mod fill;
+mod orientation;
 #[cfg(feature = "encode")]
 pub(crate) mod read;
 
+pub use orientation::ImageOrientation;
 #[cfg(feature = "encode")]
 pub use read::{ColorSpace, read_linear_image, read_radiance};
 

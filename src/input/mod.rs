@@ -9,16 +9,24 @@ pub use folder::{Folder, percent_decoded};
 
 use crate::error::{Error, Result};
 use crate::limits::{Budget, Limits, Reservation};
+use std::collections::BTreeMap;
 use std::fs::{File, Metadata};
 use std::io::{Error as IoError, ErrorKind, Read};
 use std::ops::Deref;
-use std::path::Path;
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
 
-/// Permissions of reading: one memory budget for all files of a job, and whether they may lie outside their folder.
+/// Remarks of different text that are kept, at most.
+const MAX_REMARKS: usize = 64;
+
+/// Permissions of reading: one memory budget for all files of a job, and whether they may lie outside their folder; and what was remarked on the
+/// files that were read.
 #[derive(Debug)]
 pub struct FileAccess {
     budget: Budget,
     allow_outside: bool,
+    /// By text, with the first of the files by name and their number.
+    remarks: Mutex<BTreeMap<String, (PathBuf, usize)>>,
 }
 
 impl Default for FileAccess {
@@ -30,7 +38,7 @@ impl Default for FileAccess {
 impl FileAccess {
     /// A fresh account of these limits. Paths that files name must stay in their folders.
     pub fn new(limits: Limits) -> Self {
-        FileAccess { budget: Budget::new(limits), allow_outside: false }
+        FileAccess { budget: Budget::new(limits), allow_outside: false, remarks: Mutex::default() }
     }
 
     /// Allows files to name hidden files and files outside their folders if `allowed`.
@@ -46,6 +54,29 @@ impl FileAccess {
     /// The account that everything is charged to.
     pub fn budget(&self) -> &Budget {
         &self.budget
+    }
+
+    /// Notes something about a file that was read nevertheless, such as a part of it that has no effect.
+    pub(crate) fn remark(&self, path: &Path, text: impl Into<String>) {
+        let mut remarks = self.remarks.lock().unwrap_or_else(PoisonError::into_inner);
+        let text = text.into();
+        if remarks.len() < MAX_REMARKS || remarks.contains_key(&text) {
+            let (first, count) = remarks.entry(text).or_insert_with(|| (path.to_owned(), 0));
+            if path < first.as_path() {
+                path.clone_into(first);
+            }
+            *count += 1;
+        }
+    }
+
+    /// Returns what was remarked on the files read so far, one sentence for each text, in an order that does not depend on that of reading.
+    pub fn remarks(&self) -> Vec<String> {
+        let remarks = self.remarks.lock().unwrap_or_else(PoisonError::into_inner);
+        let sentence = |(text, (first, count)): (&String, &(PathBuf, usize))| match count {
+            1 => format!("{}: {text}", first.display()),
+            _ => format!("{} and {} more: {text}", first.display(), count - 1),
+        };
+        remarks.iter().map(sentence).collect()
     }
 
     /// Charges memory that a file requests until the result is dropped; the error names the file.

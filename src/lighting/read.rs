@@ -44,7 +44,7 @@ pub fn read_environment<P: AsRef<Path>>(
     if options.exposures.iter().any(|&exposure| !(exposure > 0.0 && exposure.is_finite())) {
         return Err(Error::parameter("exposures must be positive"));
     }
-    let space = ColorSpace::from_name(options.color_space.as_deref().unwrap_or("srgb"))?;
+    let space = options.color_space.as_deref().map_or_else(|| Ok(ColorSpace::from_files()), ColorSpace::from_name)?;
     let access = FileAccess::new(options.limits);
     let mut bracket: Vec<RgbImage> = Vec::new();
     for path in paths.iter().map(AsRef::as_ref) {

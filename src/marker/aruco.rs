@@ -10,6 +10,7 @@ use aruco_rs::cv::ComputerVision;
 use aruco_rs::cv::contours::find_contours;
 use aruco_rs::cv::geometry::{approx_poly_dp, is_contour_convex};
 use aruco_rs::cv::scalar::ScalarCV;
+use std::borrow::Cow;
 
 /// An edge is looked for this many pixels to each side, at most.
 const EDGE_REACH: f64 = 4.0;
@@ -18,15 +19,30 @@ const MIN_EDGE: f64 = 12.0;
 
 /// Codes, bits along a side, and how many may be read wrongly: fewer than half the least distance between codes, and few enough that hardly
 /// any other square is taken for one.
-fn codes(family: MarkerFamily) -> (&'static [u64], usize, u32) {
-    match family {
-        MarkerFamily::ArucoMip36h12 => (DICTIONARY_ARUCO_MIP_36H12.code_list, 6, 4),
-        _ => (DICTIONARY_ARUCO.code_list, 5, 0),
+pub(super) struct ArucoCodes {
+    family: MarkerFamily,
+    codes: Cow<'static, [u64]>,
+    side: usize,
+    most_wrong: u32,
+}
+
+impl ArucoCodes {
+    /// Of a family; `None` for those that are no ArUco markers.
+    pub(super) fn new(family: MarkerFamily) -> Option<Self> {
+        let (codes, side, most_wrong) = match family {
+            MarkerFamily::Aruco => (DICTIONARY_ARUCO.code_list.into(), 5, 0),
+            MarkerFamily::ArucoMip36h12 => (DICTIONARY_ARUCO_MIP_36H12.code_list.into(), 6, 4),
+            MarkerFamily::ArucoOpenCv(dictionary) => {
+                (dictionary.codes().into(), dictionary.side(), dictionary.corrected_bits())
+            }
+            _ => return None,
+        };
+        Some(ArucoCodes { family, codes, side, most_wrong })
     }
 }
 
 /// Markers of these families, none twice at one position.
-pub(super) fn detect(families: &[MarkerFamily], grey: &Grid<u8>) -> Vec<MarkerDetection> {
+pub(super) fn detect(families: &[ArucoCodes], grey: &Grid<u8>) -> Vec<MarkerDetection> {
     let (width, height) = (grey.width as u32, grey.height as u32);
     let mut binary = vec![0u8; grey.data.len()];
     ScalarCV::adaptive_threshold(&ImageBuffer { data: &grey.data, width, height }, &mut binary, 2, 7);
@@ -49,7 +65,7 @@ pub(super) fn detect(families: &[MarkerFamily], grey: &Grid<u8>) -> Vec<MarkerDe
             continue;
         }
         let Some(corners) = refine(grey, corners) else { continue };
-        found.extend(families.iter().filter_map(|&family| decode(family, grey, corners)));
+        found.extend(families.iter().filter_map(|family| decode(family, grey, corners)));
     }
     // The same marker has contours inside and outside.
     found.sort_by(|a, b| area(b).total_cmp(&area(a)));
@@ -57,8 +73,8 @@ pub(super) fn detect(families: &[MarkerFamily], grey: &Grid<u8>) -> Vec<MarkerDe
 }
 
 /// Reads the bits of a square whose corners go clockwise; the marker's own upper left corner first in what is given back.
-fn decode(family: MarkerFamily, grey: &Grid<u8>, corners: [[f64; 2]; 4]) -> Option<MarkerDetection> {
-    let (codes, side, most_wrong) = codes(family);
+fn decode(family: &ArucoCodes, grey: &Grid<u8>, corners: [[f64; 2]; 4]) -> Option<MarkerDetection> {
+    let &ArucoCodes { family, ref codes, side, most_wrong } = family;
     let cells = side + 2;
     let map = unit_square_to(corners)?;
     let mean = |column: f64, row: f64| -> Option<f64> {
@@ -194,4 +210,37 @@ fn bilinear(grey: &Grid<u8>, [x, y]: [f64; 2]) -> Option<f64> {
     let (s, t) = (x - column as f64, y - row as f64);
     let at = |dx: usize, dy: usize| *grey.value_at(column + dx, row + dy) as f64;
     Some((at(0, 0) * (1.0 - s) + at(1, 0) * s) * (1.0 - t) + (at(0, 1) * (1.0 - s) + at(1, 1) * s) * t)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn drawn_markers_of_every_dictionary_are_found() {
+        for &(family, name) in &MarkerFamily::NAMES {
+            let Some(codes) = ArucoCodes::new(family) else { continue };
+            let (side, number) = (codes.side, codes.codes.len() - 3);
+            let (cell, margin) = (11, 30);
+            let marker = (side + 2) * cell;
+            let mut grey = Grid::filled(marker + 2 * margin, marker + 2 * margin, 230u8);
+            for y in 0..marker {
+                for x in 0..marker {
+                    let inside = |at: usize| (1..=side).contains(&(at / cell));
+                    let bit = |row: usize, column: usize| {
+                        codes.codes[number] >> (side * side - 1 - row * side - column) & 1 == 1
+                    };
+                    let white = inside(x) && inside(y) && bit(y / cell - 1, x / cell - 1);
+                    *grey.value_at_mut(margin + x, margin + y) = if white { 230 } else { 25 };
+                }
+            }
+            let found = detect(&[codes], &grey);
+            assert!(found.iter().any(|m| (m.family, m.id) == (family, number as u32)), "{name}: {found:?}");
+            let [x, y] = found[0].corners[0];
+            assert!((x - margin as f64).abs() < 0.3 && (y - margin as f64).abs() < 0.3, "{name}: {found:?}");
+            assert_eq!(MarkerFamily::from_name(name).unwrap(), family);
+        }
+        assert_eq!(MarkerFamily::from_name("DICT_6X6_250").unwrap().name(), "aruco-6x6-250");
+        assert_eq!(MarkerFamily::from_name("DICT_APRILTAG_36h11").unwrap(), MarkerFamily::Tag36h11);
+    }
 }

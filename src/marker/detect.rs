@@ -1,8 +1,9 @@
 //! Finding markers in an image: AprilTags by the AprilTag library; ArUco markers from the contours of `aruco-rs` with its dictionaries, corners
 //! and bits read here.
 
+use super::MarkerFamily;
+use super::aruco::{self, ArucoCodes};
 use super::detection::{MarkerDetection, area};
-use super::{MarkerFamily, aruco};
 use crate::error::{Error, Result};
 use crate::image::Grid;
 use apriltag::{DetectorBuilder, Family as Tags, Image};
@@ -17,7 +18,7 @@ const LARGE: usize = 160 * 160;
 /// Finds markers of some families.
 pub struct MarkerDetector {
     tags: Vec<(MarkerFamily, apriltag::Detector)>,
-    aruco: Vec<MarkerFamily>,
+    aruco: Vec<ArucoCodes>,
 }
 
 impl MarkerDetector {
@@ -37,8 +38,8 @@ impl MarkerDetector {
                 MarkerFamily::Tag25h9 => Tags::tag_25h9(),
                 MarkerFamily::Tag16h5 => Tags::tag_16h5(),
                 MarkerFamily::Standard41h12 => Tags::tag_standard_41h12(),
-                MarkerFamily::Aruco | MarkerFamily::ArucoMip36h12 => {
-                    aruco.push(family);
+                MarkerFamily::Aruco | MarkerFamily::ArucoMip36h12 | MarkerFamily::ArucoOpenCv(_) => {
+                    aruco.extend(ArucoCodes::new(family));
                     continue;
                 }
             };
@@ -75,7 +76,7 @@ impl MarkerDetector {
             found.extend(aruco::detect(&self.aruco, grey));
         }
         // Of a marker found twice the larger one.
-        found.sort_by(|a, b| (a.family as u8, a.id).cmp(&(b.family as u8, b.id)).then(area(b).total_cmp(&area(a))));
+        found.sort_by(|a, b| (a.family, a.id).cmp(&(b.family, b.id)).then(area(b).total_cmp(&area(a))));
         found.dedup_by(|b, a| (a.family, a.id) == (b.family, b.id));
         Ok(found)
     }

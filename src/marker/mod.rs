@@ -15,6 +15,7 @@
 mod aruco;
 pub(crate) mod detect;
 pub(crate) mod detection;
+mod dictionary;
 mod homography;
 mod pose;
 mod rig;
@@ -22,6 +23,7 @@ pub(crate) mod track;
 
 pub use detect::MarkerDetector;
 pub use detection::MarkerDetection;
+pub use dictionary::ArucoDictionary;
 pub use pose::{PoseEstimate, estimate_poses};
 pub use rig::{Rig, RigMarker};
 
@@ -32,7 +34,7 @@ use glam::{DMat3, DVec3};
 
 /// Printed codes that can be told apart. Sizes are those of the black border's outer edge (of the border between black and white for
 /// [`MarkerFamily::Standard41h12`]).
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum MarkerFamily {
     /// AprilTag 36h11.
     Tag36h11,
@@ -46,26 +48,56 @@ pub enum MarkerFamily {
     Aruco,
     /// ArUco MIP 36h12.
     ArucoMip36h12,
+    /// OpenCV's ArUco dictionaries of 4 x 4 to 7 x 7 bits.
+    ArucoOpenCv(ArucoDictionary),
+}
+
+const fn opencv(side: u8, count: u16) -> MarkerFamily {
+    MarkerFamily::ArucoOpenCv(ArucoDictionary::new(side, count))
 }
 
 impl MarkerFamily {
     /// All families with the names that they go by.
-    pub const NAMES: [(MarkerFamily, &'static str); 6] = [
+    pub const NAMES: [(MarkerFamily, &'static str); 22] = [
         (MarkerFamily::Tag36h11, "tag36h11"),
         (MarkerFamily::Tag25h9, "tag25h9"),
         (MarkerFamily::Tag16h5, "tag16h5"),
         (MarkerFamily::Standard41h12, "tagStandard41h12"),
         (MarkerFamily::Aruco, "aruco"),
         (MarkerFamily::ArucoMip36h12, "aruco-mip-36h12"),
+        (opencv(4, 50), "aruco-4x4-50"),
+        (opencv(4, 100), "aruco-4x4-100"),
+        (opencv(4, 250), "aruco-4x4-250"),
+        (opencv(4, 1000), "aruco-4x4-1000"),
+        (opencv(5, 50), "aruco-5x5-50"),
+        (opencv(5, 100), "aruco-5x5-100"),
+        (opencv(5, 250), "aruco-5x5-250"),
+        (opencv(5, 1000), "aruco-5x5-1000"),
+        (opencv(6, 50), "aruco-6x6-50"),
+        (opencv(6, 100), "aruco-6x6-100"),
+        (opencv(6, 250), "aruco-6x6-250"),
+        (opencv(6, 1000), "aruco-6x6-1000"),
+        (opencv(7, 50), "aruco-7x7-50"),
+        (opencv(7, 100), "aruco-7x7-100"),
+        (opencv(7, 250), "aruco-7x7-250"),
+        (opencv(7, 1000), "aruco-7x7-1000"),
     ];
 
-    /// Returns the family of a name, capital letters or small.
+    /// Returns the family of a name, capital letters or small, or of OpenCV's for it (`DICT_6X6_250`).
     ///
     /// # Errors
     ///
     /// [`Error::Parameter`] for an unknown name.
     pub fn from_name(name: &str) -> Result<Self> {
-        let found = MarkerFamily::NAMES.iter().find(|(_, known)| known.eq_ignore_ascii_case(name));
+        let plain = name.to_ascii_lowercase().replace('_', "-");
+        let plain = match plain.strip_prefix("dict-") {
+            Some("aruco-original") => "aruco".into(),
+            Some("aruco-mip-36h12") => "aruco-mip-36h12".into(),
+            Some(tag) if tag.starts_with("apriltag-") => tag.replace("apriltag-", "tag"),
+            Some(size) => format!("aruco-{size}"),
+            None => plain,
+        };
+        let found = MarkerFamily::NAMES.iter().find(|(_, known)| known.eq_ignore_ascii_case(&plain));
         let known: Vec<&str> = MarkerFamily::NAMES.iter().map(|(_, name)| *name).collect();
         let unknown = || Error::parameter(format!("no marker family \"{name}\"; known: {}", known.join(", ")));
         found.map(|(family, _)| *family).ok_or_else(unknown)

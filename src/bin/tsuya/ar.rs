@@ -43,7 +43,7 @@ pub struct Ar {
     #[arg(long, help_heading = "Object and camera", value_name = "FILE")]
     asset: PathBuf,
     /// The marker, FAMILY:ID:SIZE as in tag36h11:76:0.065 (* for any number), or a JSON file with several that belong together.
-    /// Families: tag36h11, tag25h9, tag16h5, tagStandard41h12, aruco, aruco-mip-36h12.
+    /// Families: tag36h11, tag25h9, tag16h5, tagStandard41h12, aruco, aruco-mip-36h12, and OpenCV's aruco-4x4-50 to aruco-7x7-1000.
     #[arg(long, help_heading = "Object and camera", value_name = "MARKER")]
     marker: String,
     /// The camera's calibration: OpenCV or ROS YAML, or JSON.
@@ -201,13 +201,26 @@ impl Ar {
         let single = source.is_single();
         let described = rig.describe();
         let mut light = self.light.input(&placement, &self.ffmpeg)?;
+        let clock = Instant::now();
+        let mut upcoming = source.next()?;
+        work.reading += clock.elapsed().as_secs_f64();
+        // All frames are upright, and so is the calibration.
+        let orientation = source.orientation();
+        let calibration = match &upcoming {
+            Some(plate) => calibration.upright(orientation, plate.size()),
+            None => calibration,
+        };
         let mut session = Session::new(&object, &calibration, rig, light.source(), options)?;
-        loop {
+        while let Some(mut plate) = upcoming.take() {
             let clock = Instant::now();
-            let path = source.upcoming().map(Path::to_owned);
-            let Some(mut plate) = source.next()? else { break };
             let [width, height] = plate.size();
-            calibration.check_size(&self.camera, path.as_deref().unwrap_or(&self.frames), width, height)?;
+            let name = source.name(work.frames.len());
+            calibration.check_size(&self.camera, Path::new(&name), width, height)?;
+            if source.orientation() != orientation {
+                let (first, this) = (orientation.to_exif(), source.orientation().to_exif());
+                let message = format!("its orientation (EXIF {this}) is not the first frame's (EXIF {first})");
+                return Err(Error::input(&name, message).into());
+            }
             let nearer = masks.next()?;
             work.reading += clock.elapsed().as_secs_f64();
             let environment = light.next()?;
@@ -220,7 +233,11 @@ impl Ar {
             }
             work.writing += clock.elapsed().as_secs_f64();
             bar.inc(1);
+            let clock = Instant::now();
+            upcoming = source.next()?;
+            work.reading += clock.elapsed().as_secs_f64();
         }
+        output::warn(&source.remarks());
         bar.finish_and_clear();
 
         let missing: Vec<usize> = work.frames.iter().filter(|d| d.estimate.is_none()).map(|d| d.frame).collect();

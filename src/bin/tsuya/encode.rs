@@ -140,10 +140,13 @@ impl Encode {
         if self.json && output::is_stream(&self.output) {
             return Err(Error::parameter("--json and the file can't both go to standard output").into());
         }
-        let options = self.options()?;
+        let mut options = self.options()?;
         let start = Instant::now();
         let capture = progress::read_capture(&self.capture, &self.reading.read_options()?)?;
         let (skipped, missing) = (capture.skipped_frames, capture.missing_pixels);
+        if capture.origin != [0.0; 3] {
+            options.metadata.entry("origin").or_insert_with(|| json!(capture.origin));
+        }
         let encoded = {
             let _busy = progress::busy("encoding");
             encode(capture, &options)?

@@ -51,7 +51,7 @@ pub struct CaptureArguments {
     #[arg(long, value_name = "R,G,B", value_parser = triple)]
     pub beta: Option<[f64; 3]>,
     /// Colour space of PNG, JPEG and TIFF photographs: srgb, rec709, gamma-2.2 (any exponent), linear-rec709, linear-NAME
-    /// [default: the one that the capture names, or srgb].
+    /// [default: the one that the capture names, else what each photograph says (ICC profile), or srgb].
     #[arg(long, value_name = "NAME")]
     pub color_space: Option<String>,
     /// Multiplies the mesh's coordinates, where its unit is not the cameras': 0.001 for millimetres and metres. 1 takes it as it is,

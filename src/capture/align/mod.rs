@@ -187,14 +187,20 @@ pub fn align(cameras: &[Camera], correspondences: &[Correspondence], with_scale:
 /// Moves a mesh by a 4 x 4 matrix (rows) from its coordinates to the world. A mirroring one also turns the triangles around.
 pub fn apply_pose(mesh: &mut Mesh, pose: &[[f64; 4]; 4]) {
     for position in &mut mesh.positions {
-        let p = position.map(f64::from);
-        *position =
-            std::array::from_fn(|i| (pose[i][0] * p[0] + pose[i][1] * p[1] + pose[i][2] * p[2] + pose[i][3]) as f32);
+        *position = moved_point(pose, position.map(f64::from)).map(|c| c as f32);
     }
-    let linear: [[f64; 3]; 3] = std::array::from_fn(|i| [pose[i][0], pose[i][1], pose[i][2]]);
-    if glam::DMat3::from_cols_array_2d(&linear).determinant() < 0.0 {
+    if is_mirroring(pose) {
         mesh.triangles.iter_mut().for_each(|triangle| triangle.swap(1, 2));
     }
+}
+
+pub(super) fn moved_point(pose: &[[f64; 4]; 4], p: [f64; 3]) -> [f64; 3] {
+    std::array::from_fn(|i| pose[i][0] * p[0] + pose[i][1] * p[1] + pose[i][2] * p[2] + pose[i][3])
+}
+
+pub(super) fn is_mirroring(pose: &[[f64; 4]; 4]) -> bool {
+    let linear: [[f64; 3]; 3] = std::array::from_fn(|i| [pose[i][0], pose[i][1], pose[i][2]]);
+    glam::DMat3::from_cols_array_2d(&linear).determinant() < 0.0
 }
 
 #[cfg(test)]

@@ -109,7 +109,7 @@ pub(super) fn read(
     warnings: &mut Vec<String>,
 ) -> Result<Vec<Silhouette>> {
     let declared = options.reading.color_space.as_ref().or(description.color_space.as_ref());
-    let space = ColorSpace::from_name(declared.map_or("srgb", String::as_str))?;
+    let space = declared.map_or_else(|| Ok(ColorSpace::from_files()), |name| ColorSpace::from_name(name))?;
     let (mut kept, mut reading) = (0u64, 1u64);
     for frame in &description.frames {
         let Camera { width, height, .. } = frame.view.camera;

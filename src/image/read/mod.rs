@@ -1,14 +1,19 @@
-//! Photographs out of files, as linear radiance: EXR, PNG, JPEG, TIFF.
+//! Photographs out of files, as linear radiance: EXR, PNG, JPEG, TIFF, Radiance.
 
-use super::{Grid, Mask, RgbImage, from_srgb};
+use super::{Grid, ImageOrientation, Mask, RgbImage, from_srgb};
 use crate::error::{Error, Result};
 use crate::input::FileAccess;
 use crate::limits::Reservation;
+use glam::{Mat3, Vec3};
+use std::borrow::Cow;
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 
+mod colour;
 mod openexr;
 mod raster;
+
+use colour::{Curve, FileColour};
 
 /// Conversion of display-referred images (PNG, JPEG, TIFF of integers) to linear radiance.
 /// EXR and floating-point TIFF are linear whatever is declared.
@@ -18,6 +23,8 @@ pub struct ColorSpace {
     pub linear_name: String,
     /// Linear value of each 16-bit code.
     table: Vec<f32>,
+    /// `true` if it is the same whatever a file says about its colours.
+    is_declared: bool,
 }
 
 impl ColorSpace {
@@ -46,13 +53,33 @@ impl ColorSpace {
                 }
             },
         };
-        let table = (0..=65535).map(|code| decode(code as f64 / 65535.0) as f32).collect();
-        Ok(ColorSpace { linear_name, table })
+        Ok(ColorSpace { linear_name, table: table(decode), is_declared: true })
     }
+
+    /// What each file says about its colours: ICC profile, PNG's chunks; `srgb` where it says nothing.
+    pub fn from_files() -> Self {
+        ColorSpace { linear_name: "linear-rec709".into(), table: table(from_srgb), is_declared: false }
+    }
+
+    /// Returns `true` if primaries other than Rec. 709's are declared, and are to be kept.
+    fn keeps_primaries(&self) -> bool {
+        self.linear_name != "linear-rec709"
+    }
+
+    #[cfg(test)]
     fn linear(&self, encoded: f32) -> f32 {
-        // 8-bit codes fall on 16-bit ones: 65535 = 255 * 257.
-        self.table[(encoded * 65535.0).round().clamp(0.0, 65535.0) as usize]
+        look_up(&self.table, encoded)
     }
+}
+
+/// Linear value of each 16-bit code.
+fn table(linear: impl Fn(f64) -> f64) -> Vec<f32> {
+    (0..=65535).map(|code| linear(code as f64 / 65535.0) as f32).collect()
+}
+
+fn look_up(table: &[f32], encoded: f32) -> f32 {
+    // 8-bit codes fall on 16-bit ones: 65535 = 255 * 257.
+    table[(encoded * 65535.0).round().clamp(0.0, 65535.0) as usize]
 }
 
 /// Fault of an image file, by its consequence.
@@ -90,9 +117,14 @@ pub(crate) struct RadianceImage {
     pub colour: RgbImage,
     /// Pixels whose alpha is one half or more; `None` without alpha, or where all are.
     pub alpha: Option<Mask>,
+    /// The turn that was applied.
+    pub orientation: ImageOrientation,
 }
 
 /// Reads a photograph. A given `size` (width, height) is checked before the pixels are decoded.
+///
+/// Integers become linear by `space`, if that is declared; else by what the file says about its colours. Whatever of that can't be applied is
+/// remarked.
 pub(crate) fn read_radiance_image(
     path: &Path,
     access: &FileAccess,
@@ -100,20 +132,77 @@ pub(crate) fn read_radiance_image(
     size: Option<(u32, u32)>,
 ) -> Result<RadianceImage, ImageFault> {
     with_raw(path, access, size, |raw| {
-        let linear = |value: f32| if raw.display_referred { space.linear(value) } else { value };
+        let applied = AppliedColour::new(path, access, raw, space);
         let colour = raw.map(|p| {
             let rgb = [p[0], p[1], p[2]];
-            if rgb.iter().all(|c| c.is_finite()) { rgb.map(linear) } else { [f32::NAN; 3] }
+            if rgb.iter().all(|c| c.is_finite()) { applied.linear(rgb) } else { [f32::NAN; 3] }
         });
         let alpha = raw.has_alpha.then(|| raw.map(|p| p[3] >= 0.5)).filter(|mask| mask.data.contains(&false));
-        RadianceImage { colour, alpha }
+        let orientation = raw.orientation;
+        RadianceImage {
+            colour: orientation.apply(colour),
+            alpha: alpha.map(|alpha| orientation.apply(alpha)),
+            orientation,
+        }
     })
 }
 
-/// Reads a picture that belongs to no capture, such as an environment map, as linear radiance; integer pictures are sRGB.
-/// Memory is charged while it is read, not the result.
+/// The way from a file's values to linear ones.
+struct AppliedColour<'a> {
+    /// `None` for values that are linear as they are.
+    curves: Option<[Cow<'a, [f32]>; 3]>,
+    to_rec709: Option<Mat3>,
+}
+
+impl<'a> AppliedColour<'a> {
+    fn new(path: &Path, access: &FileAccess, raw: &RawImage, space: &'a ColorSpace) -> Self {
+        let declared = || std::array::from_fn(|_| Cow::Borrowed(&space.table[..]));
+        let usual = AppliedColour { curves: raw.display_referred.then(declared), to_rec709: None };
+        match &raw.colour {
+            FileColour::Usual => usual,
+            FileColour::Unknown(name, why) => {
+                access.remark(path, format!("{name} is not applied: {why}"));
+                usual
+            }
+            FileColour::Space(file) if raw.display_referred && space.is_declared => {
+                access.remark(path, format!("{} is not applied, as a colour space is declared", file.name));
+                usual
+            }
+            FileColour::Space(file) if !raw.display_referred && space.keeps_primaries() => {
+                access.remark(path, format!("{} is not applied, as {} is declared", file.name, space.linear_name));
+                usual
+            }
+            FileColour::Space(file) => {
+                let to_rec709 = file.to_rec709.map(|matrix| matrix.as_mat3());
+                let curves = match &file.curves {
+                    Some(curves) if raw.display_referred => {
+                        Some(std::array::from_fn(|c| Cow::Owned(table(|x| curves[c].linear(x)))))
+                    }
+                    Some(curves) if curves.iter().any(|curve| !curve.is_like(&Curve::Power(1.0))) => {
+                        access
+                            .remark(path, format!("the curve of {} is not applied: the values are floats", file.name));
+                        None
+                    }
+                    _ => usual.curves,
+                };
+                AppliedColour { curves, to_rec709 }
+            }
+        }
+    }
+
+    fn linear(&self, rgb: [f32; 3]) -> [f32; 3] {
+        let linear = match &self.curves {
+            Some(curves) => std::array::from_fn(|c| look_up(&curves[c], rgb[c])),
+            None => rgb,
+        };
+        self.to_rec709.map_or(linear, |matrix| (matrix * Vec3::from_array(linear)).to_array())
+    }
+}
+
+/// Reads a picture that belongs to no capture, such as an environment map, as linear radiance; integer pictures are sRGB unless they say otherwise.
+/// It is turned as its orientation says. Memory is charged while it is read, not the result.
 pub fn read_radiance(path: &Path, access: &FileAccess) -> Result<RgbImage> {
-    read_linear_image(path, access, "srgb")
+    Ok(read_radiance_image(path, access, &ColorSpace::from_files(), None)?.colour)
 }
 
 /// As [`read_radiance`], integer pictures being of another colour space (see [`ColorSpace::from_name`]); `linear` for numbers that are no
@@ -122,9 +211,14 @@ pub fn read_linear_image(path: &Path, access: &FileAccess, color_space: &str) ->
     Ok(read_radiance_image(path, access, &ColorSpace::from_name(color_space)?, None)?.colour)
 }
 
-/// Reads a picture of 8 bits a colour as it is, not decoded to radiance. `None` for pictures of other kinds, and for damaged ones.
+/// A picture of 8 bits a colour, upright, and the orientation that it was stored in.
 #[cfg(feature = "ar")]
-pub(crate) fn read_display_image(path: &Path, access: &FileAccess) -> Result<Option<Grid<[u8; 3]>>> {
+pub(crate) type DisplayPicture = (Grid<[u8; 3]>, ImageOrientation);
+
+/// Reads a picture of 8 bits a colour as it is, not decoded to radiance, but turned as its orientation says. `None` for pictures of other kinds, and
+/// for damaged ones.
+#[cfg(feature = "ar")]
+pub(crate) fn read_display_image(path: &Path, access: &FileAccess) -> Result<Option<DisplayPicture>> {
     let bytes = access.read_bytes(path, "picture file", u64::MAX)?;
     if openexr::is_exr(&bytes) {
         return Ok(None);
@@ -140,17 +234,18 @@ pub(crate) fn read_display_image(path: &Path, access: &FileAccess) -> Result<Opt
 /// not, those of one half of alpha and more. Integer masks may be of the values 0 and 1.
 pub(crate) fn read_mask(path: &Path, access: &FileAccess, size: (u32, u32)) -> Result<Mask, ImageFault> {
     with_raw(path, access, Some(size), |raw| {
+        let orientation = raw.orientation;
         let brightness = |p: &[f32; 4]| p[0].max(p[1]).max(p[2]);
         let pixels = raw.values.as_chunks::<4>().0;
         let one_colour = pixels.iter().all(|p| brightness(p) == brightness(&pixels[0]));
         if raw.has_alpha && one_colour && pixels.iter().any(|p| p[3] < 0.5) {
-            return raw.map(|p| p[3] >= 0.5);
+            return orientation.apply(raw.map(|p| p[3] >= 0.5));
         }
         let brightest = pixels.iter().map(brightness).fold(0.0, f32::max);
         // 1 of 255, or of 65535.
         let half =
             if raw.display_referred && brightest > 0.0 && brightest < 1.5 / 255.0 { 0.5 * brightest } else { 0.5 };
-        raw.map(|p| brightness(p) >= half)
+        orientation.apply(raw.map(|p| brightness(p) >= half))
     })
 }
 
@@ -175,6 +270,10 @@ struct RawImage {
     values: Vec<f32>,
     has_alpha: bool,
     display_referred: bool,
+    /// What the file says about its colours.
+    colour: FileColour,
+    /// The turn that the pixels still need.
+    orientation: ImageOrientation,
 }
 
 impl RawImage {
@@ -190,7 +289,10 @@ const WORKING_BYTES: u64 = 16 + 12 + 2;
 /// Memory that a picture takes while it is read, at most: the file and what is made of it.
 pub(crate) fn reading_memory(file_bytes: u64, width: u32, height: u32) -> u64 {
     // A decoder has up to four floats a pixel, and may hold the file a second time.
-    2 * file_bytes + u64::from(width) * u64::from(height) * (WORKING_BYTES + 24) + raster::PNG_PROFILE_BYTES
+    2 * file_bytes
+        + u64::from(width) * u64::from(height) * (WORKING_BYTES + 24)
+        + raster::PNG_PROFILE_BYTES
+        + colour::MEMORY_BYTES
 }
 
 /// Reads a file, and gives what is decoded of it to `take` while its memory is charged.
@@ -247,18 +349,42 @@ fn unreadable(path: &Path, message: impl std::fmt::Display) -> ImageFault {
     ImageFault::Unreadable(Error::input(path, message.to_string()))
 }
 
-fn check_size(path: &Path, found: (u32, u32), declared: Option<(u32, u32)>) -> Result<(), ImageFault> {
-    match declared {
-        Some(declared) if declared != found => Err(ImageFault::Wrong(Error::input(
-            path,
-            format!(
-                "the picture is {} x {} pixels, its camera is declared as {} x {}; resize the picture or correct the \
-                 camera (width, height, focal length and principal point scale together)",
-                found.0, found.1, declared.0, declared.1
-            ),
-        ))),
-        _ => Ok(()),
+/// Returns the turn that the pixels of a picture need, whose size is checked. A picture that belongs to no camera is turned as its orientation says;
+/// one of a camera if the camera is of the upright size. Where both sizes are the same, the camera is taken to be that of the stored pixels, as
+/// programs of structure from motion read them.
+fn orient(
+    file: &ImageFile,
+    stored: (u32, u32),
+    orientation: ImageOrientation,
+    declared: Option<(u32, u32)>,
+) -> Result<ImageOrientation, ImageFault> {
+    let Some(declared) = declared else { return Ok(orientation) };
+    let upright: (u32, u32) = orientation.swap_sides(stored.into()).into();
+    if declared == stored {
+        if upright == stored && !orientation.is_upright() {
+            let number = orientation.to_exif();
+            let text = format!(
+                "its orientation (EXIF {number}) is not applied: its camera is taken to be that of the stored pixels"
+            );
+            file.access.remark(file.path, text);
+        }
+        return Ok(ImageOrientation::default());
     }
+    if declared == upright {
+        return Ok(orientation);
+    }
+    let shown = match upright == stored {
+        true => String::new(),
+        false => format!(" (upright {} x {})", upright.0, upright.1),
+    };
+    Err(ImageFault::Wrong(Error::input(
+        file.path,
+        format!(
+            "the picture is {} x {} pixels{shown}, its camera is declared as {} x {}; resize the picture or correct the \
+             camera (width, height, focal length and principal point scale together)",
+            stored.0, stored.1, declared.0, declared.1
+        ),
+    )))
 }
 
 #[cfg(test)]

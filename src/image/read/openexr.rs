@@ -1,6 +1,8 @@
 //! OpenEXR.
 
-use super::{ImageFault, ImageFile, RawImage, check_size};
+use super::colour::FileColour;
+use super::{ImageFault, ImageFile, RawImage, orient};
+use crate::image::ImageOrientation;
 use crate::limits::Reservation;
 use exr::block::UncompressedBlock;
 use exr::block::reader::{ChunksReader, Reader};
@@ -87,7 +89,15 @@ pub(super) fn read_exr<'a>(
     let (width, height) = (window.size.0, window.size.1);
     let block_bytes = reader.headers().iter().map(block_bytes).max().unwrap_or(0);
     let held = file.reserve(width as u64, height as u64, block_bytes.saturating_mul(BLOCK_COPIES))?;
-    check_size(file.path, (width as u32, height as u32), size)?;
+    let orientation = orient(file, (width as u32, height as u32), ImageOrientation::default(), size)?;
+    let colour = match &first.shared_attributes.chromaticities {
+        Some(stated) => {
+            let primaries = [stated.red, stated.green, stated.blue, stated.white];
+            let primaries = primaries.map(|at| [f64::from(at.0), f64::from(at.1)]);
+            FileColour::from_primaries("the attribute chromaticities", &primaries, None)
+        }
+        None => FileColour::Usual,
+    };
     let channels = ColourChannels::find(reader.headers()).map_err(|message| file.damaged(message))?;
     let header = reader.headers()[channels.part].clone();
     let position = header.own_attributes.layer_position;
@@ -96,7 +106,8 @@ pub(super) fn read_exr<'a>(
     // What lies in the display window but not in the data window was not stored, because it is black.
     let has_alpha = channels.alpha.is_some();
     let black = [0.0, 0.0, 0.0, if has_alpha { 0.0 } else { 1.0 }];
-    let mut raw = RawImage { width, height, values: black.repeat(width * height), has_alpha, display_referred: false };
+    let values = black.repeat(width * height);
+    let mut raw = RawImage { width, height, values, has_alpha, display_referred: false, colour, orientation };
     let blocks = reader
         .filter_chunks(false, |_, tile, block| block.layer == channels.part && tile.level_index == Vec2(0, 0))
         .map_err(damaged)?;

@@ -174,3 +174,139 @@ fn the_part_with_colour_is_placed_and_charged() {
         assert!(error.contains("subsampled channels are not supported"), "{error}");
     }
 }
+
+/// A picture of one colour with an ICC profile or EXIF data.
+fn with_metadata(
+    format: image::ImageFormat,
+    codes: [u8; 3],
+    profile: Option<Vec<u8>>,
+    exif: Option<Vec<u8>>,
+) -> Vec<u8> {
+    use image::ImageEncoder;
+    let mut bytes = std::io::Cursor::new(Vec::new());
+    let pixels = codes.repeat(64);
+    macro_rules! encode {
+        ($encoder:expr, $pixels:expr, $kind:expr) => {{
+            let mut encoder = $encoder;
+            profile.into_iter().for_each(|profile| encoder.set_icc_profile(profile).unwrap());
+            exif.into_iter().for_each(|exif| encoder.set_exif_metadata(exif).unwrap());
+            encoder.write_image($pixels, 8, 8, $kind).unwrap();
+        }};
+    }
+    match format {
+        image::ImageFormat::Png => {
+            encode!(image::codecs::png::PngEncoder::new(&mut bytes), &pixels, image::ExtendedColorType::Rgb8)
+        }
+        image::ImageFormat::Jpeg => encode!(
+            image::codecs::jpeg::JpegEncoder::new_with_quality(&mut bytes, 100),
+            &pixels,
+            image::ExtendedColorType::Rgb8
+        ),
+        _ => {
+            let deep: Vec<u8> = pixels.iter().flat_map(|&code| (u16::from(code) * 257).to_ne_bytes()).collect();
+            encode!(image::codecs::tiff::TiffEncoder::new(&mut bytes), &deep, image::ExtendedColorType::Rgb16)
+        }
+    }
+    bytes.into_inner()
+}
+
+#[test]
+fn what_files_say_about_their_colours_is_applied() {
+    use image::ImageFormat::{Jpeg, Png, Tiff};
+    use moxcms::ColorProfile;
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a");
+    let read = |bytes: &[u8], space: &ColorSpace| {
+        std::fs::write(&path, bytes).unwrap();
+        let access = FileAccess::default();
+        let picture = read_radiance_image(&path, &access, space, None).map_err(crate::Error::from).unwrap();
+        (*picture.colour.value_at(3, 3), access.remarks())
+    };
+    let near = |found: [f32; 3], expected: [f64; 3], tolerance: f64| {
+        assert!((0..3).all(|c| (f64::from(found[c]) - expected[c]).abs() < tolerance), "{found:?} {expected:?}");
+    };
+    let codes = [200, 100, 50];
+    let encoded = codes.map(|code| f64::from(code) / 255.0);
+    // Adobe RGB (1998), its matrix to Rec. 709 by hand.
+    let [r, g, b] = encoded.map(|v| v.powf(2.199_218_75));
+    let adobe = [1.3983 * r - 0.3983 * g, g, -0.0429 * g + 1.0429 * b];
+    let space = ColorSpace::from_files();
+    for (format, tolerance) in [(Png, 1e-3), (Tiff, 1e-3), (Jpeg, 2e-2)] {
+        let profile = ColorProfile::new_adobe_rgb().encode().unwrap();
+        let bytes = with_metadata(format, codes, Some(profile), None);
+        let (found, remarks) = read(&bytes, &space);
+        near(found, adobe, tolerance);
+        assert!(remarks.is_empty(), "{remarks:?}");
+        let (found, remarks) = read(&bytes, &ColorSpace::from_name("srgb").unwrap());
+        near(found, encoded.map(from_srgb), tolerance);
+        assert!(remarks[0].contains("is not applied, as a colour space is declared"), "{remarks:?}");
+    }
+    let mut linear = ColorProfile::new_srgb();
+    let straight = Some(moxcms::ToneReprCurve::Lut(Vec::new()));
+    (linear.red_trc, linear.green_trc, linear.blue_trc) = (straight.clone(), straight.clone(), straight);
+    let tiff = with_metadata(Tiff, codes, Some(linear.encode().unwrap()), None);
+    near(read(&tiff, &space).0, encoded, 1e-5);
+    let (found, remarks) = read(&with_metadata(Png, codes, Some(b"no profile".to_vec()), None), &space);
+    near(found, encoded.map(from_srgb), 1e-6);
+    assert!(remarks[0].contains("ICC profile is not applied: it is damaged"), "{remarks:?}");
+
+    // PNG's chunk gAMA, put before the pixels.
+    let png = with_metadata(Png, codes, None, None);
+    let body = [&b"gAMA"[..], &100_000u32.to_be_bytes()].concat();
+    let chunk = [&4u32.to_be_bytes()[..], &body, &crc32fast::hash(&body).to_be_bytes()].concat();
+    near(read(&[&png[..33], &chunk, &png[33..]].concat(), &space).0, encoded, 1e-5);
+
+    // Radiance: what the pixels were multiplied with.
+    let hdr = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\nEXPOSURE=2\nEXPOSURE=2\nCOLORCORR=1 2 4\n\n-Y 8 +X 7\n";
+    let hdr = [&hdr[..], &[128, 128, 128, 129].repeat(56)].concat();
+    near(read(&hdr, &space).0, [0.25, 0.125, 0.0625], 1e-2);
+
+    // EXR: Rec. 2020's green in Rec. 709 (ITU-R BT.2407).
+    use exr::prelude::*;
+    let channels = SpecificChannels::rgb(|_: Vec2<usize>| (0.0f32, 1.0f32, 0.0f32));
+    let mut image = Image::from_channels((8, 8), channels);
+    image.attributes.chromaticities = Some(exr::meta::attribute::Chromaticities {
+        red: Vec2(0.708, 0.292),
+        green: Vec2(0.170, 0.797),
+        blue: Vec2(0.131, 0.046),
+        white: Vec2(0.3127, 0.3290),
+    });
+    let mut bytes = std::io::Cursor::new(Vec::new());
+    image.write().to_buffered(&mut bytes).unwrap();
+    near(read(bytes.get_ref(), &space).0, [-0.5876, 1.1329, -0.1006], 1e-3);
+    let (found, remarks) = read(bytes.get_ref(), &ColorSpace::from_name("linear-rec2020").unwrap());
+    assert!(found == [0.0, 1.0, 0.0] && remarks[0].contains("linear-rec2020 is declared"), "{found:?} {remarks:?}");
+}
+
+#[test]
+fn orientations_are_applied_where_the_camera_is_upright() {
+    use image::ImageEncoder;
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.png");
+    let stored = Grid { width: 5, height: 3, data: (0..15u8).map(|k| [16 * k, 7, 9]).collect() };
+    for number in 1..=8u8 {
+        // EXIF of one entry: tag 274, a short.
+        let exif = [&b"II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0"[..], &[number, 0, 0, 0, 0, 0, 0, 0]].concat();
+        let mut bytes = Vec::new();
+        let mut encoder = image::codecs::png::PngEncoder::new(&mut bytes);
+        encoder.set_exif_metadata(exif).unwrap();
+        encoder.write_image(stored.data.as_flattened(), 5, 3, image::ExtendedColorType::Rgb8).unwrap();
+        std::fs::write(&path, bytes).unwrap();
+        let orientation = ImageOrientation::from_exif(number).unwrap();
+        let upright = orientation.apply(stored.clone());
+        let linear = |codes: &Grid<[u8; 3]>| codes.map(|p| p.map(|c| from_srgb(f64::from(c) / 255.0) as f32));
+        let space = ColorSpace::from_name("srgb").unwrap();
+        let access = FileAccess::default();
+        let read = |size| read_radiance_image(&path, &access, &space, size).map_err(Error::from).map(|p| p.colour);
+        assert_eq!(read(None).unwrap(), linear(&upright), "{number}");
+        assert_eq!(read(Some((5, 3))).unwrap(), linear(&stored), "{number}");
+        // Where both sizes are the same, it is said that nothing is turned.
+        assert_eq!(access.remarks().len(), usize::from([2, 3, 4].contains(&number)), "{number}");
+        match read(Some((3, 5))) {
+            Ok(found) => assert!(number >= 5 && found == linear(&upright), "{number}"),
+            Err(error) => assert!(number < 5 && error.to_string().contains("the picture is 5 x 3 pixels,"), "{error}"),
+        }
+        #[cfg(feature = "ar")]
+        assert_eq!(read_display_image(&path, &access).unwrap(), Some((upright, orientation)), "{number}");
+    }
+}

@@ -15,6 +15,23 @@ use std::path::Path;
 /// Extensions of the formats that [`read`] supports, lower case.
 pub const EXTENSIONS: [&str; 4] = ["ply", "obj", "glb", "gltf"];
 
+/// A mesh as its file has it: positions that single precision may not hold, such as those of a national grid.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub(crate) struct PreciseMesh {
+    /// Vertices.
+    pub positions: Vec<[f64; 3]>,
+    /// Vertex indices of each triangle.
+    pub triangles: Vec<[u32; 3]>,
+}
+
+impl PreciseMesh {
+    /// The mesh in single precision, about another origin.
+    pub(crate) fn around(self, origin: [f64; 3]) -> Mesh {
+        let single = |p: &[f64; 3]| std::array::from_fn(|k| (p[k] - origin[k]) as f32);
+        Mesh { positions: self.positions.iter().map(single).collect(), triangles: self.triangles }
+    }
+}
+
 /// Reads a triangle mesh. PLY (ASCII or binary, float or double) and OBJ polygons are cut into fans; all triangle primitives of
 /// a glTF file's default scene are merged, with their nodes' transforms applied. The result has at least one triangle, finite
 /// positions and corner indices inside the vertex list; degenerate triangles are left to [`super::clean`].
@@ -22,13 +39,30 @@ pub const EXTENSIONS: [&str; 4] = ["ply", "obj", "glb", "gltf"];
 /// The mesh stays charged to the account of `access`. Errors name the file and the element that is wrong.
 pub fn read(path: impl AsRef<Path>, access: &FileAccess) -> Result<Mesh> {
     let path = path.as_ref();
+    single(path, read_precise(path, access)?)
+}
+
+/// As [`read`], in double precision.
+pub(crate) fn read_precise(path: &Path, access: &FileAccess) -> Result<PreciseMesh> {
     let bytes = access.read_bytes(path, "mesh file", u64::MAX)?;
-    parse(path, &bytes, access)
+    parse_precise(path, &bytes, access)
 }
 
 /// As [`read`], from bytes; `path` names the file in errors and finds what a glTF file refers to.
 pub fn parse(path: impl AsRef<Path>, bytes: &[u8], access: &FileAccess) -> Result<Mesh> {
     let path = path.as_ref();
+    single(path, parse_precise(path, bytes, access)?)
+}
+
+fn single(path: &Path, mesh: PreciseMesh) -> Result<Mesh> {
+    let mesh = mesh.around([0.0; 3]);
+    match mesh.positions.iter().position(|p| !p.iter().all(|c| c.is_finite())) {
+        Some(index) => Err(Error::input(path, format!("vertex {index} lies beyond the range of single precision"))),
+        None => Ok(mesh),
+    }
+}
+
+fn parse_precise(path: &Path, bytes: &[u8], access: &FileAccess) -> Result<PreciseMesh> {
     if bytes.is_empty() {
         return Err(Error::input(path, "the mesh file is empty (0 bytes)"));
     }
@@ -61,11 +95,13 @@ pub(crate) fn is_point_cloud(path: &Path) -> bool {
     counts.into_iter().all(|count| count.trim() == "0")
 }
 
-/// Bytes of a vertex or a triangle: what the mesh keeps, as much again for growing, and the tables and the copy of cleaning it.
-const ELEMENT_BYTES: u64 = 6 * size_of::<[f32; 3]>() as u64;
+/// Bytes of a triangle: what the mesh keeps, as much again for growing, and the tables and the copy of cleaning it; and of a vertex, which for a while
+/// is there in double precision, too.
+const TRIANGLE_BYTES: u64 = 6 * size_of::<[u32; 3]>() as u64;
+const VERTEX_BYTES: u64 = 6 * size_of::<[f32; 3]>() as u64 + 2 * size_of::<[f64; 3]>() as u64;
 
 /// Charges vertices and triangles before a mesh is given them. Their number has a limit of its own.
-fn charge(path: &Path, access: &FileAccess, mesh: &Mesh, vertices: u64, triangles: u64) -> Result<()> {
+fn charge(path: &Path, access: &FileAccess, mesh: &PreciseMesh, vertices: u64, triangles: u64) -> Result<()> {
     let most = u64::from(access.budget().limits().mesh_elements);
     let totals = [
         ("vertices", vertices.saturating_add(mesh.positions.len() as u64)),
@@ -76,11 +112,11 @@ fn charge(path: &Path, access: &FileAccess, mesh: &Mesh, vertices: u64, triangle
             return Err(Error::input(path, format!("the mesh has {total} {what}, {most} at most are read")));
         }
     }
-    access.charge(path, "mesh", ELEMENT_BYTES * (vertices + triangles))
+    access.charge(path, "mesh", VERTEX_BYTES * vertices + TRIANGLE_BYTES * triangles)
 }
 
 /// Checks the conditions that meshes of all formats must meet.
-fn check(path: &Path, mesh: &Mesh) -> Result<()> {
+fn check(path: &Path, mesh: &PreciseMesh) -> Result<()> {
     if let Some(index) = mesh.positions.iter().position(|p| !p.iter().all(|c| c.is_finite())) {
         let [x, y, z] = mesh.positions[index];
         return Err(Error::input(path, format!("vertex {index} is not finite: ({x}, {y}, {z})")));

@@ -1,10 +1,9 @@
 //! Wavefront OBJ. Materials are not followed.
 
-use super::charge;
+use super::{PreciseMesh, charge};
 use crate::error::{Error, Result};
 use crate::input::FileAccess;
 use crate::limits::Reservation;
-use crate::mesh::Mesh;
 use std::borrow::Cow;
 use std::io::{BufRead, Cursor};
 use std::path::Path;
@@ -41,7 +40,7 @@ fn hold_parsed<'a>(path: &Path, bytes: &[u8], access: &'a FileAccess) -> Result<
     for line in bytes.split(|&b| b == b'\n') {
         let line = line.trim_ascii_start();
         asked += match line {
-            [b'v', ..] => 160,
+            [b'v', ..] => 256,
             [b'f', ..] => {
                 let corners = line.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty()).count() - 1;
                 triangles += corners.saturating_sub(2) as u64;
@@ -82,12 +81,12 @@ fn plain_text(bytes: &[u8]) -> Cow<'_, [u8]> {
     Cow::Owned(text)
 }
 
-pub(super) fn read(path: &Path, bytes: &[u8], access: &FileAccess) -> Result<Mesh> {
+pub(super) fn read(path: &Path, bytes: &[u8], access: &FileAccess) -> Result<PreciseMesh> {
     let _copy = access.reserve(path, "OBJ file", bytes.len() as u64)?;
     let text = plain_text(bytes);
     let bytes = &*text;
     let (_parsed, triangles) = hold_parsed(path, bytes, access)?;
-    charge(path, access, &Mesh::default(), 0, triangles)?;
+    charge(path, access, &PreciseMesh::default(), 0, triangles)?;
     let lines = std::rc::Rc::new(std::cell::Cell::new(0));
     let mut reader = CountLines { inner: Cursor::new(bytes), lines: lines.clone() };
     let options =
@@ -97,7 +96,7 @@ pub(super) fn read(path: &Path, bytes: &[u8], access: &FileAccess) -> Result<Mes
     let (models, _) = tobj::load_obj_buf(&mut reader, &options, no_materials).map_err(|e| {
         Error::input(path, format!("{}: {e}", locate_obj_fault(bytes).unwrap_or(format!("line {}", lines.get()))))
     })?;
-    let mut mesh = Mesh::default();
+    let mut mesh = PreciseMesh::default();
     let vertices = models.iter().map(|model| model.mesh.positions.len() as u64 / 3).sum();
     charge(path, access, &mesh, vertices, 0)?;
     for model in models {
@@ -135,7 +134,7 @@ pub fn texture_coordinates(path: impl AsRef<Path>, access: &FileAccess) -> Resul
         for corners in indices.chunks_exact(3) {
             let at = |k: usize| {
                 let first = corners[k] as usize * 2;
-                mesh.texcoords.get(first..first + 2).map(|uv| [uv[0], uv[1]])
+                mesh.texcoords.get(first..first + 2).map(|uv| [uv[0] as f32, uv[1] as f32])
             };
             let (Some(a), Some(b), Some(c)) = (at(0), at(1), at(2)) else { return Ok(Vec::new()) };
             coordinates.push([a, b, c]);
@@ -153,7 +152,7 @@ fn locate_obj_fault(bytes: &[u8]) -> Option<String> {
         let mut words = line.split_whitespace();
         match words.next() {
             Some("v") => {
-                if words.any(|w| w.parse::<f32>().is_ok_and(|c| !c.is_finite())) {
+                if words.any(|w| w.parse::<f64>().is_ok_and(|c| !c.is_finite())) {
                     return Some(format!("line {}, vertex {}", number + 1, vertices + 1));
                 }
                 vertices += 1;

@@ -1,9 +1,8 @@
 //! PLY, text and binary.
 
-use super::charge;
+use super::{PreciseMesh, charge};
 use crate::error::{Error, Result};
 use crate::input::{FileAccess, escaped};
-use crate::mesh::Mesh;
 use ply_rs_bw::parser::{Parser, Reader};
 use ply_rs_bw::ply::{ElementDef, Encoding, Property, PropertyAccess, PropertyAccessResult, PropertyType, ScalarType};
 use std::io::Cursor;
@@ -92,7 +91,7 @@ const MAX_HEADER_BYTES: usize = 1 << 20;
 const VERTEX_BYTES: u64 = 2 * size_of::<PlyVertex>() as u64;
 const FACE_BYTES: u64 = 2 * size_of::<PlyFace>() as u64 + 32;
 
-pub(super) fn read(path: &Path, bytes: &[u8], access: &FileAccess) -> Result<Mesh> {
+pub(super) fn read(path: &Path, bytes: &[u8], access: &FileAccess) -> Result<PreciseMesh> {
     let in_element = |element: &str, e: ply_rs_bw::parser::ParseError| {
         // The parser's messages run over several lines; the first two say where and what.
         let text: Vec<_> = e.to_string().lines().take(2).map(|line| line.trim().to_owned()).collect();
@@ -108,7 +107,7 @@ pub(super) fn read(path: &Path, bytes: &[u8], access: &FileAccess) -> Result<Mes
     let _header = access.reserve(path, "PLY header", 64 * header_bytes as u64)?;
     let mut reader = Reader::new(Cursor::new(bytes));
     let header = Parser::<PlyOther>::new().read_header(&mut reader).map_err(|e| in_element("PLY header", e))?;
-    let mut mesh = Mesh::default();
+    let mut mesh = PreciseMesh::default();
     for (name, element) in &header.elements {
         let what = format!("PLY element '{}' of {}", escaped(name), element.count);
         let left = (bytes.len() as u64).saturating_sub(reader.get_ref().position());
@@ -120,7 +119,7 @@ pub(super) fn read(path: &Path, bytes: &[u8], access: &FileAccess) -> Result<Mes
                 let _parsed = access.reserve(path, "PLY vertices", count * VERTEX_BYTES)?;
                 let vertices = Parser::<PlyVertex>::new().read_payload_for_element(&mut reader, element, &header);
                 let vertices = vertices.map_err(|e| in_element(&what, e))?;
-                mesh.positions = vertices.iter().map(|v| v.0.map(|c| c as f32)).collect();
+                mesh.positions = vertices.iter().map(|v| v.0).collect();
             }
             "face" => {
                 // Each takes four bytes, in a list that has grown to twice its need.
@@ -149,7 +148,7 @@ pub(super) fn read(path: &Path, bytes: &[u8], access: &FileAccess) -> Result<Mes
     Ok(mesh)
 }
 
-fn append_faces(path: &Path, faces: &[PlyFace], mesh: &mut Mesh, access: &FileAccess) -> Result<()> {
+fn append_faces(path: &Path, faces: &[PlyFace], mesh: &mut PreciseMesh, access: &FileAccess) -> Result<()> {
     let triangles = faces.iter().map(|face| face.0.len().saturating_sub(2) as u64).sum();
     charge(path, access, mesh, 0, triangles)?;
     mesh.triangles.reserve_exact(triangles as usize);

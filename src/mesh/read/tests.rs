@@ -141,7 +141,7 @@ fn glb_with_transforms_and_faults() {
     assert_eq!(mesh.positions[7], [-1.0, 3.0, 0.0]);
     assert_eq!(mesh.triangles[..4], [[0, 1, 2], [0, 2, 3], [0, 1, 4], [5, 7, 6]]);
     let past = fault("x.glb", &glb(|json| json.replace("\"count\":9", "\"count\":12")));
-    assert!(past.contains("mesh 0, primitive 0, indices: accessor 1 reaches past"), "{past}");
+    assert!(past.contains("mesh 0, primitive 0: indices: accessor 1 reaches past"), "{past}");
     let fewer = fault("x.glb", &glb(|json| json.replace("\"count\":5,", "\"count\":4,")));
     assert!(fewer.contains("index 8 names vertex 4, the primitive has 4"), "{fewer}");
     fault("x.glb", &glb(|json| json.replace("\"children\":[1]", "\"children\":[0]")));
@@ -153,6 +153,145 @@ fn glb_with_transforms_and_faults() {
     for length in (0..whole.len()).step_by(7).chain([whole.len() - 1]) {
         fault("cut.glb", &whole[..length]);
     }
+}
+
+/// Bytes that stand at the end of the binary chunk, and a document that names them.
+fn glb_with(document: serde_json::Value, data: &[u8]) -> Vec<u8> {
+    let mut data = data.to_vec();
+    data.resize(data.len().next_multiple_of(4), 0);
+    let mut json = document.to_string().into_bytes();
+    json.resize(json.len().next_multiple_of(4), b' ');
+    let length = (28 + json.len() + data.len()) as u32;
+    let chunk = |kind: &[u8; 4], content: &[u8]| [&(content.len() as u32).to_le_bytes()[..], kind, content].concat();
+    [&b"glTF\x02\0\0\0"[..], &length.to_le_bytes(), &chunk(b"JSON", &json), &chunk(b"BIN\0", &data)].concat()
+}
+
+/// The quad and the triangle, their positions as shorts of 1/16384 under a node that gives them their size again.
+fn quantised() -> (serde_json::Value, Vec<u8>) {
+    let short = |v: &f32| (v * 8192.0) as i16;
+    let mut data: Vec<u8> = Vec::new();
+    for position in &expected().positions {
+        position.iter().for_each(|v| data.extend(short(v).to_le_bytes()));
+        data.extend([0; 2]);
+    }
+    data.extend(expected().triangles.iter().flatten().flat_map(|&v| (v as u16).to_le_bytes()));
+    let scale = 32767.0 / 8192.0;
+    let document = serde_json::json!({
+        "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}],
+        "extensionsUsed": ["KHR_mesh_quantization", "KHR_texture_basisu"],
+        "extensionsRequired": ["KHR_mesh_quantization", "KHR_texture_basisu"],
+        "textures": [{"extensions": {"KHR_texture_basisu": {"source": 0}}}],
+        "nodes": [{"mesh": 0, "scale": [scale, scale, scale]}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0, "NORMAL": 7}, "indices": 1, "material": 3}]}],
+        "accessors": [
+            {"bufferView": 0, "componentType": 5122, "normalized": true, "count": 5, "type": "VEC3", "min": [0, 0, 0], "max": [1, 1, 1]},
+            {"bufferView": 1, "componentType": 5123, "count": 9, "type": "SCALAR"}],
+        "bufferViews": [{"buffer": 0, "byteLength": 40, "byteStride": 8}, {"buffer": 0, "byteOffset": 40, "byteLength": 18}],
+        "buffers": [{"byteLength": data.len()}],
+    });
+    (document, data)
+}
+
+fn assert_near(mesh: &Mesh) {
+    assert_eq!(mesh.triangles, expected().triangles);
+    for (found, expected) in mesh.positions.iter().flatten().zip(expected().positions.iter().flatten()) {
+        assert!((found - expected).abs() < 1e-4, "{:?}", mesh.positions);
+    }
+}
+
+#[test]
+fn glb_quantised_sparse_and_compressed() {
+    let (document, data) = quantised();
+    let access = FileAccess::default();
+    assert_near(&parse("a.glb", &glb_with(document.clone(), &data), &access).unwrap());
+    let remarks = access.remarks();
+    assert!(remarks.len() == 1 && remarks[0].contains("KHR_texture_basisu is not needed"), "{remarks:?}");
+
+    // The third corner out of place, and put back by sparse values.
+    let (mut sparse, mut moved) = (document.clone(), data.clone());
+    let third = data[16..22].to_vec();
+    moved[16..22].fill(0);
+    moved.resize(60, 0);
+    moved.extend([2, 0]);
+    moved.extend(&third);
+    sparse["bufferViews"]
+        .as_array_mut()
+        .unwrap()
+        .push(serde_json::json!({"buffer": 0, "byteOffset": 60, "byteLength": 8}));
+    sparse["accessors"][0]["sparse"] = serde_json::json!({"count": 1,
+        "indices": {"bufferView": 2, "componentType": 5121}, "values": {"bufferView": 2, "byteOffset": 2}});
+    sparse["buffers"][0]["byteLength"] = moved.len().into();
+    assert_near(&read_bytes("a.glb", &glb_with(sparse, &moved)).unwrap());
+
+    // meshoptimizer's streams, with a buffer that only has a size.
+    let vertices: Vec<[u8; 8]> = data[..40].as_chunks().0.to_vec();
+    let vertices = meshopt::encode_vertex_buffer_level(&vertices, 2, Some(0)).unwrap();
+    let corners: Vec<u32> = expected().triangles.iter().flatten().copied().collect();
+    let indices = meshopt::encode_index_buffer(&corners, 5).unwrap();
+    let mut packed = document.clone();
+    let view = |offset: usize, length: usize, stride: usize, count: usize, mode: &str| {
+        serde_json::json!({"EXT_meshopt_compression": {"buffer": 0, "byteOffset": offset, "byteLength": length, "byteStride": stride,
+            "count": count, "mode": mode}})
+    };
+    packed["extensionsRequired"][1] = "EXT_meshopt_compression".into();
+    packed["bufferViews"][0]["extensions"] = view(0, vertices.len(), 8, 5, "ATTRIBUTES");
+    packed["bufferViews"][1]["extensions"] = view(vertices.len(), indices.len(), 2, 9, "TRIANGLES");
+    packed["bufferViews"].as_array_mut().unwrap().iter_mut().for_each(|view| view["buffer"] = 1.into());
+    let streams = [vertices, indices].concat();
+    packed["buffers"] = serde_json::json!([{"byteLength": streams.len()},
+        {"byteLength": 58, "extensions": {"EXT_meshopt_compression": {"fallback": true}}}]);
+    let whole = glb_with(packed.clone(), &streams);
+    let mesh = read_bytes("a.glb", &whole).unwrap();
+    let sorted = |mesh: &Mesh| {
+        // The codec may begin a triangle at another corner.
+        let turned = |t: &[u32; 3]| (0..3).map(|k| [t[k], t[(k + 1) % 3], t[(k + 2) % 3]]).min().unwrap();
+        mesh.triangles.iter().map(turned).collect::<Vec<_>>()
+    };
+    assert_eq!(sorted(&mesh), sorted(&expected()));
+    for at in whole.len() - streams.len()..whole.len() {
+        let mut bytes = whole.clone();
+        bytes[at] ^= 0x55;
+        let _ = read_bytes("a.glb", &bytes);
+    }
+    packed["bufferViews"][0]["extensions"]["EXT_meshopt_compression"]["count"] = 1_000_000_000.into();
+    assert!(fault("a.glb", &glb_with(packed, &streams)).contains("bytes can't come of"));
+
+    let mut draco = document.clone();
+    draco["extensionsRequired"] = serde_json::json!(["KHR_draco_mesh_compression"]);
+    let error = fault("a.glb", &glb_with(draco, &data));
+    assert!(error.contains("KHR_draco_mesh_compression is not read; `gltf-transform copy"), "{error}");
+    let mut other = document;
+    other["extensionsRequired"][0] = "ACME_voxels".into();
+    assert!(fault("a.glb", &glb_with(other, &data)).contains("requires extension ACME_voxels"));
+}
+
+#[test]
+fn glb_with_a_skin_is_read_in_its_pose() {
+    let mut data: Vec<u8> = expected().positions.iter().flatten().flat_map(|v| (v - 1.0).to_le_bytes()).collect();
+    data.extend(expected().triangles.iter().flatten().flat_map(|&v| (v as u16).to_le_bytes()));
+    data.resize(80, 0);
+    // Half on the one joint, which stands at 2, 0, 0, half on the other at 0, 2, 2.
+    (0..5).for_each(|_| data.extend([0, 1, 0, 0]));
+    (0..5).for_each(|_| data.extend([255, 255, 0, 0]));
+    let document = serde_json::json!({
+        "asset": {"version": "2.0"}, "scenes": [{"nodes": [0, 1]}],
+        "nodes": [{"mesh": 0, "skin": 0, "translation": [9, 9, 9]}, {"translation": [2, 0, 0], "children": [2]}, {"translation": [-2, 2, 2]}],
+        "skins": [{"joints": [1, 2]}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0, "JOINTS_0": 2, "WEIGHTS_0": 3}, "indices": 1}]}],
+        "accessors": [
+            {"bufferView": 0, "componentType": 5126, "count": 5, "type": "VEC3", "min": [-1, -1, -1], "max": [0, 0.5, 0]},
+            {"bufferView": 1, "componentType": 5123, "count": 9, "type": "SCALAR"},
+            {"bufferView": 2, "componentType": 5121, "count": 5, "type": "VEC4"},
+            {"bufferView": 3, "componentType": 5121, "normalized": true, "count": 5, "type": "VEC4"}],
+        "bufferViews": [{"buffer": 0, "byteLength": 60}, {"buffer": 0, "byteOffset": 60, "byteLength": 18},
+            {"buffer": 0, "byteOffset": 80, "byteLength": 20}, {"buffer": 0, "byteOffset": 100, "byteLength": 20}],
+        "buffers": [{"byteLength": data.len()}],
+    });
+    let access = FileAccess::default();
+    assert_near(&parse("a.glb", &glb_with(document.clone(), &data), &access).unwrap());
+    assert!(access.remarks()[0].contains("skin is taken in the pose"), "{:?}", access.remarks());
+    data[81] = 7;
+    assert!(fault("a.glb", &glb_with(document, &data)).contains("vertex 0 hangs on joint 7 of 2"));
 }
 
 #[test]

@@ -5,13 +5,15 @@ use crate::{output, pictures};
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 use tsuya::ar::Plate;
+use tsuya::image::ImageOrientation;
+use tsuya::input::FileAccess;
 use tsuya::{Error, Result};
 
 const PICTURES: [&str; 7] = ["png", "jpg", "jpeg", "tif", "tiff", "exr", "hdr"];
 
 /// Frames of a camera: one photograph, a folder of them, or a video.
 pub enum Source {
-    Pictures { paths: Vec<PathBuf>, next: usize },
+    Pictures { paths: Vec<PathBuf>, next: usize, access: FileAccess, orientation: ImageOrientation },
     Video { path: PathBuf, frames: Box<VideoReader> },
 }
 
@@ -19,12 +21,16 @@ impl Source {
     pub fn open(path: &Path, ffmpeg: &Path) -> Result<Self> {
         let metadata = std::fs::metadata(path).map_err(|e| Error::io(path, e))?;
         if metadata.is_dir() {
-            return Ok(Source::Pictures { paths: in_folder(path)?, next: 0 });
+            return Ok(Source::of_pictures(in_folder(path)?));
         }
         if video::is_video(path) {
             return Ok(Source::Video { path: path.to_owned(), frames: Box::new(VideoReader::open(ffmpeg, path)?) });
         }
-        Ok(Source::Pictures { paths: vec![path.to_owned()], next: 0 })
+        Ok(Source::of_pictures(vec![path.to_owned()]))
+    }
+
+    fn of_pictures(paths: Vec<PathBuf>) -> Self {
+        Source::Pictures { paths, next: 0, access: crate::source::access(), orientation: ImageOrientation::default() }
     }
 
     /// Frames, where their number is known.
@@ -75,19 +81,30 @@ impl Source {
     pub fn next(&mut self) -> Result<Option<Plate>> {
         match self {
             Source::Video { frames, .. } => frames.next(),
-            Source::Pictures { paths, next } => {
+            Source::Pictures { paths, next, access, orientation } => {
                 let Some(path) = paths.get(*next) else { return Ok(None) };
                 *next += 1;
-                Plate::read(path, &crate::source::access()).map(Some)
+                let (plate, stored) = Plate::read_with_orientation(path, access)?;
+                *orientation = stored;
+                Ok(Some(plate))
             }
         }
     }
 
-    /// The file that the next frame comes from.
-    pub fn upcoming(&self) -> Option<&Path> {
+    /// The orientation that the last frame was stored in.
+    pub fn orientation(&self) -> ImageOrientation {
         match self {
-            Source::Pictures { paths, next } => paths.get(*next).map(PathBuf::as_path),
-            Source::Video { .. } => None,
+            Source::Pictures { orientation, .. } => *orientation,
+            // ffmpeg turns them.
+            Source::Video { .. } => ImageOrientation::default(),
+        }
+    }
+
+    /// What was remarked while frames were read.
+    pub fn remarks(&self) -> Vec<String> {
+        match self {
+            Source::Pictures { access, .. } => access.remarks(),
+            Source::Video { .. } => Vec::new(),
         }
     }
 }
