@@ -14,7 +14,7 @@ pub use crate::separate::{Observations, ObservedView, recombine, separate};
 use crate::surface::{atlas, raster};
 use crate::views::{Component, Photograph};
 pub use crate::wavelet_texture::WaveletSampleError;
-use crate::{mesh, predictive, views, wavelet_texture};
+use crate::{mesh, predictive, refine, views, wavelet_texture};
 
 mod check;
 
@@ -47,6 +47,9 @@ pub fn encode(mut capture: Capture, options: &EncodeOptions) -> Result<EncodedFi
     let mut warnings = std::mem::take(&mut capture.warnings);
     // 1. Photographs as components of reflection.
     let observations = separate(&mut capture)?.holding_out(options.hold_out)?;
+    if let Some(refined) = refine::refined_mesh(&capture.mesh, &observations, options.refine, &mut warnings) {
+        capture.mesh = refined;
+    }
     // 2. Mesh: ordered and quantised. All later stages work with the mesh and the views that the decoder will have.
     let position_bits =
         options.position_bits.unwrap_or_else(|| atlas::position_bits(&capture.mesh, &observations.cameras()));

@@ -36,6 +36,11 @@ pub mod quantise {
     pub use crate::quantise::bands::{Quantiser, RateDistortion};
 }
 
+#[cfg(feature = "encode")]
+pub mod refine {
+    pub use crate::refine::{RefinedSurface, refine_observations};
+}
+
 pub mod reflectance {
     pub use crate::reflectance::ReflectionGeometry;
     #[cfg(feature = "encode")]

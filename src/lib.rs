@@ -112,6 +112,8 @@ mod predictive;
 mod quantise;
 #[cfg(feature = "encode")]
 mod rate;
+#[cfg(feature = "encode")]
+mod refine;
 mod reflectance;
 pub mod relight;
 #[cfg(feature = "encode")]
@@ -134,7 +136,7 @@ pub use encoder::encode;
 pub use error::{Error, FilePart, Result};
 pub use limits::{Budget, Limits, Reservation};
 pub use mesh::Mesh;
-pub use options::{DecodeSpeed, EncodeOptions, EncodeTarget, Profile, SpecularModel};
+pub use options::{DecodeSpeed, EncodeOptions, EncodeTarget, Profile, Refinement, SpecularModel};
 pub use reflectance::maps::ReflectanceMaps;
 pub use reflectance::palette::PaletteEntry;
 #[cfg(feature = "encode")]

@@ -64,6 +64,8 @@ pub struct EncodeOptions {
     /// Model that highlights are fitted with (profile `predictive` only).
     #[cfg(feature = "encode")]
     pub specular: SpecularModel,
+    /// What is corrected by the photographs before they are encoded.
+    pub refine: Refinement,
     /// Also keeps the sign of specular radiance below zero (noise and double bounces); profile `wavelet-texture` always does.
     pub signed_specular: bool,
     /// Decodes the finished file as a reader does and compares every photograph with what the file states of it.
@@ -83,11 +85,23 @@ impl Default for EncodeOptions {
             atlas_density: 0.4,
             #[cfg(feature = "encode")]
             specular: SpecularModel::default(),
+            refine: Refinement::default(),
             signed_specular: false,
             check: true,
             metadata: serde_json::Map::new(),
         }
     }
+}
+
+/// What of a capture's geometry is corrected by its photographs before they are encoded.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Refinement {
+    /// Nothing.
+    #[default]
+    None,
+    /// The surface: the mesh is subdivided and displaced until it explains the shading and the highlights of the photographs, and kept
+    /// if it explains views that it was not fitted to. The file then holds the dense mesh. Takes both components and known lights.
+    Surface,
 }
 
 /// Model that highlights are fitted with.
@@ -98,4 +112,6 @@ pub enum SpecularModel {
     TorranceSparrow,
     /// Widths as in Torrance-Sparrow, shapes from a palette of measured lobes (DSBRDF).
     Dsbrdf,
+    /// Weights of five GGX lobes of fixed roughness, above a diffuse layer under a dielectric surface.
+    GgxLobes,
 }

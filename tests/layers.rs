@@ -18,7 +18,7 @@ const FLOORS: &[&[&str]] = &[
     &["metrics"],
     &["capture", "rate", "reflectance", "visibility"],
     &["separate"],
-    &["asset", "predictive", "wavelet_texture"],
+    &["asset", "predictive", "refine", "wavelet_texture"],
     &["decoder", "relight"],
     &["gltf", "marker", "repair"],
     &["ar", "encoder"],

@@ -310,6 +310,7 @@ fn the_fallback_reflects_what_was_fitted() {
         views: vec![view],
         reflectance: Some(ReflectanceMaps {
             palette: Vec::new(),
+            lobes: Vec::new(),
             relightable: true,
             diffuse: map([0.1, 0.05, 0.02]),
             specular: map([0.05; 3]),

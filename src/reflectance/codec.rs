@@ -4,8 +4,9 @@
 //! 9/7 and the coefficient coder of the photographs' planes, without prediction, on the mask of the atlas.
 //! Normative text: `spec/reflectance.md`.
 
+use super::lobes::LOBES;
 use super::maps::ReflectanceMaps;
-use super::maps::{ReflectancePlanes, from_planes};
+use super::maps::{LOBE_PLANES, ReflectancePlanes, from_planes};
 use crate::container::{Tag, push_f32};
 use crate::entropy::RangeDecoder;
 use crate::error::{Error, Result};
@@ -26,12 +27,22 @@ const VERSION: u8 = 0;
 const RELIGHTABLE: u8 = 1;
 /// Flag: a palette follows the head.
 const PALETTE: u8 = 2;
+/// Flag: planes of lobes follow the diffuse ones, a scale for each lobe the head.
+const LOBE_WEIGHTS: u8 = 4;
 /// Version, flags, number of planes, two scales, three steps.
 const HEADER_BYTES: usize = 3 + 2 * 4 + 3 * 4;
 /// Values stand this far below the middle of their interval, in steps.
 const SHRINK: [f32; 2] = [0.08, 0.02];
 /// Memory that decoding takes for a texel.
 const BYTES_A_TEXEL: usize = 400;
+/// And with lobes: five maps, and their planes.
+const LOBE_BYTES_A_TEXEL: usize = 5 * 24;
+
+/// The step of each group of three planes.
+fn group_steps(steps: [f32; 3], with_lobes: bool) -> Vec<f32> {
+    let [diffuse, specular, sigma] = steps;
+    if with_lobes { [vec![diffuse], vec![specular; LOBES]].concat() } else { vec![diffuse, specular, sigma] }
+}
 
 /// Quantiser steps of the planes, in levels ([`crate::reflectance::maps::COLOUR_LEVELS`], [`crate::reflectance::torrance_sparrow::SIGMA_LEVELS`]).
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -64,7 +75,8 @@ pub fn encode(
     let mask = rasterise_atlas(mesh, charts)?.mask();
     let planes = crate::reflectance::maps::to_planes(maps, &mask);
     let with_palette = !planes.palette.is_empty() && planes.planes.len() == 7;
-    let flags = planes.relightable as u8 + if with_palette { PALETTE } else { 0 };
+    let lobes = if planes.lobe_scales.is_some() { LOBE_WEIGHTS } else { 0 };
+    let flags = planes.relightable as u8 + lobes + if with_palette { PALETTE } else { 0 };
     let mut bytes = vec![VERSION, flags, planes.planes.len() as u8];
     for (k, value) in planes.scales.into_iter().chain([steps.diffuse, steps.specular, steps.sigma]).enumerate() {
         if !is_in_range(k, value) {
@@ -78,10 +90,18 @@ pub fn encode(
     if with_palette {
         crate::reflectance::palette::write_palette(&planes.palette, &mut bytes)?;
     }
+    for &scale in planes.lobe_scales.iter().flatten() {
+        if !is_in_range(0, scale) {
+            let message = format!("a highlight's weight of {scale:e}, 1000000 at most: divide the capture's radiance");
+            return Err(Error::parameter(message));
+        }
+        push_f32(&mut bytes, scale);
+    }
     let plan = WaveletPlan::new(&mask);
     let mut coder = crate::entropy::RangeEncoder::new();
     let mut decoded = Vec::new();
-    for (planes, step) in planes.planes.chunks(3).zip([steps.diffuse, steps.specular, steps.sigma]) {
+    let group_steps = group_steps([steps.diffuse, steps.specular, steps.sigma], planes.lobe_scales.is_some());
+    for (planes, step) in planes.planes.chunks(3).zip(group_steps) {
         let pixels: Vec<ColourLanes> = (0..mask.data.len())
             .map(|i| std::array::from_fn(|k| planes.get(k).map_or(0.0, |plane: &Grid<i32>| plane.data[i] as f32)))
             .collect();
@@ -106,11 +126,21 @@ pub fn decode(bytes: &[u8], mesh: &Mesh, charts: &Charts, budget: &Budget) -> Re
         ));
     };
     let [version, flags, count] = [header[0], header[1], header[2]];
-    if version != VERSION || flags > RELIGHTABLE + PALETTE {
+    let with_lobes = flags & LOBE_WEIGHTS != 0;
+    if version != VERSION
+        || flags > RELIGHTABLE + PALETTE + LOBE_WEIGHTS
+        || flags & !RELIGHTABLE == PALETTE + LOBE_WEIGHTS
+    {
         return Err(Error::Unsupported(format!("section RFLC of version {version}, flags {flags}")));
     }
-    if count != 3 && count != 7 {
-        return Err(Error::format(Tag::REFLECTANCE, 2, format!("{count} planes; 3 or 7 expected")));
+    match with_lobes {
+        false if count != 3 && count != 7 => {
+            return Err(Error::format(Tag::REFLECTANCE, 2, format!("{count} planes; 3 or 7 expected")));
+        }
+        true if count as usize != LOBE_PLANES => {
+            return Err(Error::format(Tag::REFLECTANCE, 2, format!("{count} planes; {LOBE_PLANES} expected")));
+        }
+        _ => {}
     }
     let mut numbers = [0f32; 5];
     for (k, number) in numbers.iter_mut().enumerate() {
@@ -129,13 +159,27 @@ pub fn decode(bytes: &[u8], mesh: &Mesh, charts: &Charts, budget: &Budget) -> Re
         (palette, end) = crate::reflectance::palette::read_palette(bytes, HEADER_BYTES, Tag::REFLECTANCE, budget)?;
         stream = bytes.get(end..).unwrap_or_default();
     }
-    budget.charge_items("reflectance maps", charts.width as u64 * charts.height as u64, BYTES_A_TEXEL)?;
+    let mut lobe_scales = None;
+    if with_lobes {
+        let Some((scales, rest)) = stream.split_first_chunk::<{ 4 * LOBES }>() else {
+            return Err(Error::format(Tag::REFLECTANCE, bytes.len(), "ends within the scales of its lobes"));
+        };
+        stream = rest;
+        let scales: [f32; LOBES] = std::array::from_fn(|k| LittleEndian::read_f32(&scales[4 * k..]));
+        if let Some(k) = scales.iter().position(|&scale| !is_in_range(0, scale)) {
+            let at = HEADER_BYTES + 4 * k;
+            return Err(Error::format(Tag::REFLECTANCE, at, format!("{} is no scale", scales[k])));
+        }
+        lobe_scales = Some(scales);
+    }
+    let texel_bytes = BYTES_A_TEXEL + if with_lobes { LOBE_BYTES_A_TEXEL } else { 0 };
+    budget.charge_items("reflectance maps", charts.width as u64 * charts.height as u64, texel_bytes)?;
     let mask = rasterise_atlas(mesh, charts)?.mask();
     let plan = WaveletPlan::new(&mask);
     let mut coder = RangeDecoder::new(stream);
     let mut planes = Vec::new();
     let mut left = count as usize;
-    for step in steps {
+    for step in group_steps(steps, with_lobes) {
         if left == 0 {
             break;
         }
@@ -149,7 +193,7 @@ pub fn decode(bytes: &[u8], mesh: &Mesh, charts: &Charts, budget: &Budget) -> Re
         return Err(Error::format(Tag::REFLECTANCE, bytes.len(), "its length does not fit its content"));
     }
     let scales = [diffuse_scale, specular_scale];
-    from_planes(&ReflectancePlanes { relightable: flags & RELIGHTABLE != 0, scales, planes, palette })
+    from_planes(&ReflectancePlanes { relightable: flags & RELIGHTABLE != 0, scales, planes, palette, lobe_scales })
 }
 
 /// The first `count` channels, rounded; 0 outside the mask.

@@ -1,6 +1,8 @@
 //! Gathers what the photographs show of each texel and fits the reflectance maps.
 
 use super::lambert::LambertSums;
+use super::lobes::share::{LobeEquations, SharingScale, share_weights};
+use super::lobes::{self, LOBES, LobeCosines, lobe_values};
 use super::maps::ReflectanceMaps;
 use super::torrance_sparrow::{self, SpecularSighting, TorranceSparrowLobe};
 use super::{ReflectionGeometry, lambert, palette};
@@ -24,6 +26,13 @@ const MARGIN_PIXELS: f64 = 4.0;
 const BLOCK: usize = 3;
 /// Without polarisers: sightings whose half vector is nearer to the normal than this may hold highlight, radians.
 const HIGHLIGHT: f32 = 0.5;
+
+/// Distance over which weights of lobes are shared, over half the longest side of the object.
+const SHARED: f64 = 0.02;
+/// Sightings under less are left out of the fit of lobes: shadows and light from other parts of the object.
+const MIN_COS_LIGHT: f32 = 0.05;
+/// Radiance over irradiance up to which all errors of lobes count alike; beyond it by their share.
+const LOBE_FLOOR: f64 = 0.05;
 
 /// Sightings of a block that its palette is fitted to, at most.
 const MAX_SIGHTINGS: usize = 400;
@@ -63,21 +72,31 @@ pub fn fit_maps(sources: &ReflectanceSources, charts: &Charts, atlas: &AtlasRast
     }
     let keys: Vec<(u32, usize, usize)> = blocks.keys().copied().collect();
     let members: Vec<Vec<usize>> = blocks.into_values().collect();
+    let specular = relightable && sources.components.iter().any(|&c| c != Component::Diffuse);
+    let with_lobes = specular && sources.specular == SpecularModel::GgxLobes;
     let fitted = parallel::map(members.len(), |k| {
-        let mut sightings = Vec::new();
+        let (mut sightings, mut equations) = (Vec::new(), Vec::new());
         let diffuse: Vec<Option<[f32; 3]>> = members[k]
             .iter()
             .map(|&member| {
                 let seen = texel_sightings(sources, &rasters, atlas, &normals, used[member]);
-                fit_texel(&seen, sources.components, relightable, &mut sightings)
+                let first = sightings.len();
+                let diffuse = fit_texel(&seen, sources, relightable, &mut sightings);
+                if with_lobes {
+                    equations.push(lobe_equations(&sightings[first..]));
+                }
+                diffuse
             })
             .collect();
+        if with_lobes {
+            return (diffuse, None, Vec::new(), equations);
+        }
         let lobe = torrance_sparrow::fit(&sightings);
         if sources.specular == SpecularModel::TorranceSparrow {
             sightings.clear();
         }
         let step = sightings.len().div_ceil(MAX_SIGHTINGS).max(1);
-        (diffuse, lobe, sightings.into_iter().step_by(step).collect::<Vec<_>>())
+        (diffuse, lobe, sightings.into_iter().step_by(step).collect::<Vec<_>>(), equations)
     });
 
     let mut place = vec![NONE; width * height];
@@ -102,11 +121,30 @@ pub fn fit_maps(sources: &ReflectanceSources, charts: &Charts, atlas: &AtlasRast
     let mut maps =
         ReflectanceMaps { relightable, diffuse: Grid::filled(width, height, [0f32; 3]), ..ReflectanceMaps::default() };
     used.iter().zip(&diffuse).for_each(|(&texel, lobe)| maps.diffuse.data[texel] = lobe.specular);
-    if relightable && sources.components.iter().any(|&c| c != Component::Diffuse) {
-        let (mut lobes, sightings): (Vec<Option<TorranceSparrowLobe>>, Vec<Vec<SpecularSighting>>) =
-            fitted.into_iter().map(|(_, lobe, sightings)| (lobe, sightings)).unzip();
+    if with_lobes {
+        let mut equations = vec![LobeEquations::default(); used.len()];
+        for (members, (.., own)) in members.iter().zip(&fitted) {
+            members.iter().zip(own).for_each(|(&member, own)| equations[member] = *own);
+        }
+        let points: Vec<[f64; 3]> = used.iter().map(|&texel| atlas.position(sources.mesh, texel).to_array()).collect();
+        let [low, high] = sources.mesh.bounding_box().unwrap_or_default();
+        let half_side = (0..3).map(|k| 0.5 * (high[k] - low[k]) as f64).fold(1e-12, f64::max);
+        let scale = SharingScale { cell: SHARED * half_side, smoothing: SHARED * half_side };
+        let weights = share_weights(&points, &[], scale, |k| equations[k]);
+        maps.lobes = vec![Grid::filled(width, height, [0f32; 3]); LOBES];
+        for (&texel, weights) in used.iter().zip(&weights) {
+            for (k, map) in maps.lobes.iter_mut().enumerate() {
+                map.data[texel] = std::array::from_fn(|c| weights[c][k]);
+            }
+        }
+        maps.set_single_lobes();
+        return maps;
+    }
+    if specular {
+        let (mut block_lobes, sightings): (Vec<Option<TorranceSparrowLobe>>, Vec<Vec<SpecularSighting>>) =
+            fitted.into_iter().map(|(_, lobe, sightings, _)| (lobe, sightings)).unzip();
         if sources.specular == SpecularModel::Dsbrdf {
-            maps.palette = palette::fit(&mut lobes, &sightings);
+            maps.palette = palette::fit(&mut block_lobes, &sightings);
         }
         let number = |key: (u32, usize, usize)| keys.binary_search(&key).ok();
         let near = |k: usize| {
@@ -115,7 +153,7 @@ pub fn fit_maps(sources: &ReflectanceSources, charts: &Charts, atlas: &AtlasRast
                 .into_iter()
                 .filter_map(move |(dx, dy)| number((chart, y.checked_add_signed(dy)?, x.checked_add_signed(dx)?)))
         };
-        let lobes = torrance_sparrow::fill_from_neighbours(&lobes, near);
+        let block_lobes = torrance_sparrow::fill_from_neighbours(&block_lobes, near);
         maps.specular = Grid::filled(width, height, [0f32; 3]);
         maps.sigma = Grid::filled(width, height, 0f32);
         for &texel in &used {
@@ -128,7 +166,7 @@ pub fn fit_maps(sources: &ReflectanceSources, charts: &Charts, atlas: &AtlasRast
             for (y, wy) in [(Some(row), 1.0 - t.abs()), (neighbour(row, t), t.abs())] {
                 for (x, wx) in [(Some(column), 1.0 - s.abs()), (neighbour(column, s), s.abs())] {
                     let (Some(x), Some(y)) = (x, y) else { continue };
-                    let Some(lobe) = number((chart, y, x)).map(|k| lobes[k]) else { continue };
+                    let Some(lobe) = number((chart, y, x)).map(|k| block_lobes[k]) else { continue };
                     (0..3).for_each(|c| sum[c] += wx * wy * lobe.specular[c] as f64);
                     sum[3] += wx * wy * (lobe.sigma as f64).ln();
                     sum[4] += wx * wy;
@@ -199,22 +237,27 @@ fn texel_sightings(
 /// Diffuse colour of a texel from what was seen of it; adds what was seen of its highlight to `highlight`.
 fn fit_texel(
     seen: &[TexelSighting],
-    components: &[Component],
+    sources: &ReflectanceSources,
     relightable: bool,
     highlight: &mut Vec<SpecularSighting>,
 ) -> Option<[f32; 3]> {
-    let of = |component: Component| components.iter().position(|&c| c == component);
+    let layered = sources.specular == SpecularModel::GgxLobes;
+    let of = |component: Component| sources.components.iter().position(|&c| c == component);
     if !relightable {
         let mut mean = LambertSums::default();
         let shown = of(Component::Diffuse).or(of(Component::Combined)).unwrap_or(0);
         seen.iter().for_each(|s| mean.add_unlit(s.radiance[shown], s.geometry.cos_view));
         return mean.solve();
     }
+    let add = |sums: &mut LambertSums, radiance: [f32; 3], geometry: &ReflectionGeometry| match layered {
+        true => sums.add_layer(radiance, geometry),
+        false => sums.add(radiance, geometry),
+    };
     if let Some(combined) = of(Component::Combined) {
         let sums = |beyond: f32| {
             let mut sums = LambertSums::default();
             for s in seen.iter().filter(|s| s.geometry.alpha > beyond) {
-                sums.add(s.radiance[combined], &s.geometry);
+                add(&mut sums, s.radiance[combined], &s.geometry);
             }
             sums
         };
@@ -222,7 +265,8 @@ fn fit_texel(
         let away = sums(HIGHLIGHT);
         let diffuse = if away.weight() > 1.0 { away.solve() } else { sums(-1.0).solve() };
         highlight.extend(seen.iter().map(|s| {
-            let matte = lambert::evaluate(diffuse.unwrap_or_default(), &s.geometry);
+            let factor = if layered { lobes::layer_factor(&s.geometry) } else { 1.0 };
+            let matte = lambert::evaluate(diffuse.unwrap_or_default().map(|x| factor * x), &s.geometry);
             let radiance = std::array::from_fn(|c| s.radiance[combined][c] - matte[c]);
             SpecularSighting { radiance, geometry: s.geometry }
         }));
@@ -233,6 +277,21 @@ fn fit_texel(
     }
     let mut sums = LambertSums::default();
     let index = of(Component::Diffuse)?;
-    seen.iter().for_each(|s| sums.add(s.radiance[index], &s.geometry));
+    seen.iter().for_each(|s| add(&mut sums, s.radiance[index], &s.geometry));
     sums.solve()
+}
+
+/// Normal equations of the lobes of one texel.
+fn lobe_equations(sightings: &[SpecularSighting]) -> LobeEquations<3> {
+    let mut equations = LobeEquations::default();
+    for SpecularSighting { radiance, geometry } in sightings {
+        if geometry.cos_light < MIN_COS_LIGHT || geometry.irradiance.iter().any(|&e| e <= 0.0) {
+            continue;
+        }
+        let seen: [f64; 3] = std::array::from_fn(|c| radiance[c] as f64 / geometry.irradiance[c] as f64);
+        let mean = (seen.iter().sum::<f64>() / 3.0).max(0.0);
+        let weight = geometry.cos_view as f64 / (mean + LOBE_FLOOR);
+        equations.add(&lobe_values(&LobeCosines::from(geometry)), seen, weight);
+    }
+    equations
 }

@@ -16,6 +16,8 @@ pub struct ReflectionGeometry {
     pub cos_light: f32,
     /// `N.V`, in `-1..=1`; the point is unseen where it is not positive.
     pub cos_view: f32,
+    /// Cosine of `alpha`.
+    pub cos_half: f32,
     /// Angle between the normal and the half vector `(L + V) / |L + V|`, radians.
     pub alpha: f32,
     /// Angle between the half vector and either direction, radians.
@@ -34,6 +36,7 @@ impl ReflectionGeometry {
             irradiance: light.intensity.map(|l| if squared > 0.0 { (l / squared) as f32 } else { 0.0 }),
             cos_light: dot(normal, to_light) as f32,
             cos_view: dot(normal, to_view) as f32,
+            cos_half: cos_half.clamp(-1.0, 1.0) as f32,
             alpha: cos_half.clamp(-1.0, 1.0).acos() as f32,
             difference: (0.5 * length).clamp(0.0, 1.0).acos() as f32,
         }

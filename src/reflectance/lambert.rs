@@ -1,6 +1,6 @@
 //! Diffuse reflection, `I_d = K_d E cos(theta_i)` with the light's irradiance `E = L / r^2` (Miyazaki 2007, equation 7).
 
-use super::ReflectionGeometry;
+use super::{ReflectionGeometry, lobes};
 
 /// Sums of the weighted linear least squares problem of one surface point; add its observations in any number of calls.
 ///
@@ -20,6 +20,13 @@ impl LambertSums {
         if geometry.cos_light > 0.0 {
             let shading = geometry.irradiance.map(|e| e * geometry.cos_light);
             self.add_shaded(radiance, shading, geometry.cos_view);
+        }
+    }
+    /// Adds the radiance seen in one view of a diffuse layer under a dielectric surface, under a known light.
+    pub(crate) fn add_layer(&mut self, radiance: [f32; 3], geometry: &ReflectionGeometry) {
+        if geometry.cos_light > 0.0 {
+            let factor = geometry.cos_light * lobes::layer_factor(geometry);
+            self.add_shaded(radiance, geometry.irradiance.map(|e| e * factor), geometry.cos_view);
         }
     }
     /// Adds the radiance seen in one view where the lights are unknown: [`LambertSums::solve`] is then the weighted mean.

@@ -1,5 +1,6 @@
 //! Reflectance of every texel of the atlas: fitted from photographs, evaluated, and as integer planes for coding.
 
+use super::lobes::{self, LOBES};
 use super::palette::{self, PaletteEntry};
 use super::torrance_sparrow::SIGMA_LEVELS;
 use super::{ReflectionGeometry, TorranceSparrowLobe, lambert, torrance_sparrow};
@@ -28,6 +29,28 @@ pub struct ReflectanceMaps {
     pub sigma: Grid<f32>,
     /// Shapes of highlights, by rising `sigma`; empty for those of Torrance and Sparrow.
     pub palette: Vec<PaletteEntry>,
+    /// Weights of GGX lobes of rising roughness, per texel; empty for other models. Where there are any, `specular` and `sigma` are their
+    /// nearest single lobe, and `diffuse` is that of a layer under a dielectric surface. See `spec/reflectance.md`.
+    pub lobes: Vec<Grid<[f32; 3]>>,
+}
+
+impl ReflectanceMaps {
+    /// Weights of the lobes at an atlas position.
+    pub(crate) fn lobe_weights(&self, at: [f64; 2]) -> [[f32; 3]; LOBES] {
+        std::array::from_fn(|k| match self.lobes.get(k) {
+            Some(map) => sample_colour(map, at).map(|x| x as f32),
+            None => [0.0; 3],
+        })
+    }
+    /// Sets `specular` and `sigma` to the nearest single lobe of each texel's lobes.
+    pub(crate) fn set_single_lobes(&mut self) {
+        let Some(first) = self.lobes.first() else { return };
+        let (width, height) = (first.width, first.height);
+        let weights = |at: usize| std::array::from_fn(|k| self.lobes.get(k).map_or([0.0; 3], |map| map.data[at]));
+        let single: Vec<_> = (0..first.data.len()).map(|at| lobes::single_lobe(&weights(at))).collect();
+        self.specular = Grid { width, height, data: single.iter().map(|lobe| lobe.specular).collect() };
+        self.sigma = Grid { width, height, data: single.iter().map(|lobe| lobe.sigma).collect() };
+    }
 }
 
 /// Radiance of one component at an atlas position. `geometry` is that of the surface point, not used by maps that hold radiance;
@@ -42,11 +65,15 @@ pub fn evaluate(
         let colour = sample_colour(&maps.diffuse, at).map(|x| x as f32);
         match geometry {
             _ if !maps.relightable => colour,
-            Some(geometry) => lambert::evaluate(colour, geometry),
+            Some(geometry) if maps.lobes.is_empty() => lambert::evaluate(colour, geometry),
+            Some(geometry) => lambert::evaluate(colour.map(|x| x * lobes::layer_factor(geometry)), geometry),
             None => [0.0; 3],
         }
     };
     let specular = || match geometry {
+        Some(geometry) if maps.relightable && !maps.lobes.is_empty() => {
+            lobes::evaluate(&maps.lobe_weights(at), geometry)
+        }
         Some(geometry) if maps.relightable && !maps.specular.data.is_empty() && !maps.sigma.data.is_empty() => {
             let lobe = TorranceSparrowLobe {
                 specular: sample_colour(&maps.specular, at).map(|x| x as f32),
@@ -85,6 +112,9 @@ pub(crate) struct ReflectancePlanes {
     pub planes: Vec<Grid<i32>>,
     /// See [`ReflectanceMaps::palette`]; only with a specular map.
     pub palette: Vec<PaletteEntry>,
+    /// Weights at level [`COLOUR_LEVELS`] of the planes of each lobe, which take the place of the specular map's and `sigma`'s; `None`
+    /// without lobes.
+    pub lobe_scales: Option<[f32; LOBES]>,
 }
 
 /// Quantises maps. Texels outside `mask` become 0. The scale is the largest value, of the specular map that which one texel in 2000
@@ -92,29 +122,18 @@ pub(crate) struct ReflectancePlanes {
 pub(crate) fn to_planes(maps: &ReflectanceMaps, mask: &Mask) -> ReflectancePlanes {
     let mut result = ReflectancePlanes { relightable: maps.relightable, ..ReflectancePlanes::default() };
     result.palette.clone_from(&maps.palette);
-    for (k, map) in [&maps.diffuse, &maps.specular].into_iter().enumerate() {
-        if map.data.is_empty() {
-            continue;
+    if maps.lobes.is_empty() {
+        for (k, map) in [&maps.diffuse, &maps.specular].into_iter().enumerate() {
+            if !map.data.is_empty() {
+                let share = if k == 0 { 0 } else { WILD_SHARE };
+                result.scales[k] = push_colour(map, mask, share, &mut result.planes);
+            }
         }
-        let mut peaks: Vec<f32> = map
-            .data
-            .iter()
-            .zip(&mask.data)
-            .filter(|(x, m)| **m && x.iter().all(|v| v.is_finite()))
-            .map(|(x, _)| x[0].max(x[1]).max(x[2]))
-            .collect();
-        peaks.sort_by(f32::total_cmp);
-        let beyond = if k == 0 { 0 } else { peaks.len() / 2000 };
-        let scale = peaks.iter().rev().nth(beyond).copied().unwrap_or(0.0).max(1e-9);
-        result.scales[k] = scale;
-        for c in 0..3 {
-            let level = |(x, &m): (&[f32; 3], &bool)| {
-                let share = (x[c] / scale).max(0.0) as f64;
-                if m { ((share.sqrt() * COLOUR_LEVELS as f64).round() as i32).min(COLOUR_LEVELS) } else { 0 }
-            };
-            let data = map.data.iter().zip(&mask.data).map(level).collect();
-            result.planes.push(Grid { width: map.width, height: map.height, data });
-        }
+    } else {
+        result.scales[0] = push_colour(&maps.diffuse, mask, 0, &mut result.planes);
+        let scales = std::array::from_fn(|k| push_colour(&maps.lobes[k], mask, WILD_SHARE, &mut result.planes));
+        result.lobe_scales = Some(scales);
+        return result;
     }
     if !maps.specular.data.is_empty() {
         let (least, most) = torrance_sparrow::SIGMA_RANGE;
@@ -129,13 +148,39 @@ pub(crate) fn to_planes(maps: &ReflectanceMaps, mask: &Mask) -> ReflectancePlane
     result
 }
 
+/// One texel in so many may exceed the scale of its map.
+const WILD_SHARE: usize = 2000;
+
+/// Appends the planes of a colour map and returns its scale. With `wild_share` above 0 one texel in so many may exceed it.
+fn push_colour(map: &Grid<[f32; 3]>, mask: &Mask, wild_share: usize, planes: &mut Vec<Grid<i32>>) -> f32 {
+    let finite = map.data.iter().zip(&mask.data).filter(|(x, m)| **m && x.iter().all(|v| v.is_finite()));
+    let mut peaks: Vec<f32> = finite.map(|(x, _)| x[0].max(x[1]).max(x[2])).collect();
+    peaks.sort_by(f32::total_cmp);
+    let beyond = peaks.len().checked_div(wild_share).unwrap_or(0);
+    let scale = peaks.iter().rev().nth(beyond).copied().unwrap_or(0.0).max(1e-9);
+    for c in 0..3 {
+        let level = |(x, &m): (&[f32; 3], &bool)| {
+            let share = (x[c] / scale).max(0.0) as f64;
+            if m { ((share.sqrt() * COLOUR_LEVELS as f64).round() as i32).min(COLOUR_LEVELS) } else { 0 }
+        };
+        let data = map.data.iter().zip(&mask.data).map(level).collect();
+        planes.push(Grid { width: map.width, height: map.height, data });
+    }
+    scale
+}
+
+/// Planes of a file with lobes: diffuse colour and the colours of each lobe.
+pub(crate) const LOBE_PLANES: usize = 3 + 3 * LOBES;
+
 /// Maps of planes. Levels out of range (a lossy coder overshoots) are clamped.
 pub(crate) fn from_planes(planes: &ReflectancePlanes) -> Result<ReflectanceMaps> {
     let wrong = |message: &str| Error::format(Tag::REFLECTANCE, 0u64, message);
     let first = planes.planes.first().ok_or_else(|| wrong("no planes; 3 or 7 expected"))?;
     let count = planes.planes.len();
-    if count != 3 && count != 7 {
-        return Err(wrong("3 or 7 planes expected"));
+    match planes.lobe_scales {
+        None if count != 3 && count != 7 => return Err(wrong("3 or 7 planes expected")),
+        Some(_) if count != LOBE_PLANES => return Err(wrong("18 planes expected")),
+        _ => {}
     }
     let alike = |p: &Grid<i32>| p.width == first.width && p.height == first.height && p.data.len() == first.data.len();
     if !planes.planes.iter().all(alike) || planes.scales.iter().any(|s| !(s.is_finite() && *s >= 0.0)) {
@@ -155,7 +200,10 @@ pub(crate) fn from_planes(planes: &ReflectancePlanes) -> Result<ReflectanceMaps>
         diffuse: colour(0, planes.scales[0]),
         ..ReflectanceMaps::default()
     };
-    if count == 7 {
+    if let Some(scales) = planes.lobe_scales {
+        maps.lobes = (0..LOBES).map(|k| colour(3 + 3 * k, scales[k])).collect();
+        maps.set_single_lobes();
+    } else if count == 7 {
         maps.specular = colour(3, planes.scales[1]);
         maps.sigma = planes.planes[6].map(|&level| crate::reflectance::torrance_sparrow::sigma_of_level(level));
         maps.palette.clone_from(&planes.palette);

@@ -3,6 +3,7 @@
 pub(crate) mod codec;
 pub(crate) mod geometry;
 pub(crate) mod lambert;
+pub(crate) mod lobes;
 pub(crate) mod maps;
 pub(crate) mod palette;
 

@@ -172,6 +172,7 @@ mod tests {
                     cos_view: 1.0 - 0.05 * i as f32,
                     alpha: (i as f32 - 4.3).abs() * 0.07,
                     difference: 0.3,
+                    ..Default::default()
                 };
                 let mut radiance = evaluate(lobe, &geometry);
                 for (c, x) in radiance.iter_mut().enumerate() {

@@ -7,6 +7,7 @@ use crate::asset::Asset;
 use crate::brdf::Brdf;
 use crate::error::{Error, Result};
 use crate::image::Grid;
+use crate::reflectance::lobes::MEAN_LAYER_FACTOR;
 use crate::reflectance::maps::ReflectanceMaps;
 use crate::reflectance::palette::PaletteTables;
 use crate::reflectance::torrance_sparrow::SIGMA_RANGE;
@@ -92,7 +93,8 @@ impl ShadingModel for AssetShading<'_> {
     fn parameters_at(&self, triangle: usize, _: [f32; 3], position: [f32; 3]) -> ShadingParameters<'_> {
         let at = atlas_position(self.charts, triangle, DVec3::from_array(position.map(f64::from)));
         // K_d is radiance over irradiance.
-        let albedo = sample_colour(&self.maps.diffuse, at).map(|c| c as f32 * std::f32::consts::PI);
+        let layer = if self.maps.lobes.is_empty() { 1.0 } else { MEAN_LAYER_FACTOR };
+        let albedo = sample_colour(&self.maps.diffuse, at).map(|c| c as f32 * std::f32::consts::PI * layer);
         match &self.range {
             Some(range) => ShadingParameters {
                 albedo,

@@ -12,5 +12,6 @@ pub(crate) mod raster;
 pub(crate) mod reproject;
 pub(crate) mod samples;
 pub(crate) mod split;
+pub(crate) mod subdivision;
 pub(crate) mod view_geometry;
 pub(crate) mod warp;

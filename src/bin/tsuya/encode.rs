@@ -12,7 +12,7 @@ use tsuya::Component;
 use tsuya::Error;
 use tsuya::encoder::{EncodedFile, encode};
 use tsuya::metrics::ImagePsnr;
-use tsuya::{DecodeSpeed, EncodeOptions, EncodeTarget, Profile, SpecularModel};
+use tsuya::{DecodeSpeed, EncodeOptions, EncodeTarget, Profile, Refinement, SpecularModel};
 
 /// Encodes a capture: photographs with their cameras, and a mesh, into one .tsuya file.
 #[derive(Args)]
@@ -41,6 +41,9 @@ pub struct Encode {
     /// Profile predictive: model that highlights are fitted with.
     #[arg(long, value_enum, default_value = "torrance-sparrow", value_name = "MODEL")]
     specular: SpecularName,
+    /// Corrects the mesh by the photographs before they are encoded.
+    #[arg(long, value_enum, default_value = "none", value_name = "WHAT")]
+    refine: RefinementName,
     /// Profile predictive: keeps specular radiance below zero (noise, double bounces), too.
     #[arg(long)]
     signed_specular: bool,
@@ -130,6 +133,17 @@ enum SpecularName {
     TorranceSparrow,
     /// Measured shapes: a palette of lobes of half and difference angle.
     Dsbrdf,
+    /// Weights of five GGX lobes, shared by neighbours; diffuse light passes a dielectric surface.
+    Ggx,
+}
+
+#[derive(Clone, Copy, PartialEq, ValueEnum)]
+enum RefinementName {
+    /// The mesh stays as it is.
+    None,
+    /// Subdivides and displaces it until it explains shading and highlights under known lights, and keeps that if views explain themselves
+    /// better that it was not fitted to. The file then holds the dense mesh, some 100 kB.
+    Surface,
 }
 
 impl Encode {
@@ -194,10 +208,11 @@ impl Encode {
         let specular = match self.specular {
             SpecularName::TorranceSparrow => SpecularModel::TorranceSparrow,
             SpecularName::Dsbrdf => SpecularModel::Dsbrdf,
+            SpecularName::Ggx => SpecularModel::GgxLobes,
         };
-        if specular == SpecularModel::Dsbrdf && profile == Profile::WaveletTexture {
+        if specular != SpecularModel::TorranceSparrow && profile == Profile::WaveletTexture {
             let message =
-                "--specular dsbrdf goes with profile predictive: profile wavelet-texture has the published model";
+                "--specular dsbrdf and ggx go with profile predictive: profile wavelet-texture has the published model";
             return Err(Error::parameter(message).into());
         }
         let decode_speed = match self.faster_decoding {
@@ -211,6 +226,10 @@ impl Encode {
         }
         Ok(EncodeOptions {
             specular,
+            refine: match self.refine {
+                RefinementName::None => Refinement::None,
+                RefinementName::Surface => Refinement::Surface,
+            },
             profile,
             decode_speed,
             target: self.target.target(),

@@ -18,6 +18,7 @@ fn sightings(sigma: f32, colour: [f32; 3], block: usize) -> Vec<SpecularSighting
                 cos_view: 0.5 + 0.4 * part(0.31),
                 alpha: 1.2 * part(0.618).powi(2),
                 difference: 0.2 + 0.6 * part(0.755),
+                ..Default::default()
             };
             let shape = (-(geometry.alpha / sigma)).exp() + 0.05 * (-geometry.alpha).exp();
             let fresnel = 1.0 + 2.0 * geometry.difference;
@@ -81,8 +82,14 @@ fn palettes_come_back_and_damage_is_found() {
     assert!(read_palette(&equal, 0, Tag::REFLECTANCE, &budget()).unwrap_err().to_string().contains("rise"));
     assert!(write_palette(&[], &mut equal).is_err());
     // Whatever decodes is finite.
-    let geometry =
-        ReflectionGeometry { irradiance: [1.0; 3], cos_light: 0.5, cos_view: 0.5, alpha: 0.1, difference: 0.4 };
+    let geometry = ReflectionGeometry {
+        irradiance: [1.0; 3],
+        cos_light: 0.5,
+        cos_view: 0.5,
+        alpha: 0.1,
+        difference: 0.4,
+        ..Default::default()
+    };
     let lobe = TorranceSparrowLobe { specular: [0.5; 3], sigma: 0.1 };
     for at in 3..bytes.len() {
         if let Ok((palette, _)) = changed(at, bytes[at] ^ (1 << (at % 8))) {
@@ -176,8 +183,14 @@ fn sections_with_a_palette_come_back_and_hostile_ones_are_refused() {
     let decoded = read(&bytes).unwrap();
     assert!(decoded == expected && decoded.palette == maps.palette);
     // The same light as from the maps that were coded, within their steps.
-    let geometry =
-        ReflectionGeometry { irradiance: [1.0; 3], cos_light: 0.8, cos_view: 0.7, alpha: 0.05, difference: 0.4 };
+    let geometry = ReflectionGeometry {
+        irradiance: [1.0; 3],
+        cos_light: 0.8,
+        cos_view: 0.7,
+        alpha: 0.05,
+        difference: 0.4,
+        ..Default::default()
+    };
     for at in [[10.0, 10.0], [8.5, 11.0], [30.0, 9.0]] {
         let light =
             |maps| crate::reflectance::maps::evaluate(maps, crate::views::Component::Specular, at, Some(&geometry));

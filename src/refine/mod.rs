@@ -1,0 +1,293 @@
+//! Refinement of the surface: the scan, subdivided and displaced along its normals until it explains the photographs.
+//!
+//! A scan's triangles are larger than pixels and its normals are degrees wrong, so that highlights computed from it lie beside those of
+//! the photographs. Photographs under known light say where: the diffuse component by its shading, the specular one by its highlights
+//! (photometric stereo; Woodham 1980, Nehab et al. 2005), both by their texture in several views. One displacement a vertex is solved
+//! for together with the model of reflectance, by Gauss and Newton's method, from coarse to fine meshes.
+
+mod evidence;
+mod rings;
+mod schedule;
+mod signal_view;
+mod system;
+
+use crate::image::{Mask, RgbImage};
+use crate::mesh::Mesh;
+use crate::options::Refinement;
+use crate::reflectance::lobes::share::{LobeEquations, SharingScale, share_weights};
+use crate::reflectance::lobes::{LOBES, LobeCosines, lobe_values};
+use crate::separate::Observations;
+use crate::surface::raster::{rasterise, vertex_normals};
+use crate::surface::subdivision::subdivide;
+use crate::views::{Camera, Component, View};
+use evidence::{LossScales, SurfaceState};
+use rings::Rings;
+use schedule::{STAGES, Stage};
+use signal_view::{SPECULAR_FLOOR, SignalView, unit};
+use system::DisplacedSurface;
+
+/// Edge of the finest mesh, in pixels of the reduced photographs.
+const EDGE_PIXELS: f64 = 1.25;
+/// Vertices of the finest mesh, at most.
+const MAX_VERTICES: u64 = 1 << 20;
+/// Pixels of all photographs, beyond which they are reduced.
+const MAX_PIXELS: u64 = 16 << 20;
+/// One view of so many is left out while it is decided whether the refinement holds, and so many at most.
+const LEAVE_OUT: usize = 7;
+/// Steps longer than this, in edges, are cut.
+const MAX_STEP: f64 = 1.5;
+/// Iterations over which the losses' scales fall from three times their value.
+const WIDE_ITERATIONS: f64 = 3.0;
+/// Least cosine of a view that lobes are fitted to.
+const LOBE_COS_VIEW: f64 = 0.25;
+
+/// A view with its photographs.
+pub(crate) struct RefinementView<'a> {
+    /// Camera and light.
+    pub view: &'a View,
+    /// Pixels that show the object.
+    pub mask: &'a Mask,
+    /// Diffuse and specular radiance.
+    pub images: [&'a RgbImage; 2],
+}
+
+/// A refined surface: the scan, linearly subdivided and displaced.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RefinedSurface {
+    /// Subdivisions.
+    pub levels: u32,
+    /// Displacement of each vertex of the subdivided scan along its interpolated unit normal, world units.
+    pub displacement: Vec<f64>,
+    /// The displaced surface.
+    pub mesh: Mesh,
+    /// Loss of the views that were left out while it was decided: with the scan and with the refined surface.
+    pub left_out_loss: [f64; 2],
+}
+
+/// Directions along which a subdivided scan is displaced: its vertices' normals, interpolated.
+struct SubdividedScan {
+    mesh: Mesh,
+    base: Vec<[f64; 3]>,
+    along: Vec<[f64; 3]>,
+}
+
+impl SubdividedScan {
+    fn new(scan: &Mesh, levels: u32) -> Self {
+        let fine = subdivide(scan, levels);
+        let sums = fine.interpolate(&vertex_normals(scan), |a, b| std::array::from_fn(|k| 0.5 * (a[k] + b[k])));
+        let along = sums.into_iter().map(|sum| unit(sum).0).collect();
+        SubdividedScan { base: fine.mesh.positions.iter().map(|p| p.map(f64::from)).collect(), mesh: fine.mesh, along }
+    }
+}
+
+/// Refines a scan. `None` where the refined surface does not explain views that it was not fitted to any better than the scan does,
+/// where the lights are unknown, or too few views have one.
+pub(crate) fn refine(scan: &Mesh, views: &[RefinementView], white: [f64; 3]) -> Option<RefinedSurface> {
+    let pixels = |factor: usize| {
+        let pixels = |camera: &Camera| (camera.width as u64 / factor as u64) * (camera.height as u64 / factor as u64);
+        views.iter().map(|view| pixels(&view.view.camera)).sum::<u64>()
+    };
+    let factor = (1..64).find(|&factor| pixels(factor) <= MAX_PIXELS).unwrap_or(64);
+    let mut signals: Vec<SignalView> = crate::parallel::map(views.len(), |k| {
+        SignalView::new(views[k].view, views[k].mask, views[k].images, white, factor)
+    })
+    .into_iter()
+    .flatten()
+    .collect();
+    if signals.len() < 2 * LEAVE_OUT {
+        return None;
+    }
+    let finest = levels(scan, &signals);
+    let size = half_side(scan);
+    // Coarse stages decide, by views that they leave out.
+    let mut left_out = Vec::new();
+    for k in (0..signals.len()).rev().filter(|k| k % LEAVE_OUT == LEAVE_OUT / 2) {
+        left_out.push(signals.remove(k));
+    }
+    let mut state = RefinementProgress { displacement: vec![0.0; scan.positions.len()], left_out_loss: [0.0; 2] };
+    for (number, stage) in STAGES.iter().enumerate() {
+        let levels = finest.saturating_sub(stage.coarser);
+        if stage.coarser == 0 && STAGES[number - 1].coarser > 0 {
+            if state.left_out_loss[1] >= state.left_out_loss[0] {
+                return None;
+            }
+            signals.append(&mut left_out);
+        }
+        state.run(scan, levels, stage, size, &mut signals, &mut left_out);
+    }
+    let fine = SubdividedScan::new(scan, finest);
+    let mut mesh = fine.mesh;
+    for (v, position) in mesh.positions.iter_mut().enumerate() {
+        *position = std::array::from_fn(|k| (fine.base[v][k] + state.displacement[v] * fine.along[v][k]) as f32);
+    }
+    let RefinementProgress { displacement, left_out_loss, .. } = state;
+    Some(RefinedSurface { levels: finest, displacement, mesh, left_out_loss })
+}
+
+/// Subdivisions after which an edge is about a pixel long.
+fn levels(scan: &Mesh, signals: &[SignalView]) -> u32 {
+    let (middle, _) = scan.bounding_sphere();
+    let pixel = |view: &SignalView| {
+        let depth = view.camera().to_camera(middle)[2];
+        depth / view.camera().focal[0]
+    };
+    let pixel = signals.iter().map(pixel).sum::<f64>() / signals.len() as f64;
+    let edges = mean_edge(&scan.positions.iter().map(|p| p.map(f64::from)).collect::<Vec<_>>(), &scan.triangles);
+    let wanted = (edges / pixel / EDGE_PIXELS).log2().round();
+    let mut levels = if wanted > 0.0 { wanted as u32 } else { 0 };
+    // Each subdivision makes about four vertices of one.
+    while levels > 0 && (scan.positions.len() as u64) << (2 * levels.min(20)) > MAX_VERTICES {
+        levels -= 1;
+    }
+    levels
+}
+
+fn mean_edge(points: &[[f64; 3]], triangles: &[[u32; 3]]) -> f64 {
+    let length = |a: u32, b: u32| {
+        let d: [f64; 3] = std::array::from_fn(|k| points[a as usize][k] - points[b as usize][k]);
+        unit(d).1.sqrt()
+    };
+    let sum: f64 = triangles.iter().map(|&[a, b, c]| length(a, b) + length(b, c) + length(c, a)).sum();
+    sum / (3 * triangles.len()).max(1) as f64
+}
+
+/// Half the longest side of the bounding box.
+fn half_side(mesh: &Mesh) -> f64 {
+    let [low, high] = mesh.bounding_box().unwrap_or_default();
+    (0..3).map(|k| 0.5 * (high[k] as f64 - low[k] as f64)).fold(1e-12, f64::max)
+}
+
+/// Displacements as far as they are known.
+struct RefinementProgress {
+    displacement: Vec<f64>,
+    left_out_loss: [f64; 2],
+}
+
+impl RefinementProgress {
+    /// Iterates on the scan subdivided `levels` times.
+    fn run(
+        &mut self,
+        scan: &Mesh,
+        levels: u32,
+        stage: &Stage,
+        size: f64,
+        signals: &mut [SignalView],
+        left_out: &mut [SignalView],
+    ) {
+        let mut displacement = subdivide(scan, levels).interpolate(&self.displacement, |a, b| 0.5 * (a + b));
+        let SubdividedScan { mesh, base, along } = SubdividedScan::new(scan, levels);
+        let rings = Rings::new(base.len(), &mesh.triangles);
+        let edge = mean_edge(&base, &mesh.triangles);
+        let surface = DisplacedSurface { triangles: &mesh.triangles, rings: &rings, base: &base, along: &along, edge };
+        let scale = SharingScale { cell: stage.sharing.cell * size, smoothing: stage.sharing.smoothing * size };
+        let (mut weights, mut roots) = (Vec::new(), Vec::new());
+        let look = |signals: &mut [SignalView], points: &[[f64; 3]]| {
+            let positions = points.iter().map(|p| p.map(|x| x as f32)).collect();
+            let drawn = Mesh { positions, triangles: mesh.triangles.clone() };
+            crate::parallel::for_each_chunk(signals, 1, |_, view| view.iter_mut().for_each(|view| view.look(&drawn)));
+        };
+        // The loss of the views left out, under a model fitted to the others.
+        let judge = |signals: &mut [SignalView], left_out: &mut [SignalView], displacement: &[f64]| {
+            let points = surface.points(displacement);
+            let normals = surface.normals(&points);
+            look(signals, &points);
+            look(left_out, &points);
+            let weights = lobes(signals, &points, &normals, scale);
+            let state = SurfaceState { points: &points, normals: &normals, along: &along, weights: &weights };
+            let evidence = evidence::gather(signals, &state, &[], stage.scales);
+            let roots: Vec<f32> = evidence.iter().map(|evidence| evidence.root).collect();
+            evidence::loss(left_out, &state, &roots, stage.scales)
+        };
+        if stage.coarser == 1 {
+            self.left_out_loss[0] = judge(signals, left_out, &vec![0.0; displacement.len()]);
+        }
+        for iteration in 0..stage.iterations {
+            let points = surface.points(&displacement);
+            let normals = surface.normals(&points);
+            if iteration % stage.depths_every == 0 {
+                look(signals, &points);
+            }
+            if iteration % stage.lobes_every == 0 {
+                weights = lobes(signals, &points, &normals, scale);
+            }
+            let wide = 1.0 + 2.0 * (1.0 - iteration as f64 / WIDE_ITERATIONS).max(0.0);
+            let scales = LossScales { diffuse: wide * stage.scales.diffuse, specular: wide * stage.scales.specular };
+            let state = SurfaceState { points: &points, normals: &normals, along: &along, weights: &weights };
+            let evidence = evidence::gather(signals, &state, &roots, scales);
+            roots = evidence.iter().map(|evidence| evidence.root).collect();
+            let loss = evidence.iter().fold([0.0; 3], |sum, e| std::array::from_fn(|k| sum[k] + e.loss[k]));
+            tracing::debug!("evidence");
+            let step = surface.step(&displacement, &evidence, &stage.priors);
+            let longest = MAX_STEP * edge;
+            displacement.iter_mut().zip(&step).for_each(|(d, step)| *d += step.clamp(-longest, longest));
+            tracing::debug!(
+                "refinement: {} vertices, iteration {iteration}, loss {:.6} diffuse, {:.6} specular",
+                points.len(),
+                loss[0] / loss[2],
+                loss[1] / loss[2]
+            );
+        }
+        if stage.coarser == 1 {
+            self.left_out_loss[1] = judge(signals, left_out, &displacement);
+        }
+        self.displacement = displacement;
+    }
+}
+
+/// Fits the lobes of grey highlights, shared between neighbouring vertices.
+fn lobes(
+    signals: &[SignalView],
+    points: &[[f64; 3]],
+    normals: &[[f64; 3]],
+    scale: SharingScale,
+) -> Vec<[[f32; LOBES]; 1]> {
+    share_weights(points, &[], scale, |v| {
+        let mut equations = LobeEquations::<1>::default();
+        for view in signals {
+            let Some(sighting) = view.sight(points[v], normals[v], LOBE_COS_VIEW) else { continue };
+            let root = view.roots(&sighting)[1];
+            let radiance = (root * root - SPECULAR_FLOOR).max(0.0);
+            let [view, light, half] = sighting.cosines;
+            let values = lobe_values(&LobeCosines { light, view, half }).map(|value| value * sighting.irradiance);
+            // Errors count by their share of the radiance: bright highlights are not all that matters.
+            equations.add(&values, [radiance], view / (radiance + 0.01));
+        }
+        equations
+    })
+}
+
+/// Returns the refined surface of a capture: `None` as [`refine`] does, and of captures whose photographs hold both components combined.
+pub fn refine_observations(scan: &Mesh, observations: &Observations) -> Option<RefinedSurface> {
+    if observations.components != [Component::Diffuse, Component::Specular] {
+        return None;
+    }
+    let covered: Vec<Mask> = crate::parallel::map(observations.views.len(), |k| {
+        let view = &observations.views[k];
+        view.mask.clone().unwrap_or_else(|| rasterise(scan, &view.view.camera).coverage())
+    });
+    let views: Vec<RefinementView> = (observations.views.iter().zip(&covered))
+        .map(|(view, mask)| RefinementView { view: &view.view, mask, images: [&view.images[0], &view.images[1]] })
+        .collect();
+    refine(scan, &views, observations.white)
+}
+
+/// Returns the mesh that a capture's photographs show, where `refinement` asks for it; adds a warning where there is none.
+pub(crate) fn refined_mesh(
+    scan: &Mesh,
+    observations: &Observations,
+    refinement: Refinement,
+    warnings: &mut Vec<String>,
+) -> Option<Mesh> {
+    if refinement == Refinement::None {
+        return None;
+    }
+    let refined = refine_observations(scan, observations);
+    if refined.is_none() {
+        warnings.push(
+            "the surface stays as the mesh has it: refining it takes polarised photographs under known lights, 14 views or more, and \
+             it has to explain views better that it was not fitted to"
+                .into(),
+        );
+    }
+    refined.map(|refined| refined.mesh)
+}
