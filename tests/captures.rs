@@ -8,7 +8,7 @@ use tsuya::Error;
 use tsuya::decoder::{DecodeOptions, decode};
 use tsuya::encoder::encode;
 use tsuya::metrics;
-use tsuya::{EncodeOptions, EncodeTarget, Profile};
+use tsuya::{EncodeOptions, EncodeTarget, Photograph, Profile, Refinement, SpecularModel};
 
 /// What an error should be and say.
 fn fails(result: tsuya::Result<impl Sized>, words: &str) {
@@ -192,4 +192,46 @@ fn the_sample_is_what_it_says() {
     assert_eq!((capture.frames.len(), capture.mesh.triangles.len()), (36, 1500));
     let beta = capture.beta.unwrap();
     assert!(beta.iter().all(|b| (b - 0.25).abs() < 0.01), "{beta:?}");
+}
+
+/// Normals out of shading and highlights: views that the refinement never saw come back better, with any number of threads.
+#[test]
+fn a_refined_surface_explains_views_that_were_left_out() {
+    let held_out = |refine: Refinement, specular: SpecularModel| {
+        let options = EncodeOptions { refine, specular, hold_out: Some(6), ..Default::default() };
+        let encoded = encode(read(&sample()).unwrap(), &options).unwrap();
+        let asset = decode(&encoded.bytes, &DecodeOptions::default()).unwrap();
+        let observations = tsuya::encoder::separate(&mut read(&sample()).unwrap()).unwrap();
+        let left_out = observations.views.into_iter().skip(5).step_by(6);
+        let (views, originals): (Vec<_>, Vec<_>) = left_out
+            .map(|view| (view.view, Photograph { mask: view.mask.unwrap_or_default(), images: view.images }))
+            .unzip();
+        tsuya::relight::hold_out(&asset, &views, &originals).unwrap().interpolated.psnr()
+    };
+    let scan = held_out(Refinement::None, SpecularModel::TorranceSparrow);
+    let refined = held_out(Refinement::Surface, SpecularModel::GgxLobes);
+    println!("{scan:?} {refined:?}");
+    assert!(refined.specular.unwrap() > scan.specular.unwrap() + 1.0, "{scan:?} {refined:?}");
+    assert!(refined.sum.unwrap() > scan.sum.unwrap() + 1.0, "{scan:?} {refined:?}");
+
+    let refine = |threads: usize| {
+        let mut capture = read(&sample()).unwrap();
+        let mesh = capture.mesh.clone();
+        let observations = tsuya::encoder::separate(&mut capture).unwrap();
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| tsuya::internals::refine::refine_observations(&mesh, &observations)).unwrap()
+    };
+    assert_eq!(refine(1), refine(3));
+}
+
+/// Without known lights there is nothing to refine by; the file is made and says so.
+#[test]
+fn a_surface_that_cannot_be_refined_stays() {
+    let capture = variant(4, |description, _| without_polarisers(description));
+    let options = EncodeOptions { refine: Refinement::Surface, ..Default::default() };
+    let capture = read(capture.path()).unwrap();
+    let triangles = capture.mesh.triangles.len();
+    let encoded = encode(capture, &options).unwrap();
+    assert!(encoded.warnings.iter().any(|warning| warning.starts_with("the surface stays")), "{:?}", encoded.warnings);
+    assert_eq!(decode(&encoded.bytes, &DecodeOptions::default()).unwrap().mesh.triangles.len(), triangles);
 }

@@ -73,8 +73,10 @@ fn check(name: &str, frames: usize, options: &EncodeOptions, masks: impl Fn(&mut
     let map_file = |name: &str| folder.path().join(format!("reflectance-{name}.pfm"));
     let read_map =
         |name: &str| Some(map_file(name)).filter(|file| file.exists()).map_or(vec![], |file| read_pfm(&file));
-    for (name, map) in [("diffuse", &maps.diffuse), ("specular", &maps.specular)] {
-        let other = read_map(name);
+    let lobes = maps.lobes.iter().enumerate().map(|(number, map)| (format!("lobe-{number}"), map));
+    for (name, map) in [("diffuse".into(), &maps.diffuse), ("specular".into(), &maps.specular)].into_iter().chain(lobes)
+    {
+        let other = read_map(&name);
         let same = map.data.iter().zip(&other).filter(|(a, b)| a.map(f32::to_bits) == **b).count();
         assert_eq!((same, other.len()), (map.data.len(), map.data.len()), "map of the {name} reflectance");
     }
@@ -103,6 +105,14 @@ fn the_reference_decoder_gives_the_same_bits() {
     let specular = tsuya::SpecularModel::Dsbrdf;
     let options = EncodeOptions { target: Some(EncodeTarget::Quality(40.0)), specular, ..Default::default() };
     check("sample-spot", 2, &options, ragged);
+}
+
+/// Highlights as weights of lobes.
+#[test]
+fn the_reference_decoder_gives_the_same_bits_of_lobes() {
+    let specular = tsuya::SpecularModel::GgxLobes;
+    let options = EncodeOptions { target: Some(EncodeTarget::Quality(20.0)), specular, ..Default::default() };
+    check("sample-spot", 2, &options, |_| ());
 }
 
 /// Predictions at half the size, blocks, symbols, large magnitudes.

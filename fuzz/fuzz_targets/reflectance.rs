@@ -12,9 +12,9 @@ fuzz_target!(|bytes: &[u8]| {
         assert!(maps.diffuse.data.iter().chain(&maps.specular.data).flatten().all(|x| x.is_finite() && *x >= 0.0));
         assert!(maps.sigma.data.iter().all(|x| (0.019..=0.81).contains(x)));
         // Whatever the palette is, light stays finite and not negative, and so do the maps made Gaussian.
-        for alpha in [0.0, 0.03, 0.4, 1.5] {
-            let cosines =
-                ReflectionGeometry { irradiance: [1.0; 3], cos_light: 0.5, cos_view: 0.5, alpha, difference: 0.4 };
+        for alpha in [0.0f32, 0.03, 0.4, 1.5] {
+            let (irradiance, cos_light, cos_view, cos_half) = ([1.0; 3], 0.5, 0.5, alpha.cos());
+            let cosines = ReflectionGeometry { irradiance, cos_light, cos_view, cos_half, alpha, difference: 0.4 };
             let light = internals::reflectance::evaluate(&maps, Component::Specular, [12.0, 9.0], Some(&cosines));
             assert!(light.iter().all(|x| x.is_finite() && *x >= 0.0));
         }

@@ -126,6 +126,7 @@ fn atlases(seeds: &Seeds) {
     for (name, polarised, lit, specular) in [
         ("lobes", true, true, SpecularModel::TorranceSparrow),
         ("palette", true, true, SpecularModel::Dsbrdf),
+        ("weights", true, true, SpecularModel::GgxLobes),
         ("diffuse", false, true, SpecularModel::TorranceSparrow),
         ("radiance", false, false, SpecularModel::TorranceSparrow),
     ] {

@@ -154,21 +154,43 @@ class Charts:
         return mask
 
 
+LOBES = ("lobe-0", "lobe-1", "lobe-2", "lobe-3", "lobe-4")
+ROUGHNESS = (0.05, 0.09, 0.16, 0.28, 0.5)
+
+
+def single_lobe(weights):
+    """The nearest lobe of Torrance and Sparrow, spec/reflectance.md section 4."""
+    energy = [w[..., 0] + w[..., 1] + w[..., 2] for w in weights]
+    total, width, colour = 0.0, 0.0, 0.0
+    for k in range(5):
+        total, width, colour = total + energy[k], width + energy[k] * 0.5466 * ROUGHNESS[k], colour + weights[k]
+    dark = total <= 0
+    sigma = np.where(dark, 0.5466 * ROUGHNESS[2], width / np.where(dark, 1.0, total))
+    scale = 1.0 / (8.0 * math.pi * sigma * sigma)
+    return np.where(dark[..., None], 0.0, colour * scale[..., None]).astype(single), sigma.astype(single)
+
+
 def decode(data, charts):
-    """Maps by name: diffuse, specular (three channels), sigma. And whether the object can be relit."""
-    if data[0] != 0 or data[1] > 3 or data[2] not in (3, 7):
+    """Maps by name: diffuse, lobe-0 to lobe-4 if there are lobes, specular (three channels), sigma. And whether the object can be relit."""
+    lobes = bool(data[1] & 4)
+    if data[0] != 0 or data[1] > 5 or data[2] not in ((18,) if lobes else (3, 7)):
         raise Damaged("head of RFLC")
-    begin = 23
+    begin, names = 23, ("diffuse", "specular", "sigma")[: data[2] // 2]
     if data[1] & 2:
         # The shapes of highlights don't change the maps.
         entries, begin = data[23], 24
         for _ in range(entries):
             begin += 3 + int.from_bytes(data[begin + 1 : begin + 3], "little")
     scales, steps = struct.unpack("<2f", data[3:11]), struct.unpack("<3f", data[11:23])
+    scales = dict(zip(("diffuse", "specular"), scales))
+    if lobes:
+        names, steps = ("diffuse",) + LOBES, (steps[0],) + 5 * (steps[1],)
+        scales.update(zip(LOBES, struct.unpack("<5f", data[23:43])))
+        begin = 43
     mask = charts.mask()
     transform, coder, maps = Transform(mask), Range(data[begin:]), {}
     shrink = [single(0.08), single(0.02)]
-    for name, step in zip(("diffuse", "specular", "sigma")[: data[2] // 2], steps):
+    for name, step in zip(names, steps):
         bands = decode_coefficients(coder, Models(), transform.bands, single(step), shrink, None)
         levels = np.floor(transform.inverse(bands) + single(0.5))
         levels[~mask] = 0
@@ -178,5 +200,7 @@ def decode(data, charts):
             maps[name] = sigmas[levels[..., 0].clip(0, 255).astype(int)]
         else:
             share = levels.clip(0, 1023) / single(1023)
-            maps[name] = share * share * single(scales[name == "specular"])
+            maps[name] = share * share * single(scales[name])
+    if lobes:
+        maps["specular"], maps["sigma"] = single_lobe([maps[name].astype(float) for name in LOBES])
     return maps, bool(data[1] & 1)

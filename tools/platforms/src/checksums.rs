@@ -60,6 +60,9 @@ pub fn checksums(asset: &Asset) -> String {
     }
     if let Some(maps) = &asset.reflectance {
         part(&mut lines, "reflectance diffuse", |v| v.singles(maps.diffuse.data.iter().flatten().copied()));
+        for (number, map) in maps.lobes.iter().enumerate() {
+            part(&mut lines, &format!("reflectance lobe-{number}"), |v| v.singles(map.data.iter().flatten().copied()));
+        }
         if !maps.specular.data.is_empty() {
             part(&mut lines, "reflectance specular", |v| v.singles(maps.specular.data.iter().flatten().copied()));
             part(&mut lines, "reflectance sigma", |v| v.singles(maps.sigma.data.iter().copied()));
