@@ -5,6 +5,7 @@ use crate::lighting::EnvironmentLobes;
 use crate::mesh::Mesh;
 use crate::reflectance::maps::ReflectanceMaps;
 use crate::surface::charts::Charts;
+use crate::surface::displacement::DisplacedMesh;
 use crate::views::{Component, Photograph, View};
 use crate::visibility::Visibility;
 
@@ -17,6 +18,8 @@ pub struct Asset {
     pub mesh: Mesh,
     /// Atlas layout of the reflectance.
     pub charts: Option<Charts>,
+    /// The surface, where the file has it finer than the mesh.
+    pub surface: Option<DisplacedMesh>,
     /// Fitted reflectance.
     pub reflectance: Option<ReflectanceMaps>,
     /// Radiance of the white board under the unpolarised light: the unit of `sqrt(x / white)`.

@@ -121,6 +121,7 @@ fn decode_model<R: Read + Seek>(file: &mut Container<R>, options: &DecodeOptions
     options.selection.check(views.len())?;
     // 5. The reflectance that was fitted to the photographs, on the atlas.
     let charts = file.drive(|file| stages::charts(file, mesh.as_ref()))?;
+    let surface = file.drive(|file| stages::displacement(file, mesh.as_ref(), charts.as_ref()))?;
     let reflectance = file.drive(|file| stages::reflectance(file, mesh.as_ref(), charts.as_ref()))?;
     // Sections that are added to a file: what the vertices see, light, materials.
     let visibility = file.drive(|file| stages::visibility(file, mesh.as_ref()))?;
@@ -131,6 +132,7 @@ fn decode_model<R: Read + Seek>(file: &mut Container<R>, options: &DecodeOptions
         metadata,
         mesh,
         charts,
+        surface,
         reflectance,
         white,
         components,

@@ -9,6 +9,7 @@ use crate::limits::{Budget, Limits};
 use crate::mesh::codec::MeshOptions;
 use crate::metrics::{Distortion, ImagePsnr, to_display};
 use crate::options::{EncodeOptions, Profile};
+use crate::refine::RefinedSurface;
 use crate::separate::MaskedPhotographs;
 pub use crate::separate::{Observations, ObservedView, recombine, separate};
 use crate::surface::{atlas, raster};
@@ -47,9 +48,6 @@ pub fn encode(mut capture: Capture, options: &EncodeOptions) -> Result<EncodedFi
     let mut warnings = std::mem::take(&mut capture.warnings);
     // 1. Photographs as components of reflection.
     let observations = separate(&mut capture)?.holding_out(options.hold_out)?;
-    if let Some(refined) = refine::refined_mesh(&capture.mesh, &observations, options.refine, &mut warnings) {
-        capture.mesh = refined;
-    }
     // 2. Mesh: ordered and quantised. All later stages work with the mesh and the views that the decoder will have.
     let position_bits =
         options.position_bits.unwrap_or_else(|| atlas::position_bits(&capture.mesh, &observations.cameras()));
@@ -58,10 +56,12 @@ pub fn encode(mut capture: Capture, options: &EncodeOptions) -> Result<EncodedFi
     // 3. Views: cameras and lights on lattices.
     let views_bytes = views::codec::encode(&observations.views_section(), &mesh.positions)?;
     let views = views::codec::decode(&views_bytes, &Budget::new(Limits::UNLIMITED))?;
-    // 4. Pixels to code.
+    // 4. The surface, as far as the photographs show more of it than the mesh does.
+    let refined = refine::refined_surface(&mesh, &observations, options, &mut warnings);
+    // 5. Pixels to code.
     let covered = raster::coverage(&mesh, &views.views);
     let photographs = observations.into_masked(&covered, &mut warnings)?;
-    // 5. Photographs at the quality that reaches the target.
+    // 6. Photographs at the quality that reaches the target.
     let mut sections = vec![(Tag::MESH, coded_mesh.bytes), (Tag::VIEWS, views_bytes)];
     let source = MaskedPhotographs {
         mesh: &mesh,
@@ -72,14 +72,18 @@ pub fn encode(mut capture: Capture, options: &EncodeOptions) -> Result<EncodedFi
         photographs: &photographs,
     };
     let (coded, figures) = match options.profile {
-        Profile::Predictive => (predictive::encode_to_target(&source, other_bytes(&sections), options)?, None),
+        Profile::Predictive => {
+            let displacements = refined.as_ref().map(RefinedSurface::displacements);
+            let coded = predictive::encode_to_target(&source, other_bytes(&sections), displacements.as_ref(), options)?;
+            (coded, None)
+        }
         Profile::WaveletTexture => {
             let (coded, figures) = wavelet_texture::encode_to_target(&source, other_bytes(&sections), options)?;
             (coded, Some(figures))
         }
     };
     sections.extend(coded.sections);
-    // 6. Container.
+    // 7. Container.
     let metadata = describe(&capture, options, &coded.distortion);
     let (bytes, sections) = write_file(&metadata, &thumbnail_png(&coded.decoded, views.white)?, &sections)?;
     // The finished file, read back.

@@ -77,6 +77,11 @@ pub mod surface {
         #[cfg(feature = "encode")]
         pub use crate::surface::charts::encode;
     }
+    pub mod displacement {
+        pub use crate::surface::displacement::decode;
+        #[cfg(feature = "encode")]
+        pub use crate::surface::displacement::{Displacements, encode};
+    }
     pub use crate::surface::raster::{coverage, rasterise, vertex_normals};
 }
 

@@ -142,6 +142,7 @@ pub use reflectance::palette::PaletteEntry;
 #[cfg(feature = "encode")]
 pub use repair::{RepairedFile, repair};
 pub use surface::charts::{Chart, Charts};
+pub use surface::displacement::DisplacedMesh;
 pub use surface::split::RenderMesh;
 pub use views::{Camera, Component, Photograph, PointLight, View};
 

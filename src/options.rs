@@ -100,7 +100,8 @@ pub enum Refinement {
     #[default]
     None,
     /// The surface: the mesh is subdivided and displaced until it explains the shading and the highlights of the photographs, and kept
-    /// if it explains views that it was not fitted to. The file then holds the dense mesh. Takes both components and known lights.
+    /// if it explains views that it was not fitted to. The file holds the displacements as an image (profile `predictive` only). Takes
+    /// both components and known lights.
     Surface,
 }
 

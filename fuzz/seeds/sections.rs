@@ -36,6 +36,14 @@ pub fn put(seeds: &Seeds) {
             internals::surface::charts::encode(&mesh, &layout).expect("charts"),
         );
     }
+    for (levels, step) in [(0, 0.01), (2, 0.002)] {
+        // As many as a mesh of these triangles has vertices, and more.
+        let values: Vec<f64> = (0..6 << (2 * levels)).map(|k| 0.05 * (k as f64).sin()).collect();
+        let displacements = internals::surface::displacement::Displacements { levels, values: &values, step };
+        let (bytes, _) =
+            internals::surface::displacement::encode(&displacements, &mesh, &scene::charts()).expect("a surface");
+        seeds.put("displacement", &format!("{levels}"), bytes);
+    }
     seeds.put("visibility", "vertices", models::visibility(&mesh, 0));
     seeds.put("visibility", "places", models::visibility(&mesh, 40));
     seeds.put("lighting", "small", models::light(8));
@@ -137,7 +145,8 @@ fn atlases(seeds: &Seeds) {
         }
         let taken = scene::photographs(&mesh, &views, components, false);
         let photographs = taken.iter().map(Some).collect();
-        let sources = ReflectanceSources { mesh: &mesh, views: &views, components, photographs, specular };
+        let sources =
+            ReflectanceSources { mesh: &mesh, surface: None, views: &views, components, photographs, specular };
         let maps = internals::reflectance::fit_maps(&sources, &charts, &raster);
         let steps = MapSteps { diffuse: 8.0, specular: 16.0, sigma: 16.0 };
         let (bytes, _) = internals::reflectance::encode(&maps, &mesh, &charts, &steps, 0.15).expect("maps");

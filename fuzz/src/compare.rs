@@ -74,6 +74,7 @@ fn compare(whole: &Result<Asset>, file: &mut IncrementalDecoder, bytes: &[u8], o
     }
     part!(mesh, asset => |part: Option<Arc<Mesh>>| asset.mesh == *part.unwrap_or_default());
     part!(charts, asset => |part: Option<Arc<Charts>>| asset.charts.as_ref() == part.as_deref());
+    part!(surface, asset => |part| asset.surface == part);
     part!(reflectance, asset => |part| asset.reflectance == part);
     part!(visibility, asset => |part| asset.visibility == part);
     part!(light, asset => |part| asset.light == part);

@@ -23,6 +23,8 @@ impl Tag {
     pub const CHARTS: Tag = Tag(*b"CHRT");
     /// Reflectance parameters on the atlas.
     pub const REFLECTANCE: Tag = Tag(*b"RFLC");
+    /// Displacements of the surface on the atlas.
+    pub const DISPLACEMENT: Tag = Tag(*b"DISP");
     /// Residual planes of the `predictive` profile.
     pub const PLANES: Tag = Tag(*b"PLAN");
     /// Residual volumes of the `wavelet-texture` profile.
@@ -92,12 +94,13 @@ const OWN: &[SectionCodec] = &[SectionCodec::Own];
 const ANY: &[SectionCodec] = &[SectionCodec::None, SectionCodec::Zstd, SectionCodec::Own];
 
 /// All known sections, in the order in which writers put them. Part of the format.
-const SECTION_RULES: [SectionRule; 11] = [
+const SECTION_RULES: [SectionRule; 12] = [
     rule(Tag::METADATA, 2, 1 << 20, GENERAL, &[]),
     rule(Tag::THUMBNAIL, 57, 1 << 20, &[SectionCodec::None], &[]),
     rule(Tag::MESH, 4, 1 << 32, OWN, &[]),
     rule(Tag::VIEWS, 4, 1 << 26, OWN, &[]),
     rule(Tag::CHARTS, 1, 1 << 30, ANY, &[Tag::MESH]),
+    rule(Tag::DISPLACEMENT, 7, 1 << 32, OWN, &[Tag::CHARTS, Tag::MESH]),
     rule(Tag::REFLECTANCE, 1, 1 << 40, ANY, &[Tag::CHARTS, Tag::MESH]),
     rule(Tag::PLANES, 1, 1 << 40, ANY, &[Tag::MESH, Tag::VIEWS]),
     rule(Tag::WAVELET_TEXTURE, 1, 1 << 40, ANY, &[Tag::MESH, Tag::VIEWS]),

@@ -15,6 +15,7 @@ use crate::predictive::header;
 use crate::predictive::on_demand::ViewDecoder;
 use crate::reflectance::maps::ReflectanceMaps;
 use crate::surface::charts::Charts;
+use crate::surface::displacement::DisplacedMesh;
 use crate::views::Photograph;
 use crate::views::codec::ViewsSection;
 use crate::visibility::Visibility;
@@ -176,6 +177,13 @@ impl IncrementalDecoder {
             self.charts = Some(ready!(stages::charts(&mut self.file, mesh.as_deref())?).map(Arc::new));
         }
         Ok(Poll::Ready(self.charts.clone().flatten()))
+    }
+
+    /// Decodes the surface, where it is finer than the mesh; `None` in a file without. Not kept.
+    pub fn surface(&mut self) -> Result<Poll<Option<DisplacedMesh>>> {
+        let charts = ready!(self.charts()?);
+        let mesh = ready!(self.mesh()?);
+        self.handed_out(|file| stages::displacement(file, mesh.as_deref(), charts.as_deref()))
     }
 
     /// Decodes the reflectance; `None` in a file without. Not kept.

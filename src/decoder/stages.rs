@@ -11,6 +11,7 @@ use crate::mesh::{self, Mesh};
 use crate::predictive::header::{self, PlaneSection};
 use crate::reflectance::{self, maps::ReflectanceMaps};
 use crate::surface::charts::{self, Charts};
+use crate::surface::displacement::{self, DisplacedMesh};
 use crate::surface::raster;
 use crate::views::codec::{self, ViewsSection};
 use crate::views::{Photograph, View};
@@ -117,6 +118,16 @@ pub(super) fn reflectance(
 ) -> Result<Poll<Option<ReflectanceMaps>>> {
     let (Some(mesh), Some(charts)) = (mesh, charts) else { return Ok(Poll::Ready(None)) };
     section(file, Tag::REFLECTANCE, |bytes, budget| reflectance::codec::decode(bytes, mesh, charts, budget))
+}
+
+/// Decodes the fine surface; `None` in a file without.
+pub(super) fn displacement(
+    file: &mut IncrementalReader,
+    mesh: Option<&Mesh>,
+    charts: Option<&Charts>,
+) -> Result<Poll<Option<DisplacedMesh>>> {
+    let (Some(mesh), Some(charts)) = (mesh, charts) else { return Ok(Poll::Ready(None)) };
+    section(file, Tag::DISPLACEMENT, |bytes, budget| displacement::decode(bytes, mesh, charts, budget))
 }
 
 /// Decodes the atlas; `None` in a file without.

@@ -16,6 +16,7 @@ use crate::rate::{self, Candidate, CodedPhotographs};
 use crate::reflectance::stage::ReflectanceEncoder;
 use crate::residual::coefficients::Modelling;
 use crate::separate::MaskedPhotographs;
+use crate::surface::displacement::Displacements;
 use crate::transform::signal;
 use crate::transform::window::Window;
 use crate::views::{Component, Photograph, View};
@@ -37,16 +38,18 @@ pub struct PlaneEncoder<'a> {
 }
 
 /// Encodes photographs at the coarsest quality that reaches the target of `options`, by default quality 75. `other_bytes` are
-/// the bytes of the file beside the returned sections.
+/// the bytes of the file beside the returned sections, `displacements` the surface where it is finer than the mesh.
 /// # Errors
 /// [`crate::Error::Parameter`] if the target is out of its range, is for another profile or can't be reached.
 pub(crate) fn encode_to_target(
     source: &MaskedPhotographs,
     other_bytes: u64,
+    displacements: Option<&Displacements>,
     options: &EncodeOptions,
 ) -> Result<CodedPhotographs> {
     let &MaskedPhotographs { mesh, views, components, photographs, .. } = source;
-    let reflectance = ReflectanceEncoder::new(mesh, views, components, photographs, options)?;
+    let reflectance = ReflectanceEncoder::new(mesh, views, components, photographs, displacements, options)?;
+    let other_bytes = other_bytes + reflectance.displacement_bytes().map_or(0, |bytes| bytes.len() as u64 + 48);
     let encoder = PlaneEncoder::new(source, options.signed_specular);
     let best = rate::search_step(options.target.unwrap_or(EncodeTarget::Quality(75.0)), |step| {
         let quality = PlaneQuality { step, decode_speed: options.decode_speed, ..Default::default() };
@@ -57,7 +60,9 @@ pub(crate) fn encode_to_target(
     })?;
     let (planes, maps) = best.content;
     let charts = reflectance.chart_bytes().to_vec();
-    let sections = vec![(Tag::CHARTS, charts), (Tag::REFLECTANCE, maps), (Tag::PLANES, planes.bytes)];
+    let mut sections = vec![(Tag::CHARTS, charts)];
+    sections.extend(reflectance.displacement_bytes().map(|bytes| (Tag::DISPLACEMENT, bytes.to_vec())));
+    sections.extend([(Tag::REFLECTANCE, maps), (Tag::PLANES, planes.bytes)]);
     Ok(CodedPhotographs { sections, decoded: planes.photographs, distortion: best.distortion })
 }
 

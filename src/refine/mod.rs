@@ -13,21 +13,24 @@ mod system;
 
 use crate::image::{Mask, RgbImage};
 use crate::mesh::Mesh;
-use crate::options::Refinement;
+use crate::options::{EncodeOptions, Profile, Refinement};
 use crate::reflectance::lobes::share::{LobeEquations, SharingScale, share_weights};
 use crate::reflectance::lobes::{LOBES, LobeCosines, lobe_values};
 use crate::separate::Observations;
-use crate::surface::raster::{rasterise, vertex_normals};
-use crate::surface::subdivision::subdivide;
+use crate::surface::displacement::{Displacements, interpolated_normals};
+use crate::surface::raster::rasterise;
+use crate::surface::subdivision::{mean_edge, subdivide};
 use crate::views::{Camera, Component, View};
 use evidence::{LossScales, SurfaceState};
 use rings::Rings;
 use schedule::{STAGES, Stage};
-use signal_view::{SPECULAR_FLOOR, SignalView, unit};
+use signal_view::{SPECULAR_FLOOR, SignalView};
 use system::DisplacedSurface;
 
 /// Edge of the finest mesh, in pixels of the reduced photographs.
 const EDGE_PIXELS: f64 = 1.25;
+/// Subdivisions, at most: as many as a file holds.
+const MAX_LEVELS: u32 = 6;
 /// Vertices of the finest mesh, at most.
 const MAX_VERTICES: u64 = 1 << 20;
 /// Pixels of all photographs, beyond which they are reduced.
@@ -36,6 +39,8 @@ const MAX_PIXELS: u64 = 16 << 20;
 const LEAVE_OUT: usize = 7;
 /// Steps longer than this, in edges, are cut.
 const MAX_STEP: f64 = 1.5;
+/// Half a side of the object, in pixels, that lobes are shared as for at least.
+const LEAST_SIZE: f64 = 150.0;
 /// Iterations over which the losses' scales fall from three times their value.
 const WIDE_ITERATIONS: f64 = 3.0;
 /// Least cosine of a view that lobes are fitted to.
@@ -60,8 +65,20 @@ pub struct RefinedSurface {
     pub displacement: Vec<f64>,
     /// The displaced surface.
     pub mesh: Mesh,
+    /// World length of a pixel at the object's middle, mean of the views.
+    pub pixel: f64,
     /// Loss of the views that were left out while it was decided: with the scan and with the refined surface.
     pub left_out_loss: [f64; 2],
+}
+
+/// Step of coded displacements, in pixels: below a degree of the normals.
+const CODED_STEP: f64 = 0.03;
+
+impl RefinedSurface {
+    /// The displacements as they are to be coded.
+    pub(crate) fn displacements(&self) -> Displacements<'_> {
+        Displacements { levels: self.levels, values: &self.displacement, step: CODED_STEP * self.pixel }
+    }
 }
 
 /// Directions along which a subdivided scan is displaced: its vertices' normals, interpolated.
@@ -74,8 +91,7 @@ struct SubdividedScan {
 impl SubdividedScan {
     fn new(scan: &Mesh, levels: u32) -> Self {
         let fine = subdivide(scan, levels);
-        let sums = fine.interpolate(&vertex_normals(scan), |a, b| std::array::from_fn(|k| 0.5 * (a[k] + b[k])));
-        let along = sums.into_iter().map(|sum| unit(sum).0).collect();
+        let along = interpolated_normals(scan, &fine);
         SubdividedScan { base: fine.mesh.positions.iter().map(|p| p.map(f64::from)).collect(), mesh: fine.mesh, along }
     }
 }
@@ -97,8 +113,9 @@ pub(crate) fn refine(scan: &Mesh, views: &[RefinementView], white: [f64; 3]) -> 
     if signals.len() < 2 * LEAVE_OUT {
         return None;
     }
-    let finest = levels(scan, &signals);
-    let size = half_side(scan);
+    let pixel = pixel_length(scan, &signals);
+    let finest = levels(scan, pixel);
+    let size = half_side(scan).max(LEAST_SIZE * pixel);
     // Coarse stages decide, by views that they leave out.
     let mut left_out = Vec::new();
     for k in (0..signals.len()).rev().filter(|k| k % LEAVE_OUT == LEAVE_OUT / 2) {
@@ -121,34 +138,25 @@ pub(crate) fn refine(scan: &Mesh, views: &[RefinementView], white: [f64; 3]) -> 
         *position = std::array::from_fn(|k| (fine.base[v][k] + state.displacement[v] * fine.along[v][k]) as f32);
     }
     let RefinementProgress { displacement, left_out_loss, .. } = state;
-    Some(RefinedSurface { levels: finest, displacement, mesh, left_out_loss })
+    Some(RefinedSurface { levels: finest, displacement, mesh, pixel, left_out_loss })
+}
+
+/// World length of a pixel at the object's middle, mean of the views.
+fn pixel_length(scan: &Mesh, signals: &[SignalView]) -> f64 {
+    let (middle, _) = scan.bounding_sphere();
+    let pixel = |view: &SignalView| view.camera().to_camera(middle)[2] / view.camera().focal[0];
+    signals.iter().map(pixel).sum::<f64>() / signals.len() as f64
 }
 
 /// Subdivisions after which an edge is about a pixel long.
-fn levels(scan: &Mesh, signals: &[SignalView]) -> u32 {
-    let (middle, _) = scan.bounding_sphere();
-    let pixel = |view: &SignalView| {
-        let depth = view.camera().to_camera(middle)[2];
-        depth / view.camera().focal[0]
-    };
-    let pixel = signals.iter().map(pixel).sum::<f64>() / signals.len() as f64;
-    let edges = mean_edge(&scan.positions.iter().map(|p| p.map(f64::from)).collect::<Vec<_>>(), &scan.triangles);
-    let wanted = (edges / pixel / EDGE_PIXELS).log2().round();
-    let mut levels = if wanted > 0.0 { wanted as u32 } else { 0 };
+fn levels(scan: &Mesh, pixel: f64) -> u32 {
+    let wanted = (mean_edge(scan) / pixel / EDGE_PIXELS).log2().round();
+    let mut levels = if wanted > 0.0 { wanted.min(MAX_LEVELS as f64) as u32 } else { 0 };
     // Each subdivision makes about four vertices of one.
-    while levels > 0 && (scan.positions.len() as u64) << (2 * levels.min(20)) > MAX_VERTICES {
+    while levels > 0 && (scan.positions.len() as u64) << (2 * levels) > MAX_VERTICES {
         levels -= 1;
     }
     levels
-}
-
-fn mean_edge(points: &[[f64; 3]], triangles: &[[u32; 3]]) -> f64 {
-    let length = |a: u32, b: u32| {
-        let d: [f64; 3] = std::array::from_fn(|k| points[a as usize][k] - points[b as usize][k]);
-        unit(d).1.sqrt()
-    };
-    let sum: f64 = triangles.iter().map(|&[a, b, c]| length(a, b) + length(b, c) + length(c, a)).sum();
-    sum / (3 * triangles.len()).max(1) as f64
 }
 
 /// Half the longest side of the bounding box.
@@ -177,7 +185,7 @@ impl RefinementProgress {
         let mut displacement = subdivide(scan, levels).interpolate(&self.displacement, |a, b| 0.5 * (a + b));
         let SubdividedScan { mesh, base, along } = SubdividedScan::new(scan, levels);
         let rings = Rings::new(base.len(), &mesh.triangles);
-        let edge = mean_edge(&base, &mesh.triangles);
+        let edge = mean_edge(&mesh);
         let surface = DisplacedSurface { triangles: &mesh.triangles, rings: &rings, base: &base, along: &along, edge };
         let scale = SharingScale { cell: stage.sharing.cell * size, smoothing: stage.sharing.smoothing * size };
         let (mut weights, mut roots) = (Vec::new(), Vec::new());
@@ -271,17 +279,21 @@ pub fn refine_observations(scan: &Mesh, observations: &Observations) -> Option<R
     refine(scan, &views, observations.white)
 }
 
-/// Returns the mesh that a capture's photographs show, where `refinement` asks for it; adds a warning where there is none.
-pub(crate) fn refined_mesh(
-    scan: &Mesh,
+/// Returns the surface that a capture's photographs show, where `options` ask for it; adds a warning where there is none.
+pub(crate) fn refined_surface(
+    mesh: &Mesh,
     observations: &Observations,
-    refinement: Refinement,
+    options: &EncodeOptions,
     warnings: &mut Vec<String>,
-) -> Option<Mesh> {
-    if refinement == Refinement::None {
+) -> Option<RefinedSurface> {
+    if options.refine == Refinement::None {
         return None;
     }
-    let refined = refine_observations(scan, observations);
+    if options.profile != Profile::Predictive {
+        warnings.push("the surface stays as the mesh has it: option `refine` goes with profile predictive".into());
+        return None;
+    }
+    let refined = refine_observations(mesh, observations);
     if refined.is_none() {
         warnings.push(
             "the surface stays as the mesh has it: refining it takes polarised photographs under known lights, 14 views or more, and \
@@ -289,5 +301,5 @@ pub(crate) fn refined_mesh(
                 .into(),
         );
     }
-    refined.map(|refined| refined.mesh)
+    refined
 }

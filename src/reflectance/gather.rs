@@ -13,6 +13,7 @@ use crate::parallel;
 use crate::surface::atlas::AtlasRaster;
 use crate::surface::charts::Charts;
 use crate::surface::charts::NONE;
+use crate::surface::displacement::DisplacedMesh;
 use crate::surface::raster::{Raster, rasterise, vertex_normals};
 use crate::views::{Component, Photograph, PointLight, View};
 use std::collections::BTreeMap;
@@ -31,6 +32,8 @@ const HIGHLIGHT: f32 = 0.5;
 const SHARED: f64 = 0.02;
 /// Sightings under less are left out of the fit of lobes: shadows and light from other parts of the object.
 const MIN_COS_LIGHT: f32 = 0.05;
+/// The same in texels, at least.
+const SHARED_TEXELS: f64 = 1.25;
 /// Radiance over irradiance up to which all errors of lobes count alike; beyond it by their share.
 const LOBE_FLOOR: f64 = 0.05;
 
@@ -41,6 +44,8 @@ const MAX_SIGHTINGS: usize = 400;
 pub struct ReflectanceSources<'a> {
     /// The mesh.
     pub mesh: &'a Mesh,
+    /// Its surface, where that is finer.
+    pub surface: Option<&'a DisplacedMesh>,
     /// The captured views; the maps are relightable if all of them have a light.
     pub views: &'a [View],
     /// Components of the photographs.
@@ -56,9 +61,10 @@ pub struct ReflectanceSources<'a> {
 /// neighbours' values. Texels not in use are 0.
 pub fn fit_maps(sources: &ReflectanceSources, charts: &Charts, atlas: &AtlasRaster) -> ReflectanceMaps {
     let normals = vertex_normals(sources.mesh);
+    let drawn = sources.surface.map_or(sources.mesh, DisplacedMesh::mesh);
     let relightable = !sources.views.is_empty() && sources.views.iter().all(|v| v.light.is_some());
     let rasters: Vec<Option<Raster>> = parallel::map(sources.views.len(), |k| {
-        sources.photographs.get(k)?.map(|_| rasterise(sources.mesh, &sources.views[k].camera))
+        sources.photographs.get(k)?.map(|_| rasterise(drawn, &sources.views[k].camera))
     });
     let (width, height) = (atlas.triangle.width, atlas.triangle.height);
     let used: Vec<usize> = (0..atlas.triangle.data.len()).filter(|&k| atlas.triangle.data[k] != NONE).collect();
@@ -129,7 +135,8 @@ pub fn fit_maps(sources: &ReflectanceSources, charts: &Charts, atlas: &AtlasRast
         let points: Vec<[f64; 3]> = used.iter().map(|&texel| atlas.position(sources.mesh, texel).to_array()).collect();
         let [low, high] = sources.mesh.bounding_box().unwrap_or_default();
         let half_side = (0..3).map(|k| 0.5 * (high[k] - low[k]) as f64).fold(1e-12, f64::max);
-        let scale = SharingScale { cell: SHARED * half_side, smoothing: SHARED * half_side };
+        let shared = (SHARED * half_side).max(SHARED_TEXELS / charts.texels_per_unit);
+        let scale = SharingScale { cell: shared, smoothing: shared };
         let weights = share_weights(&points, &[], scale, |k| equations[k]);
         maps.lobes = vec![Grid::filled(width, height, [0f32; 3]); LOBES];
         for (&texel, weights) in used.iter().zip(&weights) {
@@ -195,8 +202,10 @@ fn texel_sightings(
     normals: &[[f64; 3]],
     texel: usize,
 ) -> Vec<TexelSighting> {
-    let point = atlas.position(sources.mesh, texel).to_array();
-    let normal = atlas.normal(sources.mesh, normals, texel).to_array();
+    let (point, normal) = match sources.surface {
+        Some(surface) => surface.point(atlas.triangle.data[texel] as usize, atlas.weights(texel)),
+        None => (atlas.position(sources.mesh, texel).to_array(), atlas.normal(sources.mesh, normals, texel).to_array()),
+    };
     let mut result = Vec::new();
     for (k, view) in sources.views.iter().enumerate() {
         let (Some(raster), Some(&Some(photograph))) = (&rasters[k], sources.photographs.get(k)) else { continue };

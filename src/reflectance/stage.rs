@@ -9,6 +9,7 @@ use crate::mesh::Mesh;
 use crate::options::EncodeOptions;
 use crate::surface::atlas;
 use crate::surface::charts::{self, Charts};
+use crate::surface::displacement::{self, Displacements};
 use crate::views::{Component, Photograph, View};
 
 /// Value of a bit of the reflectance maps, in squared steps.
@@ -21,6 +22,7 @@ pub(crate) struct ReflectanceEncoder<'a> {
     charts: Charts,
     chart_bytes: Vec<u8>,
     maps: ReflectanceMaps,
+    displacement_bytes: Option<Vec<u8>>,
 }
 
 impl<'a> ReflectanceEncoder<'a> {
@@ -32,6 +34,7 @@ impl<'a> ReflectanceEncoder<'a> {
         views: &[View],
         components: &[Component],
         photographs: &[Photograph],
+        displacements: Option<&Displacements>,
         options: &EncodeOptions,
     ) -> Result<Self> {
         let cameras: Vec<_> = views.iter().map(|v| v.camera).collect();
@@ -42,15 +45,24 @@ impl<'a> ReflectanceEncoder<'a> {
         let charts = atlas::layout_within(mesh, density, (1 << 20) as f64 + per_pixel * pixels)?;
         let chart_bytes = charts::encode(mesh, &charts)?;
         let raster = atlas::rasterise_atlas(mesh, &charts)?;
+        let displaced =
+            displacements.map(|displacements| displacement::encode(displacements, mesh, &charts)).transpose()?;
+        let (displacement_bytes, surface) = displaced.unzip();
         let photographs = photographs.iter().map(Some).collect();
-        let sources = ReflectanceSources { mesh, views, components, photographs, specular: options.specular };
+        let (surface, specular) = (surface.as_ref(), options.specular);
+        let sources = ReflectanceSources { mesh, surface, views, components, photographs, specular };
         let maps = fit_maps(&sources, &charts, &raster);
-        Ok(ReflectanceEncoder { mesh, charts, chart_bytes, maps })
+        Ok(ReflectanceEncoder { mesh, charts, chart_bytes, maps, displacement_bytes })
     }
 
     /// The content of section `CHRT`.
     pub(crate) fn chart_bytes(&self) -> &[u8] {
         &self.chart_bytes
+    }
+
+    /// The content of section `DISP`, if the surface is finer than the mesh.
+    pub(crate) fn displacement_bytes(&self) -> Option<&[u8]> {
+        self.displacement_bytes.as_deref()
     }
 
     /// Returns the content of section `RFLC` for photographs coded with quantiser step `step`.
@@ -60,7 +72,9 @@ impl<'a> ReflectanceEncoder<'a> {
         let relative = (step * 2.0).clamp(0.08, 0.25);
         let colour = relative * COLOUR_LEVELS as f32;
         let sigma = 2.0 * relative * SIGMA_LEVELS as f32;
-        let steps = MapSteps { diffuse: 0.5 * colour, specular: colour, sigma };
+        // Weights of lobes tell them apart by little.
+        let specular = if self.maps.lobes.is_empty() { colour } else { 0.4 * colour };
+        let steps = MapSteps { diffuse: 0.5 * colour, specular, sigma };
         Ok(codec::encode(&self.maps, self.mesh, &self.charts, &steps, MAP_LAMBDA)?.0)
     }
 }

@@ -6,8 +6,10 @@ use super::{RenderLighting, RenderOptions, ViewRender};
 use crate::asset::Asset;
 use crate::error::{Error, Result};
 use crate::image::{Grid, RgbImage};
+use crate::mesh::Mesh;
 use crate::reflectance::{ReflectionGeometry, maps};
 use crate::surface::atlas::{atlas_position, smooth_normal};
+use crate::surface::displacement::DisplacedMesh;
 use crate::surface::raster::{Raster, rasterise, vertex_normals};
 use crate::views::{Camera, Component, PointLight, View};
 use glam::DVec3;
@@ -54,6 +56,9 @@ impl<'a> AssetRenderer<'a> {
     /// [`Error::Parameter`] if mesh, charts, maps and photographs do not fit each other.
     pub fn new(asset: &'a Asset) -> Result<Self> {
         let vertices = asset.mesh.positions.len();
+        if asset.surface.as_ref().is_some_and(|surface| !surface.is_of(&asset.mesh)) {
+            return Err(Error::parameter("the surface is not that of the mesh"));
+        }
         if asset.mesh.triangles.iter().flatten().any(|&v| v as usize >= vertices) {
             return Err(Error::parameter("the mesh names vertices that it does not have"));
         }
@@ -128,11 +133,11 @@ impl<'a> AssetRenderer<'a> {
             renderer: self,
             options,
             camera,
-            raster: rasterise(&self.asset.mesh, camera),
+            raster: self.draw(camera),
             captured: near.iter().filter_map(|&(view, _)| self.captured(view)).collect(),
             capture_light: relightable.then(|| self.capture_light(camera, &near, options.views.max(1))).flatten(),
             lights: lights.map(|lights| {
-                let shadow = |l: &PointLight| options.shadows.then(|| ShadowMap::new(&self.asset.mesh, l.position));
+                let shadow = |l: &PointLight| options.shadows.then(|| ShadowMap::new(self.surface(), l.position));
                 lights.iter().map(|l| (*l, shadow(l).flatten())).collect()
             }),
         };
@@ -151,6 +156,29 @@ impl<'a> AssetRenderer<'a> {
             hit: mask(|p| p.hit),
             coverage: mask(|p| p.coverage),
         })
+    }
+
+    /// The finest mesh that the asset has.
+    fn surface(&self) -> &'a Mesh {
+        self.asset.surface.as_ref().map_or(&self.asset.mesh, DisplacedMesh::mesh)
+    }
+
+    /// Draws the surface, and behind it the mesh where only that is met: its triangles are numbered after those of the surface. What
+    /// photographs say of silhouettes is in the mesh.
+    fn draw(&self, camera: &Camera) -> Raster {
+        let mut raster = rasterise(self.surface(), camera);
+        if self.asset.surface.is_some() {
+            let base = rasterise(&self.asset.mesh, camera);
+            let first = self.surface().triangles.len() as u32;
+            for k in (0..raster.triangle.len()).filter(|&k| base.is_covered(k)) {
+                if !raster.is_covered(k) {
+                    raster.triangle[k] = first + base.triangle[k];
+                    raster.depth[k] = base.depth[k];
+                    raster.barycentric[k] = base.barycentric[k];
+                }
+            }
+        }
+        raster
     }
 
     /// The captured views that look most alike, with the angle at the object's middle; photographs or not.
@@ -216,7 +244,7 @@ impl<'a> AssetRenderer<'a> {
     fn prepare(&self, view: usize) -> Option<CapturedView<'a>> {
         let photograph = self.asset.photographs.get(view)?.as_ref()?;
         let (camera, light) = (self.asset.views[view].camera, self.asset.views[view].light);
-        let raster = rasterise(&self.asset.mesh, &camera);
+        let raster = self.draw(&camera);
         let centre = camera.centre();
         let mut models = vec![Grid::filled(raster.width, raster.height, [0f32; 3]); photograph.images.len()];
         for index in (0..raster.triangle.len()).filter(|&k| raster.is_covered(k) && photograph.mask.data[k]) {
@@ -235,9 +263,27 @@ impl<'a> AssetRenderer<'a> {
         let point: [f64; 3] = std::array::from_fn(|k| centre[k] + ray[k] * depth);
         let triangle = raster.triangle[index] as usize;
         let [b, c] = raster.barycentric[index].map(f64::from);
-        let normal = smooth_normal(self.asset.mesh.triangles[triangle], [1.0 - b - c, b, c], &self.normals);
+        let weights = [1.0 - b - c, b, c];
+        // The surface's triangle where there is one, and the mesh's.
+        let fine = self.asset.surface.as_ref().filter(|surface| triangle < surface.mesh().triangles.len());
+        let (base, base_weights) = match (fine, &self.asset.surface) {
+            (Some(surface), _) => surface.coarser(triangle, weights),
+            (None, Some(surface)) => (triangle - surface.mesh().triangles.len(), weights),
+            (None, None) => (triangle, weights),
+        };
+        let normal = match fine {
+            Some(surface) => smooth_normal(surface.mesh().triangles[triangle], weights, surface.normals()),
+            None => smooth_normal(self.asset.mesh.triangles[base], weights, &self.normals),
+        };
         let charts = self.asset.charts.as_ref().filter(|_| self.asset.reflectance.is_some());
-        let at = charts.map(|charts| atlas_position(charts, triangle, DVec3::from_array(point)));
+        // The atlas lies on the mesh, not on its finer surface.
+        let corners = self.asset.mesh.triangles[base];
+        let corner = |k: usize| DVec3::from_array(self.asset.mesh.positions[corners[k] as usize].map(f64::from));
+        let on_mesh = match fine {
+            Some(_) => (0..3).map(|k| base_weights[k] * corner(k)).sum(),
+            None => DVec3::from_array(point),
+        };
+        let at = charts.map(|charts| atlas_position(charts, base, on_mesh));
         SurfacePoint { point, normal: normal.to_array(), at }
     }
 

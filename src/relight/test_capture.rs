@@ -40,6 +40,7 @@ pub(crate) fn fit_reflectance(asset: &mut Asset, density: f64) -> AtlasRaster {
     let raster = rasterise_atlas(&asset.mesh, &charts).unwrap();
     let sources = crate::reflectance::gather::ReflectanceSources {
         mesh: &asset.mesh,
+        surface: None,
         views: &asset.views,
         components: &asset.components,
         photographs: asset.photographs.iter().map(Option::as_ref).collect(),

@@ -3,6 +3,7 @@
 
 pub(crate) mod atlas;
 pub(crate) mod charts;
+pub(crate) mod displacement;
 #[cfg(feature = "encode")]
 mod layout;
 #[cfg(feature = "encode")]

@@ -36,6 +36,17 @@ pub(crate) fn subdivide(mesh: &Mesh, levels: u32) -> SubdividedMesh {
     result
 }
 
+/// Mean length of the triangles' edges.
+#[cfg(feature = "encode")]
+pub(crate) fn mean_edge(mesh: &Mesh) -> f64 {
+    let length = |a: u32, b: u32| {
+        let [a, b] = [a, b].map(|v| mesh.positions[v as usize]);
+        (0..3).map(|k| (a[k] as f64 - b[k] as f64).powi(2)).sum::<f64>().sqrt()
+    };
+    let sum: f64 = mesh.triangles.iter().map(|&[a, b, c]| length(a, b) + length(b, c) + length(c, a)).sum();
+    sum / (3 * mesh.triangles.len()).max(1) as f64
+}
+
 impl SubdividedMesh {
     /// Continues values linearly to all vertices; those of the coarser mesh, or of it after fewer subdivisions, are given.
     pub(crate) fn interpolate<T: Copy>(&self, coarse: &[T], middle: impl Fn(T, T) -> T) -> Vec<T> {

@@ -44,6 +44,11 @@ def main():
     with open(os.path.join(arguments.output, "mesh.obj"), "w") as file:
         file.writelines(f"v {float(x)!r} {float(y)!r} {float(z)!r}\n" for x, y, z in positions)
         file.writelines(f"f {a + 1} {b + 1} {c + 1}\n" for a, b, c in triangles)
+    if "DISP" in sections:
+        charts = reflectance.Charts(sections["CHRT"][1], positions, triangles)
+        finer, _ = reflectance.surface(sections["DISP"][1], charts)
+        with open(os.path.join(arguments.output, "surface.obj"), "w") as file:
+            file.writelines(f"v {float(x)!r} {float(y)!r} {float(z)!r}\n" for x, y, z in finer)
     if "RFLC" in sections and not arguments.no_reflectance:
         charts = reflectance.Charts(sections["CHRT"][1], positions, triangles)
         maps, relightable = reflectance.decode(sections["RFLC"][1], charts)

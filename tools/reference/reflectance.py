@@ -1,5 +1,6 @@
 """Sections CHRT and RFLC, from spec/charts.md and spec/reflectance.md."""
 
+import copy
 import math
 import struct
 
@@ -9,7 +10,7 @@ from coefficients import Models
 from coefficients import decode as decode_coefficients
 from entropy import Bit, Damaged, Number, Range
 from functions import exponential
-from geometry import Transform
+from geometry import Transform, vertex_normals
 
 single = np.float32
 BOUNDS = [0.06, 0.16, 0.3, 0.42, 0.54, 0.7]
@@ -152,6 +153,64 @@ class Charts:
                 if ends:
                     mask[y] |= (columns > min(ends) - 1) & (columns < max(ends) + 1)
         return mask
+
+
+def middles(triangles, positions, normals):
+    """A mesh subdivided once, spec/displacement.md section 3."""
+    ends, finer = {}, []
+    for a, b, c in triangles:
+        new = []
+        for edge in ((a, b), (b, c), (c, a)):
+            edge = min(edge), max(edge)
+            new.append(ends.setdefault(edge, len(positions) + len(ends)))
+        ab, bc, ca = new
+        finer += [(a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)]
+    one, two = np.array(list(ends), int).reshape(-1, 2).T
+    between = (0.5 * (positions[one] + positions[two])).astype(single).astype(float)
+    return finer, np.concatenate([positions, between]), np.concatenate([normals, 0.5 * (normals[one] + normals[two])])
+
+
+def surface(data, charts):
+    """Positions and triangles of the surface of DISP."""
+    version, levels, density, step = struct.unpack("<3Bf", data[:7])
+    if version != 0 or levels > 6 or not 1 <= density <= 8 or not 1e-12 <= step <= 1e6:
+        raise Damaged("head of DISP")
+    atlas = copy.copy(charts)
+    atlas.width, atlas.height, atlas.density = charts.width * density, charts.height * density, charts.density * density
+    atlas.offsets = [(a * density, b * density) for a, b in charts.offsets]
+    transform, coder = Transform(atlas.mask()), Range(data[7:])
+    shrink = [single(0.08), single(0.02)]
+    bands = decode_coefficients(coder, Models(), transform.bands, single(1), shrink, None)
+    image = (transform.inverse(bands)[..., 0].astype(single) * single(step)).astype(float)
+    image[~atlas.mask()] = 0
+    triangles = [tuple(int(v) for v in t) for t in charts.triangles]
+    positions = np.array(charts.positions, float)
+    normals = vertex_normals(positions, triangles)
+    for _ in range(levels):
+        triangles, positions, normals = middles(triangles, positions, normals)
+    x, y, z = normals.T
+    length = np.sqrt(x * x + y * y + z * z)
+    normals[length > 0] /= length[length > 0][:, None]
+    first = {}
+    for t, corners in enumerate(triangles):
+        for vertex in corners:
+            first.setdefault(vertex, t >> (2 * levels))
+    moved = positions.astype(single)
+    for vertex, t in first.items():
+        facing, (a, b) = atlas.facings[atlas.chart[t]], atlas.offsets[atlas.chart[t]]
+        p = positions[vertex]
+        u, v = ((p[1], p[2]), (p[2], p[0]), (p[0], p[1]))[facing // 2]
+        u = -u if facing % 2 else u
+        x = min(max(u * atlas.density + a - 0.5, 0.0), atlas.width - 1.0)
+        y = min(max(v * atlas.density + b - 0.5, 0.0), atlas.height - 1.0)
+        x0, y0 = min(int(x), max(atlas.width - 2, 0)), min(int(y), max(atlas.height - 2, 0))
+        x1, y1, s, t = min(x0 + 1, atlas.width - 1), min(y0 + 1, atlas.height - 1), x - x0, y - y0
+        taps = ((y0, x0, (1 - s) * (1 - t)), (y0, x1, s * (1 - t)), (y1, x0, (1 - s) * t), (y1, x1, s * t))
+        value = 0.0
+        for row, column, weight in taps:
+            value += weight * image[row, column]
+        moved[vertex] = (p + value * normals[vertex]).astype(single)
+    return moved, triangles
 
 
 LOBES = ("lobe-0", "lobe-1", "lobe-2", "lobe-3", "lobe-4")

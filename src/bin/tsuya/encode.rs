@@ -41,7 +41,7 @@ pub struct Encode {
     /// Profile predictive: model that highlights are fitted with.
     #[arg(long, value_enum, default_value = "torrance-sparrow", value_name = "MODEL")]
     specular: SpecularName,
-    /// Corrects the mesh by the photographs before they are encoded.
+    /// What the photographs correct before they are encoded.
     #[arg(long, value_enum, default_value = "none", value_name = "WHAT")]
     refine: RefinementName,
     /// Profile predictive: keeps specular radiance below zero (noise, double bounces), too.
@@ -141,8 +141,9 @@ enum SpecularName {
 enum RefinementName {
     /// The mesh stays as it is.
     None,
-    /// Subdivides and displaces it until it explains shading and highlights under known lights, and keeps that if views explain themselves
-    /// better that it was not fitted to. The file then holds the dense mesh, some 100 kB.
+    /// Profile predictive: the mesh is subdivided and displaced until it explains shading and highlights under known lights, and that is
+    /// kept where it explains views better that it was not fitted to. Views and other lamps are rendered from it; environments, glTF
+    /// and baked visibility take the mesh still.
     Surface,
 }
 

@@ -7,8 +7,11 @@ use std::collections::BTreeMap;
 
 /// Passes of the minimiser over the lobes of a cell, and of the whole object.
 const SWEEPS: [usize; 2] = [60, 200];
-/// Added to the diagonal, as a share of a cell's own mean and of all cells' mean.
-const RIDGE: [f64; 2] = [1e-3, 1e-4];
+/// Added to the diagonal, as a share of the cell's mean.
+const RIDGE: f64 = 1e-3;
+/// Pull towards the whole object's weight of a lobe, over the mean of all cells' equations: where no highlight of that width was seen,
+/// all that is left are tails, from which nothing follows for the peak.
+const PULL: f64 = 0.01;
 
 /// Normal equations of the lobes' weights, for `C` colours with the same lobes.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -47,14 +50,14 @@ impl<const C: usize> LobeEquations<C> {
     fn mean(&self) -> f64 {
         (0..LOBES).map(|k| self.square[k][k]).sum::<f64>() / LOBES as f64
     }
-    /// The weights of least error, drawn a little towards `usual`.
-    fn solve(&self, usual: &[[f64; LOBES]; C], pull: f64, sweeps: usize) -> [[f64; LOBES]; C] {
-        let ridge = RIDGE[0] * self.mean() + pull + 1e-30;
+    /// The weights of least error, drawn towards `usual` by the weight of each lobe in `pull`.
+    fn solve(&self, usual: &[[f64; LOBES]; C], pull: &[f64; LOBES], sweeps: usize) -> [[f64; LOBES]; C] {
+        let ridge = RIDGE * self.mean() + 1e-30;
         let square = std::array::from_fn(|k| {
-            std::array::from_fn(|l| self.square[k.max(l)][k.min(l)] + if k == l { ridge } else { 0.0 })
+            std::array::from_fn(|l| self.square[k.max(l)][k.min(l)] + if k == l { ridge + pull[k] } else { 0.0 })
         });
         std::array::from_fn(|c| {
-            let product = std::array::from_fn(|k| self.product[c][k] + pull * usual[c][k]);
+            let product = std::array::from_fn(|k| self.product[c][k] + pull[k] * usual[c][k]);
             let mut x = usual[c];
             minimise_nonnegative(&square, &product, &mut x, sweeps);
             x
@@ -133,12 +136,12 @@ pub(crate) fn share_weights<const C: usize>(
     });
     let mut all = LobeEquations::default();
     own.iter().for_each(|equations| all.merge(equations, 1.0));
-    let usual = all.solve(&[[0.0; LOBES]; C], 0.0, SWEEPS[1]);
-    let pull = RIDGE[1] * all.mean() / own.len().max(1) as f64;
+    let usual = all.solve(&[[0.0; LOBES]; C], &[0.0; LOBES], SWEEPS[1]);
+    let pull = std::array::from_fn(|k| PULL * all.square[k][k] / own.len().max(1) as f64);
     let solved = parallel::map(own.len(), |k| {
         let mut sum = LobeEquations::default();
         cells.weights(k, cells.centre[k], scale.smoothing).for_each(|(other, weight)| sum.merge(&own[other], weight));
-        sum.solve(&usual, pull, SWEEPS[0])
+        sum.solve(&usual, &pull, SWEEPS[0])
     });
     parallel::map(points.len(), |point| {
         let (mut sum, mut total) = ([[0.0; LOBES]; C], 0.0);

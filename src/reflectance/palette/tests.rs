@@ -131,6 +131,7 @@ fn gaussians_stand_for_lobes_that_are_nearly_gaussian() {
         specular: grid(lobes.iter().map(|lobe| lobe.specular).collect()),
         sigma: crate::image::Grid { width: 60, height: 1, data: lobes.iter().map(|lobe| lobe.sigma).collect() },
         palette,
+        lobes: Vec::new(),
     };
     let plain = maps.without_palette();
     assert!(plain.palette.is_empty() && plain.diffuse == maps.diffuse);
@@ -176,6 +177,7 @@ fn sections_with_a_palette_come_back_and_hostile_ones_are_refused() {
         specular: grid(&|k| 0.2 + 0.1 * (k % 40) as f32 / 40.0).map(|&x| [x, 0.5 * x, x]),
         sigma: grid(&|k| 0.08 + 0.2 * (k / 40) as f32 / 20.0),
         palette,
+        lobes: Vec::new(),
     };
     let steps = MapSteps { diffuse: 1.0, specular: 1.0, sigma: 1.0 };
     let (bytes, expected) = encode(&maps, &mesh, &charts, &steps, 0.0).unwrap();
