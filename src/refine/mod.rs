@@ -72,7 +72,7 @@ pub struct RefinedSurface {
 }
 
 /// Step of coded displacements, in pixels: below a degree of the normals.
-const CODED_STEP: f64 = 0.03;
+const CODED_STEP: f64 = 0.05;
 
 impl RefinedSurface {
     /// The displacements as they are to be coded.

@@ -10,12 +10,13 @@ use crate::image::Grid;
 use crate::mesh::Mesh;
 use crate::options::SpecularModel;
 use crate::parallel;
-use crate::surface::atlas::AtlasRaster;
+use crate::surface::atlas::{AtlasRaster, rasterise_atlas, smooth_normal};
 use crate::surface::charts::Charts;
 use crate::surface::charts::NONE;
 use crate::surface::displacement::DisplacedMesh;
 use crate::surface::raster::{Raster, rasterise, vertex_normals};
 use crate::views::{Component, Photograph, PointLight, View};
+use glam::DVec3;
 use std::collections::BTreeMap;
 
 /// Sightings with a smaller `cos(normal, view)` are left out: they are half of the model's error (and few of its pixels).
@@ -32,6 +33,8 @@ const HIGHLIGHT: f32 = 0.5;
 const SHARED: f64 = 0.02;
 /// Sightings under less are left out of the fit of lobes: shadows and light from other parts of the object.
 const MIN_COS_LIGHT: f32 = 0.05;
+/// Places of a texel each way that lobes are fitted to.
+const SUBDIVISION: u8 = 2;
 /// The same in texels, at least.
 const SHARED_TEXELS: f64 = 1.25;
 /// Radiance over irradiance up to which all errors of lobes count alike; beyond it by their share.
@@ -80,12 +83,30 @@ pub fn fit_maps(sources: &ReflectanceSources, charts: &Charts, atlas: &AtlasRast
     let members: Vec<Vec<usize>> = blocks.into_values().collect();
     let specular = relightable && sources.components.iter().any(|&c| c != Component::Diffuse);
     let with_lobes = specular && sources.specular == SpecularModel::GgxLobes;
+    // Lobes tell apart what lies within a texel, so that is looked at more closely.
+    let denser = charts.denser(SUBDIVISION);
+    let closer = if with_lobes { rasterise_atlas(sources.mesh, &denser).ok() } else { None };
+    let places = |texel: usize| -> Vec<(usize, [f64; 3])> {
+        let own = (atlas.triangle.data[texel] as usize, atlas.weights(texel));
+        let Some(closer) = &closer else { return vec![own] };
+        let chart = charts.chart_of_triangle[own.0];
+        let n = SUBDIVISION as usize;
+        let within = (0..n * n).map(|k| (texel / width * n + k / n) * width * n + texel % width * n + k % n);
+        let on_chart = |&at: &usize| {
+            closer.triangle.data[at] != NONE && charts.chart_of_triangle[closer.triangle.data[at] as usize] == chart
+        };
+        let found: Vec<_> =
+            within.filter(on_chart).map(|at| (closer.triangle.data[at] as usize, closer.weights(at))).collect();
+        if found.is_empty() { vec![own] } else { found }
+    };
     let fitted = parallel::map(members.len(), |k| {
         let (mut sightings, mut equations) = (Vec::new(), Vec::new());
         let diffuse: Vec<Option<[f32; 3]>> = members[k]
             .iter()
             .map(|&member| {
-                let seen = texel_sightings(sources, &rasters, atlas, &normals, used[member]);
+                let places = places(used[member]).into_iter();
+                let seen: Vec<TexelSighting> =
+                    places.flat_map(|place| sightings_at(sources, &rasters, &normals, place)).collect();
                 let first = sightings.len();
                 let diffuse = fit_texel(&seen, sources, relightable, &mut sightings);
                 if with_lobes {
@@ -195,16 +216,21 @@ struct TexelSighting {
     radiance: [[f32; 3]; 2],
 }
 
-fn texel_sightings(
+/// What the photographs show of a place on a triangle of the mesh.
+fn sightings_at(
     sources: &ReflectanceSources,
     rasters: &[Option<Raster>],
-    atlas: &AtlasRaster,
     normals: &[[f64; 3]],
-    texel: usize,
+    (triangle, weights): (usize, [f64; 3]),
 ) -> Vec<TexelSighting> {
     let (point, normal) = match sources.surface {
-        Some(surface) => surface.point(atlas.triangle.data[texel] as usize, atlas.weights(texel)),
-        None => (atlas.position(sources.mesh, texel).to_array(), atlas.normal(sources.mesh, normals, texel).to_array()),
+        Some(surface) => surface.point(triangle, weights),
+        None => {
+            let corners = sources.mesh.triangles[triangle];
+            let corner = |k: usize| DVec3::from_array(sources.mesh.positions[corners[k] as usize].map(f64::from));
+            let point = (0..3).map(|k| weights[k] * corner(k)).sum::<DVec3>();
+            (point.to_array(), smooth_normal(corners, weights, normals).to_array())
+        }
     };
     let mut result = Vec::new();
     for (k, view) in sources.views.iter().enumerate() {

@@ -41,11 +41,6 @@ impl AtlasRaster {
         let weights = self.weights(texel);
         (0..3).map(|k| weights[k] * DVec3::from_array(mesh.positions[corners[k] as usize].map(f64::from))).sum()
     }
-    /// Smooth unit normal of a texel in use, from [`super::raster::vertex_normals`].
-    pub(crate) fn normal(&self, mesh: &Mesh, normals: &[[f64; 3]], texel: usize) -> DVec3 {
-        let corners = mesh.triangles[self.triangle.data[texel] as usize];
-        smooth_normal(corners, self.weights(texel), normals)
-    }
 }
 
 /// Normal between a triangle's corners.

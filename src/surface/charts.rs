@@ -57,6 +57,20 @@ impl Charts {
     }
 }
 
+impl Charts {
+    /// The same atlas with `density` texels for one, each way.
+    pub(crate) fn denser(&self, density: u8) -> Charts {
+        let offset = |offset: [i32; 2]| offset.map(|x| x.saturating_mul(density as i32));
+        Charts {
+            width: self.width.saturating_mul(density as u32),
+            height: self.height.saturating_mul(density as u32),
+            texels_per_unit: self.texels_per_unit * density as f64,
+            charts: self.charts.iter().map(|chart| Chart { offset: offset(chart.offset), ..*chart }).collect(),
+            chart_of_triangle: self.chart_of_triangle.clone(),
+        }
+    }
+}
+
 /// No triangle, no chart.
 pub(crate) const NONE: u32 = u32::MAX;
 

@@ -4,7 +4,7 @@
 //! image is coded like the maps of section `RFLC`. Normative text: `spec/displacement.md`.
 
 use super::atlas::{atlas_position, rasterise_atlas, sample_number};
-use super::charts::{Chart, Charts};
+use super::charts::Charts;
 use super::raster::vertex_normals;
 use super::subdivision::subdivide;
 use crate::container::{Tag, push_f32};
@@ -135,18 +135,6 @@ pub(crate) fn interpolated_normals(base: &Mesh, fine: &super::subdivision::Subdi
     sums.into_iter().map(unit).collect()
 }
 
-/// The atlas with `density` texels for one, each way.
-fn denser(charts: &Charts, density: u8) -> Charts {
-    let chart = |chart: &Chart| Chart { offset: chart.offset.map(|x| x.saturating_mul(density as i32)), ..*chart };
-    Charts {
-        width: charts.width * density as u32,
-        height: charts.height * density as u32,
-        texels_per_unit: charts.texels_per_unit * density as f64,
-        charts: charts.charts.iter().map(chart).collect(),
-        chart_of_triangle: charts.chart_of_triangle.clone(),
-    }
-}
-
 /// A surface as the encoder has it: displacements of a mesh's vertices after some subdivisions, world units.
 #[cfg(feature = "encode")]
 #[derive(Debug, Clone, Copy)]
@@ -173,7 +161,7 @@ pub fn encode(displacements: &Displacements, base: &Mesh, charts: &Charts) -> Re
     }
     let mut bytes = vec![VERSION, levels as u8, density];
     push_f32(&mut bytes, step);
-    let atlas = denser(charts, density);
+    let atlas = charts.denser(density);
     let raster = rasterise_atlas(base, &atlas)?;
     let mask = raster.mask();
     let exact = DisplacedMesh::new(base, levels, |vertex, _, _| values.get(vertex).copied().unwrap_or(0.0))?;
@@ -218,7 +206,7 @@ pub fn decode(bytes: &[u8], base: &Mesh, charts: &Charts, budget: &Budget) -> Re
     let texels = (charts.width as u64 * density as u64).saturating_mul(charts.height as u64 * density as u64);
     budget.charge_items("displacements", texels, BYTES_A_TEXEL)?;
     budget.charge_items("displaced surface", (base.triangles.len() as u64) << (2 * levels), BYTES_A_TRIANGLE)?;
-    let mask = rasterise_atlas(base, &denser(charts, density))?.mask();
+    let mask = rasterise_atlas(base, &charts.denser(density))?.mask();
     let plan = WaveletPlan::new(&mask);
     let mut coder = RangeDecoder::new(stream);
     let quantiser = Quantiser { step: STEP, shrink: SHRINK };
@@ -244,7 +232,7 @@ fn to_image(pixels: &[ColourLanes], mask: &Mask, step: f32) -> Grid<f32> {
 }
 
 fn displace(base: &Mesh, charts: &Charts, (levels, density): (u32, u8), image: &Grid<f32>) -> Result<DisplacedMesh> {
-    let atlas = denser(charts, density);
+    let atlas = charts.denser(density);
     DisplacedMesh::new(base, levels, |_, triangle, place| {
         sample_number(image, atlas_position(&atlas, triangle, DVec3::from_array(place)))
     })
