@@ -48,6 +48,9 @@ def parts(sections):
     if "VIEW" in sections:
         views = container.Views(sections["VIEW"])
         yield "views", doubles(views.white) + b"".join(view_bytes(view) for view in views.views)
+    if "DISP" in sections:
+        charts = reflectance.Charts(sections["CHRT"], positions, triangles)
+        yield "surface positions", singles(reflectance.surface(sections["DISP"], charts)[0])
     if "RFLC" in sections:
         charts = reflectance.Charts(sections["CHRT"], positions, triangles)
         maps, _ = reflectance.decode(sections["RFLC"], charts)

@@ -64,6 +64,7 @@ impl Info {
                 "components": asset.components,
                 "white": asset.white,
                 "mesh": {"vertices": asset.mesh.positions.len(), "triangles": asset.mesh.triangles.len()},
+                "surface": asset.surface.as_ref().map(|surface| json!({"vertices": surface.mesh().positions.len(), "triangles": surface.mesh().triangles.len()})),
                 "atlas": asset.charts.as_ref().map(|c| json!({"width": c.width, "height": c.height, "charts": c.charts.len()})),
                 "relightable": relightable,
                 "palette_entries": entries,
@@ -104,6 +105,10 @@ impl Info {
         }
         let _ =
             writeln!(text, "mesh: {} vertices, {} triangles", asset.mesh.positions.len(), asset.mesh.triangles.len());
+        if let Some(surface) = asset.surface.as_ref().map(|surface| surface.mesh()) {
+            let _ =
+                writeln!(text, "surface: {} vertices, {} triangles", surface.positions.len(), surface.triangles.len());
+        }
         let components: Vec<String> = asset.components.iter().map(|c| format!("{c:?}").to_lowercase()).collect();
         let lit = asset.views.iter().filter(|view| view.light.is_some()).count();
         let sizes = asset.views.iter().map(|v| (v.camera.width, v.camera.height));
@@ -143,6 +148,9 @@ impl Info {
         }
         if entries > 0 {
             let _ = writeln!(text, "highlights: a palette of {entries} measured lobes");
+        }
+        if asset.reflectance.as_ref().is_some_and(|maps| !maps.lobes.is_empty()) {
+            let _ = writeln!(text, "highlights: weights of five GGX lobes");
         }
         let _ = writeln!(text, "can be relit: {}", if relightable { "yes" } else { "no" });
         output::print(&text)

@@ -58,6 +58,9 @@ pub fn checksums(asset: &Asset) -> String {
             asset.views.iter().for_each(|view| v.view(view));
         });
     }
+    if let Some(surface) = &asset.surface {
+        part(&mut lines, "surface positions", |v| v.singles(surface.mesh().positions.iter().flatten().copied()));
+    }
     if let Some(maps) = &asset.reflectance {
         part(&mut lines, "reflectance diffuse", |v| v.singles(maps.diffuse.data.iter().flatten().copied()));
         for (number, map) in maps.lobes.iter().enumerate() {

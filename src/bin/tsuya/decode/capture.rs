@@ -59,11 +59,17 @@ impl CaptureFolder {
     /// Writes everything else that the asset has, and the index, and puts the folder into its place.
     pub fn finish(self, asset: &Asset, mut frames: Vec<Frame>) -> Result<()> {
         self.put("mesh.ply", &ply::write(&asset.mesh))?;
+        if let Some(surface) = &asset.surface {
+            self.put("surface.ply", &ply::write(surface.mesh()))?;
+        }
         let white = asset.white.map(|w| w as f32);
         let white_file = format!("white.{}", self.extension());
         self.put_picture(&white_file, &RgbImage::filled(8, 8, white), asset.white)?;
         if let Some(maps) = &asset.reflectance {
             self.put("maps/diffuse.exr", &pictures::exr(&maps.diffuse, self.half)?)?;
+            for (number, lobe) in maps.lobes.iter().enumerate() {
+                self.put(&format!("maps/lobe-{number}.exr"), &pictures::exr(lobe, self.half)?)?;
+            }
             if !maps.specular.data.is_empty() {
                 self.put("maps/specular.exr", &pictures::exr(&maps.specular, self.half)?)?;
                 self.put("maps/sigma.exr", &pictures::exr_grey(&maps.sigma)?)?;

@@ -6,7 +6,8 @@ use tsuya::View;
 use unicode_normalization::UnicodeNormalization;
 
 /// Names in the folder that are not views'.
-const TAKEN: [&str; 9] = ["mask", "diffuse", "specular", "preview", "maps", "white", "mesh", "transforms", "metadata"];
+const TAKEN: [&str; 10] =
+    ["mask", "diffuse", "specular", "preview", "maps", "white", "mesh", "surface", "transforms", "metadata"];
 /// Longest part of a path and longest path, in bytes: room for the folders and endings that are added.
 const MAX_PART: usize = 120;
 const MAX_NAME: usize = 1000;
