@@ -68,7 +68,7 @@ fn check(name: &str, frames: usize, options: &EncodeOptions, masks: impl Fn(&mut
     let shown = if frames > 4 { 1 } else { frames };
     let mut command = Command::new(&python);
     command.arg(&script).arg(&file).arg("-o").arg(folder.path());
-    (0..shown).for_each(|view| drop(command.arg("--view").arg(view.to_string())));
+    command.args((0..shown).flat_map(|view| ["--view".to_owned(), view.to_string()]));
     let output = command.output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     // Profile paper has its reflectance within the photographs' section.

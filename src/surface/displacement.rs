@@ -174,7 +174,7 @@ pub fn encode(displacements: &Displacements, base: &Mesh, charts: &Charts) -> Re
         let sum: f64 = (0..3).map(|k| weights[k] * values.get(corners[k] as usize).copied().unwrap_or(0.0)).sum();
         (sum / step as f64) as f32
     };
-    let pixels: Vec<ColourLanes> = (0..mask.data.len()).map(|texel| [value(texel), 0.0, 0.0, 0.0].into()).collect();
+    let pixels: Vec<ColourLanes> = (0..mask.data.len()).map(|texel| [value(texel), 0.0, 0.0, 0.0]).collect();
     let plan = WaveletPlan::new(&mask);
     let target = plan.forward(pixels);
     let mut coder = crate::entropy::RangeEncoder::new();

@@ -21,14 +21,7 @@ const MIN_COS_VIEW: f64 = 0.05;
 /// Share of the light that passes the surface at the cosine of an angle, `1 - F`, and its derivative.
 #[inline(always)]
 pub(crate) fn transmission(cosine: f64) -> (f64, f64) {
-    let x = 1.0
-        - if cosine < 0.0 {
-            0.0
-        } else if cosine > 1.0 {
-            1.0
-        } else {
-            cosine
-        };
+    let x = 1.0 - cosine.clamp(0.0, 1.0);
     let fourth = x * x * x * x;
     let scale = 1.0 - NORMAL_REFLECTANCE;
     (scale - scale * fourth * x, 5.0 * scale * fourth)
