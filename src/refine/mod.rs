@@ -76,7 +76,7 @@ const CODED_STEP: f64 = 0.05;
 
 impl RefinedSurface {
     /// The displacements as they are to be coded.
-    pub(crate) fn displacements(&self) -> Displacements<'_> {
+    pub fn displacements(&self) -> Displacements<'_> {
         Displacements { levels: self.levels, values: &self.displacement, step: CODED_STEP * self.pixel }
     }
 }

@@ -5,11 +5,14 @@
 use std::error::Error;
 use std::time::Instant;
 use tsuya::capture;
-use tsuya::encoder::separate;
+use tsuya::encoder::{ObservedView, separate};
 use tsuya::input::FileAccess;
 use tsuya::internals::refine::refine_observations;
-use tsuya::internals::surface::{rasterise, vertex_normals};
-use tsuya::{Camera, Limits, Mesh};
+use tsuya::internals::reflectance::{ReflectanceSources, fit_maps};
+use tsuya::internals::surface::{self, rasterise, vertex_normals};
+use tsuya::metrics::ImagePsnr;
+use tsuya::relight::hold_out;
+use tsuya::{Asset, Camera, Limits, Mesh, Photograph, SpecularModel, View};
 
 fn main() -> Result<(), Box<dyn Error>> {
     tracing_subscriber::fmt().with_max_level(tracing::Level::DEBUG).with_target(false).init();
@@ -23,7 +26,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut captured = capture::read(&folder, &Default::default())?;
     let scan = captured.mesh.clone();
     let observations = separate(&mut captured)?;
-    let cameras: Vec<Camera> = observations.cameras().into_iter().skip(every - 1).step_by(every).collect();
+    let left_out: Vec<ObservedView> = observations.views.iter().skip(every - 1).step_by(every).cloned().collect();
+    let cameras: Vec<Camera> = left_out.iter().map(|view| view.view.camera).collect();
     let observations = observations.holding_out(Some(every))?;
     let start = Instant::now();
     let refined = refine_observations(&scan, &observations);
@@ -38,6 +42,48 @@ fn main() -> Result<(), Box<dyn Error>> {
     println!("{} vertices, left-out loss {:?}", refined.mesh.positions.len(), refined.left_out_loss);
     if let Some(truth) = &truth {
         println!("refined: {}", angles(&refined.mesh, truth, &cameras));
+    }
+    // Views left out, from photographs and maps that are not coded.
+    let photograph = |view: &ObservedView| Photograph {
+        mask: view.mask.clone().unwrap_or_else(|| rasterise(&scan, &view.view.camera).coverage()),
+        images: view.images.clone(),
+    };
+    let views: Vec<View> = observations.views.iter().map(|view| view.view.clone()).collect();
+    let photographs: Vec<Photograph> = observations.views.iter().map(photograph).collect();
+    let originals: Vec<Photograph> = left_out.iter().map(photograph).collect();
+    let shown: Vec<View> = left_out.iter().map(|view| view.view.clone()).collect();
+    for density in [0.4, 0.8] {
+        let texels = density / refined.pixel;
+        let charts = surface::atlas::layout(&scan, texels)?;
+        let (bytes, fine) = surface::displacement::encode(&refined.displacements(), &scan, &charts)?;
+        let atlas = surface::atlas::rasterise_atlas(&scan, &charts)?;
+        for (name, surface, specular) in [
+            ("scan, Torrance-Sparrow", None, SpecularModel::TorranceSparrow),
+            ("scan, GGX lobes", None, SpecularModel::GgxLobes),
+            ("surface, Torrance-Sparrow", Some(&fine), SpecularModel::TorranceSparrow),
+            ("surface, GGX lobes", Some(&fine), SpecularModel::GgxLobes),
+        ] {
+            let (mesh, components) = (&scan, &observations.components[..]);
+            let taken = photographs.iter().map(Some).collect();
+            let sources = ReflectanceSources { mesh, surface, views: &views, components, photographs: taken, specular };
+            let asset = Asset {
+                mesh: scan.clone(),
+                surface: surface.cloned(),
+                charts: Some(charts.clone()),
+                reflectance: Some(fit_maps(&sources, &charts, &atlas)),
+                white: observations.white,
+                components: components.to_vec(),
+                views: views.clone(),
+                photographs: photographs.iter().cloned().map(Some).collect(),
+                ..Asset::default()
+            };
+            let error = hold_out(&asset, &shown, &originals)?;
+            let decibel = |psnr: ImagePsnr| {
+                [psnr.diffuse, psnr.specular, psnr.sum].map(|db| format!("{:.2}", db.unwrap_or(f64::NAN))).join(" / ")
+            };
+            let [whole, model] = [error.interpolated, error.model].map(|error| decibel(error.psnr()));
+            println!("{density} texels a pixel, {} bytes, {name}: {whole} dB, model alone {model} dB", bytes.len());
+        }
     }
     Ok(())
 }
