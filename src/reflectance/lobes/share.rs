@@ -169,15 +169,19 @@ mod tests {
         let equations = |k: usize| {
             let half = 1.0 - 0.002 * (k * 7 % 40) as f64;
             let values = lobe_values(&LobeCosines { light: 0.9, view: 0.8, half });
-            let seen = (0..LOBES).map(|l| values[l] * truth(material[k])[l]).sum();
+            let seen: f64 = (0..LOBES).map(|l| values[l] * truth(material[k])[l]).sum();
             let mut sum = LobeEquations::<1>::default();
-            sum.add(&values, [seen], 1.0);
+            sum.add(&values, [seen], 1.0 / (seen + 0.05));
             sum
         };
         let found = share_weights(&points, &material, SharingScale { cell: 0.05, smoothing: 0.05 }, equations);
         for (found, &material) in found.iter().zip(&material) {
-            let error = |k: usize| (found[0][k] as f64 - truth(material)[k]).abs();
-            assert!((0..LOBES).all(|k| error(k) < 0.05), "{material} {found:?}");
+            for half in [0.99, 0.96, 0.93] {
+                let values = lobe_values(&LobeCosines { light: 0.9, view: 0.8, half });
+                let shown = |weight: &dyn Fn(usize) -> f64| (0..LOBES).map(|k| weight(k) * values[k]).sum::<f64>();
+                let (seen, expected) = (shown(&|k| found[0][k] as f64), shown(&|k| truth(material)[k]));
+                assert!((seen / expected - 1.0).abs() < 0.25, "{material} {half} {seen} {expected}");
+            }
         }
     }
 }
