@@ -212,7 +212,7 @@ fn a_refined_surface_explains_views_that_were_left_out() {
     let refined = held_out(Refinement::Surface, SpecularModel::GgxLobes);
     println!("{scan:?} {refined:?}");
     assert!(refined.specular.unwrap() > scan.specular.unwrap() + 1.0, "{scan:?} {refined:?}");
-    assert!(refined.sum.unwrap() > scan.sum.unwrap() + 0.7, "{scan:?} {refined:?}");
+    assert!(refined.sum.unwrap() > scan.sum.unwrap() + 0.5, "{scan:?} {refined:?}");
 
     let refine = |threads: usize| {
         let mut capture = read(&sample()).unwrap();
