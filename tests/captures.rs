@@ -51,6 +51,29 @@ fn without_masks_the_mesh_says_what_is_object() {
 }
 
 #[test]
+fn a_capture_without_a_mesh_is_encoded_with_its_hull() {
+    let capture = variant(36, |description, folder| {
+        description.as_object_mut().unwrap().remove("mesh_file");
+        std::fs::remove_file(folder.join("scan.ply")).unwrap();
+    });
+    let fault = read(capture.path()).err().unwrap().to_string();
+    assert!(fault.contains("names no mesh") && fault.contains("`capture::visual_hull`"), "{fault}");
+    let hull = capture.path().join("hull.ply");
+    let path = support::text(capture.path());
+    let found = support::json(&["hull", path, "-o", support::text(&hull), "--json"]);
+    assert_eq!((&found["views"], &found["resolution"]), (&36.into(), &40.into()));
+    let checked = support::json(&["check", path, "--json"]);
+    assert!(checked["agreement"]["silhouette_iou"].as_f64().unwrap() > 0.95, "{checked}");
+    let encoded = encode_default(capture.path()).unwrap();
+    assert!(
+        encoded.image_psnr.sum.unwrap() > 36.0 && encoded.coverage > 0.9,
+        "{:?} {}",
+        encoded.image_psnr,
+        encoded.coverage
+    );
+}
+
+#[test]
 fn unknown_lights_make_a_file_that_cannot_be_relit() {
     let capture = variant(6, |description, _| {
         description.as_object_mut().unwrap().remove("light");

@@ -89,7 +89,7 @@ fn read_frame(
 fn find_picture(folder: &Folder, name: &str) -> Result<PathBuf> {
     let path = folder.resolve(name)?;
     if path.extension().is_none() && !path.exists() {
-        for extension in ["exr", "png", "jpg", "jpeg", "tif", "tiff"] {
+        for extension in ["exr", "png", "jpg", "jpeg", "tif", "tiff", "EXR", "PNG", "JPG", "JPEG", "TIF", "TIFF"] {
             // It may be a link, which is another path to judge.
             if path.with_extension(extension).exists() {
                 return folder.resolve(&format!("{name}.{extension}"));

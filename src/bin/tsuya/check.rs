@@ -13,7 +13,7 @@ use tsuya::capture::{CaptureReadOptions, agreement};
 /// Exit code 4 where mesh and masks have nothing to do with each other.
 #[derive(Args)]
 pub struct Check {
-    /// The capture: a folder, its transforms.json, or a COLMAP model.
+    /// The capture: a folder, its transforms.json, a COLMAP model, or the cameras of another program.
     capture: PathBuf,
     #[command(flatten)]
     reading: CaptureArguments,

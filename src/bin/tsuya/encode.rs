@@ -17,7 +17,7 @@ use tsuya::{DecodeSpeed, EncodeOptions, EncodeTarget, Profile, Refinement, Specu
 /// Encodes a capture: photographs with their cameras, and a mesh, into one .tsuya file.
 #[derive(Args)]
 pub struct Encode {
-    /// The capture: a folder, its transforms.json, or a COLMAP model.
+    /// The capture: a folder, its transforms.json, a COLMAP model, or the cameras of another program.
     capture: PathBuf,
     /// The file to write; - is standard output.
     #[arg(short, long, value_name = "FILE")]

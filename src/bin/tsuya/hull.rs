@@ -18,7 +18,7 @@ pub struct Hull {
     /// Writes the mesh, as PLY, for `tsuya encode --mesh`; - is standard output.
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
-    /// Cells along the hull's longest side, 8 to 1024 [default: one for each 2.5 pixels, 24 to 256].
+    /// Cells along the hull's longest side, 8 to 1024 [default: one for each 7 pixels, 40 to 160].
     #[arg(long, value_name = "N")]
     resolution: Option<u32>,
     /// Photographs without a mask show the object before a background that is no brighter than this, 0 to 1: what is darker, and joined to the

@@ -19,16 +19,16 @@ use std::path::Path;
 /// Cells along the hull's longest side, at least and at most.
 const RESOLUTIONS: std::ops::RangeInclusive<u32> = 8..=1024;
 /// Where they are chosen from the photographs.
-const CHOSEN: std::ops::RangeInclusive<u32> = 24..=256;
-/// Side of a cell then, in pixels.
-const CELL_PIXELS: f64 = 2.5;
+const CHOSEN: std::ops::RangeInclusive<u32> = 40..=160;
+/// Side of a cell then, in pixels. Silhouettes say little of what is between them: finer meshes take more bytes than they save in photographs.
+const CELL_PIXELS: f64 = 7.0;
 
 /// Settings of [`visual_hull`].
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct HullOptions {
     /// How photographs and masks are read; what it says of meshes is not used.
     pub reading: CaptureReadOptions,
-    /// Cells along the hull's longest side, 8 to 1024. Default: one for each 2.5 pixels, 24 to 256.
+    /// Cells along the hull's longest side, 8 to 1024. Default: one for each 7 pixels, 40 to 160.
     pub resolution: Option<u32>,
     /// Brightest background, an sRGB signal from 0 to 1: what is darker in all colours and joined to the photograph's edge is not the object, in
     /// photographs without a mask. Default: those photographs are not used.

@@ -86,7 +86,7 @@ fn parts_and_specks() {
     assert_eq!(finish::keep_large_parts(&mut mesh), 1);
     let volume = volume_of_closed(&mesh);
     let exact = 4.0 / 3.0 * std::f64::consts::PI * (0.6f64.powi(3) + 0.3f64.powi(3));
-    assert!((0.97..1.15).contains(&(volume / exact)), "{volume} of {exact}");
+    assert!((0.95..1.15).contains(&(volume / exact)), "{volume} of {exact}");
 }
 
 #[test]
@@ -153,7 +153,42 @@ fn the_sample_has_a_hull_around_its_mesh() {
     assert!(fine.resolution == 100 && fine.cell < hull.cell);
     let error = visual_hull(&sample, &HullOptions { resolution: Some(4), ..Default::default() }).unwrap_err();
     assert!(matches!(error, Error::Parameter(_)));
-    let unpolarised = sample.with_file_name("unpolarised");
-    let error = visual_hull(&unpolarised, &HullOptions::default()).unwrap_err().to_string();
-    assert!(error.contains("no view has a mask"), "{error}");
+    let reading = CaptureReadOptions {
+        limits: crate::Limits { memory_bytes: 1 << 20, ..Default::default() },
+        ..Default::default()
+    };
+    let error = visual_hull(&sample, &HullOptions { reading, ..Default::default() }).err();
+    assert!(matches!(error, Some(Error::InputMemory { .. })), "{error:?}");
+}
+
+#[test]
+fn photographs_without_masks_need_a_dark_background() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut frames = Vec::new();
+    for (k, pose) in
+        ["[[1,0,0,0],[0,1,0,0],[0,0,1,5]]", "[[0,0,1,5],[0,1,0,0],[-1,0,0,0]]", "[[1,0,0,0],[0,0,1,5],[0,-1,0,0]]"]
+            .iter()
+            .enumerate()
+    {
+        // A bright square with a dark hole before a background that is nearly black.
+        let level = |x: u32, y: u32| match (x.abs_diff(30).max(y.abs_diff(20)), x.abs_diff(30).max(y.abs_diff(20)) < 3)
+        {
+            (_, true) => 0u8,
+            (off, _) if off < 10 => 200,
+            _ => 9,
+        };
+        image::GrayImage::from_fn(60, 40, |x, y| image::Luma([level(x, y)]))
+            .save(folder.path().join(format!("{k}.png")))
+            .unwrap();
+        frames.push(format!("{{\"file_path\": \"{k}.png\", \"transform_matrix\": {pose}}}"));
+    }
+    let text = format!("{{\"w\": 60, \"h\": 40, \"fl_x\": 50, \"frames\": [{}]}}", frames.join(","));
+    std::fs::write(folder.path().join("transforms.json"), text).unwrap();
+    let error = visual_hull(folder.path(), &HullOptions::default()).err().unwrap().to_string();
+    assert!(error.contains("no view has a mask") && error.contains("option `dark_background`"), "{error}");
+    let options = HullOptions { dark_background: Some(0.1), ..HullOptions::default() };
+    let hull = visual_hull(folder.path(), &options).unwrap();
+    // Three pyramids of 19 pixels at distance 5 meet in a little more than a cube: each side 5 * 19 / 50 at the middle.
+    let volume = volume_of_closed(&hull.mesh);
+    assert!((5.5..8.5).contains(&volume), "{volume}");
 }

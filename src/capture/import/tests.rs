@@ -339,6 +339,55 @@ fn folders_are_searched() {
 }
 
 #[test]
+fn texts_of_other_systems_are_read() {
+    let original = Original::new([-0.1, 0.02, 0.0, 0.0], 1.0, [0.5, 0.0]);
+    for format in FORMATS.into_iter().chain(["colmap"]) {
+        let (_outer, folder) = original.folder();
+        let path = original.write(format, &folder);
+        let expected = describe(&path, &FileAccess::default()).unwrap();
+        let texts = entries(&folder).unwrap();
+        let texts: Vec<(PathBuf, String)> = texts
+            .into_iter()
+            .filter(|path| !["png", "ply"].contains(&extension(path).as_str()))
+            .map(|path| (path.clone(), fs::read_to_string(path).unwrap()))
+            .collect();
+        let marked = |text: &str| [b"\xef\xbb\xbf", text.replace('\n', "\r\n").as_bytes()].concat();
+        let wide = |text: &str| {
+            let units = std::iter::once(0xfeff).chain(text.encode_utf16());
+            units.flat_map(u16::to_le_bytes).collect::<Vec<u8>>()
+        };
+        for encode in [&marked as &dyn Fn(&str) -> Vec<u8>, &wide] {
+            texts.iter().for_each(|(path, text)| fs::write(path, encode(text)).unwrap());
+            // As a file and as its folder.
+            for path in [&path, &folder] {
+                assert_eq!(describe(path, &FileAccess::default()).unwrap(), expected, "{format}");
+            }
+        }
+    }
+}
+
+#[test]
+fn views_kept_for_tests_are_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let pose = "[[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 5], [0, 0, 0, 1]]";
+    let text = |name: &str| {
+        format!(
+            "{{\"camera_angle_x\": 0.7, \"frames\": [{{\"file_path\": \".\\\\{name}\", \"transform_matrix\": {pose}}}]}}"
+        )
+    };
+    for (name, extension) in [("train", "PNG"), ("test", "png")] {
+        let picture = folder.path().join(format!("{name}.{extension}"));
+        image::GrayImage::new(6, 4).save_with_format(picture, image::ImageFormat::Png).unwrap();
+        fs::write(folder.path().join(format!("transforms_{name}.json")), text(name)).unwrap();
+    }
+    let found = describe(folder.path(), &FileAccess::default()).unwrap();
+    assert_eq!(found.warnings, ["the views of transforms_test.json are not read, as they are kept for tests"]);
+    assert!(found.frames.len() == 1 && found.frames[0].photograph.ends_with("train.PNG"));
+    let test = describe(folder.path().join("transforms_test.json"), &FileAccess::default()).unwrap();
+    assert_eq!((test.frames[0].view.name.as_str(), test.frames[0].view.camera.width), ("test", 6));
+}
+
+#[test]
 fn parts_of_a_rig_stand_where_the_rig_puts_them() {
     let original = Original::new([0.0; 4], 1.0, [0.0; 2]);
     let (_outer, folder) = original.folder();

@@ -130,7 +130,9 @@ fn check(path: &Path, mesh: &PreciseMesh) -> Result<()> {
     if mesh.triangles.is_empty() {
         return Err(Error::input(
             path,
-            format!("the mesh has {count} vertices but no triangle; a point cloud can't be used"),
+            format!(
+                "the mesh has {count} vertices but no triangle; a point cloud can't be used: make a mesh of it by Poisson's method or ball pivoting"
+            ),
         ));
     }
     Ok(())
