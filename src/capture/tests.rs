@@ -3,7 +3,7 @@ use super::*;
 use std::fs;
 
 /// Shared test data, where it is there.
-fn data(part: &str) -> Option<PathBuf> {
+pub(super) fn data(part: &str) -> Option<PathBuf> {
     let root = std::env::var_os("TSUYA_DATA")
         .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data"), PathBuf::from);
     let path = root.join(part);

@@ -44,7 +44,7 @@ pub struct VisualHull {
     pub resolution: u32,
     /// Side of a cell, in the world's unit.
     pub cell: f64,
-    /// Views whose silhouettes were used.
+    /// Silhouettes that were used: one for each camera, under however many lights.
     pub views: usize,
     /// Non-fatal problems found, one sentence each.
     pub warnings: Vec<String>,
@@ -70,7 +70,11 @@ pub fn visual_hull(path: impl AsRef<Path>, options: &HullOptions) -> Result<Visu
     let grid = field::FieldGrid::new(&bounds, resolution);
     let mut mesh = contour::extract(&description.path, &grid, &views, &access)?;
     if mesh.triangles.is_empty() {
-        return Err(Error::input(&description.path, "the hull is thinner than a cell: set a higher resolution"));
+        return Err(Error::input(
+            &description.path,
+            "the silhouettes have next to nothing in common: do some masks leave parts of the object out, or is it thinner than a cell (then set a higher \
+                                                       option `resolution`)?",
+        ));
     }
     let dropped = finish::keep_large_parts(&mut mesh);
     if dropped > 0 {

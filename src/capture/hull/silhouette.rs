@@ -8,6 +8,7 @@ use crate::image::read::{ColorSpace, ImageFault, read_mask, read_radiance_image,
 use crate::image::{Mask, RgbImage, to_srgb};
 use crate::input::{FileAccess, escaped};
 use crate::views::Camera;
+use std::collections::BTreeMap;
 
 /// Longest side of a silhouette, in pixels; larger masks are reduced.
 const MAX_SIDE: u32 = 1536;
@@ -124,14 +125,15 @@ pub(super) fn read(
     }
     access.charge(&description.path, "silhouettes of the capture", kept)?;
     let at_once = (access.budget().left() / reading).max(1) as usize;
+    let groups = by_camera(&description.frames);
     let mut found = Vec::new();
     let (mut without, mut faults) = (Vec::new(), Vec::new());
-    for some in description.frames.chunks(at_once) {
-        let outcomes = crate::parallel::map(some.len(), |k| read_one(&some[k], options, access, &space));
-        for (outcome, frame) in outcomes.into_iter().zip(some) {
+    for some in groups.chunks(at_once) {
+        let outcomes = crate::parallel::map(some.len(), |k| read_group(&some[k], options, access, &space));
+        for (outcome, group) in outcomes.into_iter().zip(some) {
             match outcome {
                 Ok(Some(silhouette)) => found.push(silhouette),
-                Ok(None) => without.push(escaped(&frame.view.name)),
+                Ok(None) => without.push(escaped(&group[0].view.name)),
                 Err(ImageFault::Unreadable(error)) => faults.push(error.to_string()),
                 Err(ImageFault::Wrong(error)) => return Err(error),
             }
@@ -156,12 +158,53 @@ pub(super) fn read(
     Ok(found)
 }
 
-fn read_one(
-    frame: &FrameDescription,
+/// Frames of one camera under several lights stand together: where a light does not reach, masks may leave the object out.
+fn by_camera(frames: &[FrameDescription]) -> Vec<Vec<&FrameDescription>> {
+    let mut places: BTreeMap<Vec<u64>, usize> = BTreeMap::new();
+    let mut groups: Vec<Vec<&FrameDescription>> = Vec::new();
+    for frame in frames {
+        let Camera { width, height, focal, principal, rotation, translation } = &frame.view.camera;
+        let numbers = focal.iter().chain(principal).chain(rotation.as_flattened()).chain(translation);
+        let key = numbers.map(|number| number.to_bits()).chain([u64::from(*width), u64::from(*height)]).collect();
+        let place = *places.entry(key).or_insert(groups.len());
+        if place == groups.len() {
+            groups.push(Vec::new());
+        }
+        groups[place].push(frame);
+    }
+    groups
+}
+
+/// The silhouette of frames of one camera: what any of their masks shows.
+fn read_group(
+    frames: &[&FrameDescription],
     options: &HullOptions,
     access: &FileAccess,
     space: &ColorSpace,
 ) -> std::result::Result<Option<Silhouette>, ImageFault> {
+    let (mut all, mut fault): (Option<Mask>, _) = (None, None);
+    for frame in frames {
+        match (read_mask_of(frame, options, access, space), &mut all) {
+            (Ok(Some(mask)), Some(all)) => all.data.iter_mut().zip(mask.data).for_each(|(set, more)| *set |= more),
+            (Ok(Some(mask)), None) => all = Some(mask),
+            (Ok(None), _) => {}
+            (Err(ImageFault::Unreadable(error)), _) => fault = Some(error),
+            (Err(wrong), _) => return Err(wrong),
+        }
+    }
+    match (all, fault) {
+        (Some(mask), _) => Ok(Silhouette::new(&frames[0].view.camera, &mask)),
+        (None, Some(error)) => Err(ImageFault::Unreadable(error)),
+        (None, None) => Ok(None),
+    }
+}
+
+fn read_mask_of(
+    frame: &FrameDescription,
+    options: &HullOptions,
+    access: &FileAccess,
+    space: &ColorSpace,
+) -> std::result::Result<Option<Mask>, ImageFault> {
     let camera = &frame.view.camera;
     let size = (camera.width, camera.height);
     let mut mask = match &frame.mask {
@@ -180,7 +223,7 @@ fn read_one(
     {
         *mask = frame.lens.undistort_mask(camera, mask);
     }
-    Ok(mask.and_then(|mask| Silhouette::new(camera, &mask)))
+    Ok(mask)
 }
 
 /// What is not dark, or not joined to the photograph's edge by what is dark.

@@ -153,6 +153,10 @@ fn the_sample_has_a_hull_around_its_mesh() {
     assert!(fine.resolution == 100 && fine.cell < hull.cell);
     let error = visual_hull(&sample, &HullOptions { resolution: Some(4), ..Default::default() }).unwrap_err();
     assert!(matches!(error, Error::Parameter(_)));
+    // Frames of one camera under two lights, of which the second does not reach all that its masks should show.
+    if let Some(dome) = crate::capture::tests::data("captures/spot-dome") {
+        assert_eq!(visual_hull(dome, &HullOptions::default()).unwrap().views, 36);
+    }
     let reading = CaptureReadOptions {
         limits: crate::Limits { memory_bytes: 1 << 20, ..Default::default() },
         ..Default::default()
