@@ -290,6 +290,23 @@ fn glb_with_a_skin_is_read_in_its_pose() {
     let access = FileAccess::default();
     assert_near(&parse("a.glb", &glb_with(document.clone(), &data), &access).unwrap());
     assert!(access.remarks()[0].contains("skin is taken in the pose"), "{:?}", access.remarks());
+    // An accessor of which one value is there, the others zeros, claims more of them than could ever be read.
+    let mut claims = document.clone();
+    let view =
+        |offset: usize, length: usize| serde_json::json!({"buffer": 0, "byteOffset": offset, "byteLength": length});
+    claims["bufferViews"].as_array_mut().unwrap().extend([view(78, 1), view(0, 64)]);
+    let sparse = serde_json::json!({"count": 1, "indices": {"bufferView": 4, "componentType": 5121}, "values": {"bufferView": 5}});
+    let matrices = serde_json::json!({"componentType": 5126, "count": 1u64 << 60, "type": "MAT4", "sparse": sparse});
+    claims["accessors"].as_array_mut().unwrap().push(matrices);
+    claims["skins"][0]["inverseBindMatrices"] = 4.into();
+    assert!(read_bytes("a.glb", &glb_with(claims, &data)).is_ok());
+    // One skin of many joints, of many nodes.
+    let mut many = document.clone();
+    many["skins"][0]["joints"] = vec![5_002; 20_000].into();
+    let nodes = many["nodes"].as_array_mut().unwrap();
+    nodes.extend((0..5_000).map(|_| serde_json::json!({"mesh": 0, "skin": 0})));
+    many["scenes"][0]["nodes"] = [0, 1].into_iter().chain(3..5_003).collect::<Vec<_>>().into();
+    assert_eq!(read_bytes("a.glb", &glb_with(many, &data)).unwrap().positions.len(), 5 * 5_001);
     data[81] = 7;
     assert!(fault("a.glb", &glb_with(document, &data)).contains("vertex 0 hangs on joint 7 of 2"));
 }

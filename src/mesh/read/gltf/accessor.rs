@@ -96,10 +96,12 @@ impl<'a> BufferContent<'a> {
         }
     }
 
-    /// Calls `take(item, values)` for each item of an accessor with its first `N` components, at most four.
+    /// Calls `take(item, values)` for each of the first `most` items of an accessor with its first `N` components. Those behind may not even be
+    /// there: an accessor without data may claim any number of zeros.
     pub(super) fn each<const N: usize>(
         &self,
         accessor: &gltf::Accessor<'_>,
+        most: usize,
         mut take: impl FnMut(usize, [f64; N]),
     ) -> std::result::Result<(), String> {
         let (kind, size) = (accessor.data_type(), accessor.size());
@@ -110,9 +112,9 @@ impl<'a> BufferContent<'a> {
         let past = |fault: String| format!("accessor {} reaches past the end of its data: {fault}", accessor.index());
         if let Some(view) = accessor.view() {
             let (bytes, stride) = self.items(&view, accessor.offset(), count, size).map_err(past)?;
-            (0..count).for_each(|k| take(k, read(&bytes[k * stride..k * stride + size])));
+            (0..count.min(most)).for_each(|k| take(k, read(&bytes[k * stride..k * stride + size])));
         } else {
-            (0..count).for_each(|k| take(k, [0.0; N]));
+            (0..count.min(most)).for_each(|k| take(k, [0.0; N]));
         }
         let Some(sparse) = accessor.sparse() else { return Ok(()) };
         let (indices, values, replaced) = (sparse.indices(), sparse.values(), sparse.count());
@@ -128,7 +130,9 @@ impl<'a> BufferContent<'a> {
             if item >= count {
                 return Err(format!("sparse value {k} replaces item {item} of {count}"));
             }
-            take(item, read(&bytes[k * stride..k * stride + size]));
+            if item < most {
+                take(item, read(&bytes[k * stride..k * stride + size]));
+            }
         }
         Ok(())
     }

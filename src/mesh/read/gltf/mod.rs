@@ -12,6 +12,7 @@ use accessor::{AccessorUse, BufferContent, check_type};
 use document::GeometryDocument;
 use glam::{DMat4, DVec3};
 use skin::Skinning;
+use std::collections::BTreeMap;
 use std::path::Path;
 
 /// Primitives at most, those of a mesh counted for each node that it stands in.
@@ -34,18 +35,20 @@ pub(super) fn read(path: &Path, bytes: &[u8], access: &FileAccess) -> Result<Pre
     let content = BufferContent::read(path, &file, access)?;
     let mut mesh = PreciseMesh::default();
     charge(path, access, &mesh, total.vertices, total.triangles)?;
+    let mut transforms = vec![None; document.nodes().count()];
+    nodes.iter().for_each(|(node, to_world)| transforms[node.index()] = Some(*to_world));
+    // A skin may be that of many nodes.
+    let mut skins: BTreeMap<usize, Skinning> = BTreeMap::new();
     for (node, to_world) in &nodes {
         let Some(part) = node.mesh() else { continue };
-        let skin = match node.skin() {
-            Some(skin) => {
-                access.remark(path, "glTF: a mesh with a skin is taken in the pose that its joints have in the file");
-                Some(Skinning::read(&content, &skin, &nodes)?)
-            }
-            None => None,
-        };
+        if let Some(skin) = node.skin().filter(|skin| !skins.contains_key(&skin.index())) {
+            access.remark(path, "glTF: a mesh with a skin is taken in the pose that its joints have in the file");
+            skins.insert(skin.index(), Skinning::read(&content, &skin, &transforms)?);
+        }
+        let skin = node.skin().and_then(|skin| skins.get(&skin.index()));
         for primitive in part.primitives().filter(is_surface) {
             let what = describe(&part, &primitive);
-            append_primitive(&content, access, &primitive, *to_world, skin.as_ref(), &mut mesh)
+            append_primitive(&content, access, &primitive, *to_world, skin, &mut mesh)
                 .map_err(|message| Error::input(path, format!("{what}: {message}")))?;
         }
     }
@@ -141,7 +144,7 @@ fn append_primitive(
     let offset = mesh.positions.len();
     let count = positions.count();
     mesh.positions.resize(offset + count, [0.0; 3]);
-    content.each(&positions, |k, p| mesh.positions[offset + k] = p).map_err(|e| format!("positions: {e}"))?;
+    content.each(&positions, count, |k, p| mesh.positions[offset + k] = p).map_err(|e| format!("positions: {e}"))?;
     let placed = &mut mesh.positions[offset..];
     match skin {
         // The node itself does not move a mesh with a skin (glTF 2.0, 3.7.3.3).
@@ -152,7 +155,9 @@ fn append_primitive(
     match primitive.indices() {
         Some(accessor) => {
             indices.resize(corners, 0);
-            content.each(&accessor, |k, [index]| indices[k] = index as u32).map_err(|e| format!("indices: {e}"))?;
+            content
+                .each(&accessor, corners, |k, [index]| indices[k] = index as u32)
+                .map_err(|e| format!("indices: {e}"))?;
         }
         None => indices.extend(0..count as u32),
     }

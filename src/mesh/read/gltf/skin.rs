@@ -9,17 +9,10 @@ use gltf::Semantic;
 pub(super) struct Skinning(Vec<DMat4>);
 
 impl Skinning {
-    /// Reads a skin; joints outside the scene stand still.
-    pub(super) fn read(
-        content: &BufferContent,
-        skin: &gltf::Skin<'_>,
-        nodes: &[(gltf::Node<'_>, DMat4)],
-    ) -> Result<Self> {
+    /// Reads a skin. `nodes` are the transforms to the world by node; joints outside the scene stand still.
+    pub(super) fn read(content: &BufferContent, skin: &gltf::Skin<'_>, nodes: &[Option<DMat4>]) -> Result<Self> {
         let wrong = |message: String| Error::input(content.path, format!("glTF: skin {}: {message}", skin.index()));
-        let to_world = |joint: gltf::Node<'_>| {
-            let found = nodes.iter().find(|(node, _)| node.index() == joint.index());
-            found.map_or(DMat4::IDENTITY, |(_, to_world)| *to_world)
-        };
+        let to_world = |joint: gltf::Node<'_>| nodes.get(joint.index()).copied().flatten().unwrap_or(DMat4::IDENTITY);
         let mut joints: Vec<DMat4> = skin.joints().map(to_world).collect();
         if let Some(accessor) = skin.inverse_bind_matrices() {
             check_type(AccessorUse::Matrices, &accessor).map_err(wrong)?;
@@ -28,7 +21,7 @@ impl Skinning {
                     *joint *= DMat4::from_cols_array(&columns);
                 }
             };
-            content.each(&accessor, to_joint).map_err(wrong)?;
+            content.each(&accessor, skin.joints().len(), to_joint).map_err(wrong)?;
         }
         Ok(Skinning(joints))
     }
@@ -50,13 +43,13 @@ impl Skinning {
             return Err(format!("{} vertices have joints, {} positions", joints.count(), positions.len()));
         }
         let mut hung: Vec<[usize; 4]> = vec![[0; 4]; positions.len()];
-        content.each(&joints, |k, item: [f64; 4]| {
+        content.each(&joints, positions.len(), |k, item: [f64; 4]| {
             if let Some(hung) = hung.get_mut(k) {
                 *hung = item.map(|joint| joint as usize);
             }
         })?;
         let mut fault = None;
-        content.each(&weights, |k, weights: [f64; 4]| {
+        content.each(&weights, positions.len(), |k, weights: [f64; 4]| {
             let (Some(position), Some(hung)) = (positions.get_mut(k), hung.get(k)) else { return };
             let sum: f64 = weights.iter().sum();
             let at = DVec3::from_array(*position);
