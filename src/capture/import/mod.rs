@@ -20,6 +20,7 @@ use super::lens::Lens;
 use super::transforms::nearest_rotation;
 use crate::error::{Error, Result};
 use crate::input::{FileAccess, Folder, escaped};
+use crate::vector::dot;
 use crate::views::{Camera, View};
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -143,7 +144,7 @@ fn entries(folder: &Path) -> Result<Vec<PathBuf>> {
 /// World to camera from the camera's axes in the world, as rows of the rotation from world to camera, and its centre; or the fault of the axes.
 fn pose(rows: [[f64; 3]; 3], centre: [f64; 3]) -> std::result::Result<([[f64; 3]; 3], [f64; 3]), String> {
     let rotation = nearest_rotation(rows)?;
-    let translation = rotation.map(|row| -(row[0] * centre[0] + row[1] * centre[1] + row[2] * centre[2]));
+    let translation = rotation.map(|row| -dot(row, centre));
     Ok((rotation, translation))
 }
 
