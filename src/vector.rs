@@ -18,10 +18,16 @@ pub(crate) fn dot_slices(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-/// Returns the unit vector from one point to another and the squared distance.
-pub(crate) fn direction(from: [f64; 3], to: [f64; 3]) -> ([f64; 3], f64) {
-    let d: [f64; 3] = std::array::from_fn(|i| to[i] - from[i]);
-    let squared = dot(d, d);
+/// Returns a vector's direction, 0 for that of no length, and its squared length.
+#[inline(always)]
+pub(crate) fn unit(v: [f64; 3]) -> ([f64; 3], f64) {
+    let squared = dot(v, v);
     let scale = if squared > 0.0 { 1.0 / squared.sqrt() } else { 0.0 };
-    (d.map(|x| x * scale), squared)
+    (v.map(|x| x * scale), squared)
+}
+
+/// Returns the unit vector from one point to another and the squared distance.
+#[inline(always)]
+pub(crate) fn direction(from: [f64; 3], to: [f64; 3]) -> ([f64; 3], f64) {
+    unit(std::array::from_fn(|i| to[i] - from[i]))
 }

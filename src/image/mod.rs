@@ -56,6 +56,12 @@ impl Mask {
     }
 }
 
+/// Weights of four samples in a row for a position `t` of the way from the second to the third (Catmull and Rom 1974).
+pub(crate) fn catmull_rom(t: f64) -> [f64; 4] {
+    let (t2, t3) = (t * t, t * t * t);
+    [-0.5 * t + t2 - 0.5 * t3, 1.0 - 2.5 * t2 + 1.5 * t3, 0.5 * t + 2.0 * t2 - 1.5 * t3, 0.5 * t3 - 0.5 * t2]
+}
+
 /// Linear 0 to 1 as an sRGB signal, 0 to 1 (IEC 61966-2-1).
 pub fn to_srgb(linear: f64) -> f64 {
     if linear <= 0.0031308 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }

@@ -2,7 +2,7 @@
 
 use super::Grid;
 
-/// ImageOrientation of a photograph as EXIF states it (tag 274): the rows and columns of the stored image may change places, and then its sides.
+/// Orientation of a photograph as EXIF states it (tag 274): the rows and columns of the stored image may change places, and then its sides.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct ImageOrientation {
     /// Rows become columns.

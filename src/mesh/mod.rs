@@ -36,6 +36,13 @@ impl Mesh {
         Some(finite.fold([first, first], grow))
     }
 
+    /// Returns half the longest side of the bounding box, above 0.
+    #[cfg(feature = "encode")]
+    pub(crate) fn half_longest_side(&self) -> f64 {
+        let [low, high] = self.bounding_box().unwrap_or_default();
+        (0..3).map(|k| 0.5 * (high[k] as f64 - low[k] as f64)).fold(1e-12, f64::max)
+    }
+
     /// Returns the length of the bounding box's diagonal; 0 without a finite vertex.
     pub fn diagonal(&self) -> f64 {
         let [low, high] = self.bounding_box().unwrap_or_default();

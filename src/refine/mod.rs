@@ -11,13 +11,14 @@ mod schedule;
 mod signal_view;
 mod system;
 
+use crate::error::Result;
 use crate::image::{Mask, RgbImage};
 use crate::mesh::Mesh;
 use crate::options::{EncodeOptions, Profile, Refinement};
 use crate::reflectance::lobes::share::{LobeEquations, SharingScale, share_weights};
 use crate::reflectance::lobes::{LOBES, LobeCosines, lobe_values};
 use crate::separate::Observations;
-use crate::surface::displacement::{Displacements, interpolated_normals};
+use crate::surface::displacement::{DisplacedMesh, Displacements, interpolated_normals};
 use crate::surface::raster::rasterise;
 use crate::surface::subdivision::{mean_edge, subdivide};
 use crate::views::{Camera, Component, View};
@@ -63,8 +64,6 @@ pub struct RefinedSurface {
     pub levels: u32,
     /// Displacement of each vertex of the subdivided scan along its interpolated unit normal, world units.
     pub displacement: Vec<f64>,
-    /// The displaced surface.
-    pub mesh: Mesh,
     /// World length of a pixel at the object's middle, mean of the views.
     pub pixel: f64,
     /// Loss of the views that were left out while it was decided: with the scan and with the refined surface.
@@ -78,6 +77,12 @@ impl RefinedSurface {
     /// The displacements as they are to be coded.
     pub fn displacements(&self) -> Displacements<'_> {
         Displacements { levels: self.levels, values: &self.displacement, step: CODED_STEP * self.pixel }
+    }
+    /// Returns the displaced scan.
+    /// # Errors
+    /// [`crate::Error::Format`] where a displacement leads beyond all numbers.
+    pub fn displaced(&self, scan: &Mesh) -> Result<DisplacedMesh> {
+        DisplacedMesh::new(scan, self.levels, |vertex, _, _| self.displacement[vertex])
     }
 }
 
@@ -115,7 +120,7 @@ pub(crate) fn refine(scan: &Mesh, views: &[RefinementView], white: [f64; 3]) -> 
     }
     let pixel = pixel_length(scan, &signals);
     let finest = levels(scan, pixel);
-    let size = half_side(scan).max(LEAST_SIZE * pixel);
+    let size = scan.half_longest_side().max(LEAST_SIZE * pixel);
     // Coarse stages decide, by views that they leave out.
     let mut left_out = Vec::new();
     for k in (0..signals.len()).rev().filter(|k| k % LEAVE_OUT == LEAVE_OUT / 2) {
@@ -132,13 +137,8 @@ pub(crate) fn refine(scan: &Mesh, views: &[RefinementView], white: [f64; 3]) -> 
         }
         state.run(scan, levels, stage, size, &mut signals, &mut left_out);
     }
-    let fine = SubdividedScan::new(scan, finest);
-    let mut mesh = fine.mesh;
-    for (v, position) in mesh.positions.iter_mut().enumerate() {
-        *position = std::array::from_fn(|k| (fine.base[v][k] + state.displacement[v] * fine.along[v][k]) as f32);
-    }
     let RefinementProgress { displacement, left_out_loss, .. } = state;
-    Some(RefinedSurface { levels: finest, displacement, mesh, pixel, left_out_loss })
+    Some(RefinedSurface { levels: finest, displacement, pixel, left_out_loss })
 }
 
 /// World length of a pixel at the object's middle, mean of the views.
@@ -157,12 +157,6 @@ fn levels(scan: &Mesh, pixel: f64) -> u32 {
         levels -= 1;
     }
     levels
-}
-
-/// Half the longest side of the bounding box.
-fn half_side(mesh: &Mesh) -> f64 {
-    let [low, high] = mesh.bounding_box().unwrap_or_default();
-    (0..3).map(|k| 0.5 * (high[k] as f64 - low[k] as f64)).fold(1e-12, f64::max)
 }
 
 /// Displacements as far as they are known.

@@ -1,9 +1,9 @@
 //! A view as the refinement reads it: square roots of grey radiance with their slopes, which pixels to trust, what the light reaches.
 
-use crate::image::{Grid, Mask, RgbImage};
+use crate::image::{Grid, Mask, RgbImage, catmull_rom};
 use crate::mesh::Mesh;
 use crate::surface::raster::rasterise;
-use crate::vector::{cross, dot};
+use crate::vector::{cross, direction, dot, unit};
 use crate::views::{Camera, PointLight, View};
 
 /// Added to the specular radiance before its root: keeps the slope of dark pixels, which are noise, small.
@@ -133,7 +133,7 @@ impl SignalView {
     /// hidden, near a border, or in shadow.
     #[inline]
     pub(super) fn sight(&self, point: [f64; 3], normal: [f64; 3], min_cos_view: f64) -> Option<Sighting> {
-        let to_view = unit(std::array::from_fn(|k| self.centre[k] - point[k])).0;
+        let to_view = direction(point, self.centre).0;
         let cos_view = dot(normal, to_view);
         if cos_view.is_nan() || cos_view < min_cos_view {
             return None;
@@ -156,7 +156,7 @@ impl SignalView {
                 return None;
             }
         }
-        let (to_light, squared) = unit(std::array::from_fn(|k| self.light.position[k] - point[k]));
+        let (to_light, squared) = direction(point, self.light.position);
         let cos_light = dot(normal, to_light);
         if cos_light < MIN_COS_LIGHT || self.is_dark(point) {
             return None;
@@ -193,7 +193,7 @@ impl SignalView {
     /// Roots of diffuse and specular radiance, read with Catmull and Rom's cubic (1974).
     #[inline]
     pub(super) fn roots(&self, sighting: &Sighting) -> [f64; 2] {
-        let [columns, rows] = sighting.rest.map(cubic);
+        let [columns, rows] = sighting.rest.map(catmull_rom);
         let width = self.mask.width;
         let mut sum = [0.0; 2];
         for (j, row) in rows.into_iter().enumerate() {
@@ -230,36 +230,15 @@ impl SignalView {
     }
 }
 
-/// A vector's direction and squared length.
-#[inline(always)]
-pub(super) fn unit(v: [f64; 3]) -> ([f64; 3], f64) {
-    let squared = dot(v, v);
-    let scale = 1.0 / squared.sqrt().max(1e-30);
-    (v.map(|x| x * scale), squared)
-}
-
-#[inline(always)]
-fn cubic(t: f64) -> [f64; 4] {
-    let (t2, t3) = (t * t, t * t * t);
-    [-0.5 * t + t2 - 0.5 * t3, 1.0 - 2.5 * t2 + 1.5 * t3, 0.5 * t + 2.0 * t2 - 1.5 * t3, 0.5 * t3 - 0.5 * t2]
-}
-
 /// The camera of an image reduced by an integer factor; what is left over on the right and below is cut off.
-pub(super) fn reduced_camera(camera: &Camera, factor: usize) -> Camera {
-    let scale = 1.0 / factor as f64;
-    Camera {
-        width: camera.width / factor as u32,
-        height: camera.height / factor as u32,
-        focal: camera.focal.map(|x| x * scale),
-        principal: camera.principal.map(|x| x * scale),
-        ..*camera
-    }
+fn reduced_camera(camera: &Camera, factor: usize) -> Camera {
+    camera.scaled([camera.width, camera.height].map(|side| side / factor as u32), [1.0 / factor as f64; 2])
 }
 
 /// A camera in the light's place that sees the whole mesh, in `size` x `size` pixels; without pixels for a light inside the mesh's sphere.
 fn light_camera(mesh: &Mesh, light: [f64; 3], size: u32) -> Camera {
     let (middle, radius) = mesh.bounding_sphere();
-    let (forward, squared) = unit(std::array::from_fn(|k| middle[k] - light[k]));
+    let (forward, squared) = direction(light, middle);
     if squared.is_nan() || squared < 1.1 * radius * radius || size < 4 {
         return Camera::default();
     }

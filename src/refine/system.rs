@@ -4,7 +4,7 @@ use super::evidence::VertexEvidence;
 use super::rings::Rings;
 use crate::optimise::conjugate_gradient;
 use crate::parallel;
-use crate::vector::{cross, dot};
+use crate::vector::{cross, dot, unit};
 
 /// Relative residual at which the solver stops, and its steps at most.
 const TOLERANCE: f64 = 1e-2;
@@ -56,7 +56,7 @@ impl DisplacedSurface<'_> {
 
     /// Unit normals of the vertices.
     pub(super) fn normals(&self, points: &[[f64; 3]]) -> Vec<[f64; 3]> {
-        self.area_normals(points).into_iter().map(|n| super::signal_view::unit(n).0).collect()
+        self.area_normals(points).into_iter().map(|n| unit(n).0).collect()
     }
 
     /// Umbrella operator along the directions of displacement: mean of the neighbours minus the vertex.
@@ -130,7 +130,7 @@ impl<'a> LinearSystem<'a> {
                     (0..3).for_each(|c| row[at][c] += slope[c]);
                 }
             }
-            let (normal, squared) = super::signal_view::unit(normals[v]);
+            let (normal, squared) = unit(normals[v]);
             let scale = if squared > 1e-30 { 1.0 / squared.sqrt() } else { 0.0 };
             let tangential = |slope: [f64; 3]| {
                 let along = dot(slope, normal);

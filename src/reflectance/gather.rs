@@ -154,9 +154,7 @@ pub fn fit_maps(sources: &ReflectanceSources, charts: &Charts, atlas: &AtlasRast
             members.iter().zip(own).for_each(|(&member, own)| equations[member] = *own);
         }
         let points: Vec<[f64; 3]> = used.iter().map(|&texel| atlas.position(sources.mesh, texel).to_array()).collect();
-        let [low, high] = sources.mesh.bounding_box().unwrap_or_default();
-        let half_side = (0..3).map(|k| 0.5 * (high[k] - low[k]) as f64).fold(1e-12, f64::max);
-        let shared = (SHARED * half_side).max(SHARED_TEXELS / charts.texels_per_unit);
+        let shared = (SHARED * sources.mesh.half_longest_side()).max(SHARED_TEXELS / charts.texels_per_unit);
         let scale = SharingScale { cell: shared, smoothing: shared };
         let weights = share_weights(&points, &[], scale, |k| equations[k]);
         maps.lobes = vec![Grid::filled(width, height, [0f32; 3]); LOBES];

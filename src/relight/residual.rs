@@ -1,6 +1,6 @@
 //! Captured views, photograph and model, read at surface points.
 
-use crate::image::{Grid, RgbImage};
+use crate::image::{Grid, RgbImage, catmull_rom};
 use crate::surface::raster::Raster;
 use crate::views::{Camera, Photograph};
 
@@ -134,10 +134,4 @@ impl<'a> CapturedView<'a> {
         let cut = taps.iter().all(|&(k, weight)| weight < 1e-6 || k.is_some_and(masked_out));
         if cut { CapturedSample::Cut } else { CapturedSample::Unseen }
     }
-}
-
-/// Weights of four samples in a row for a position `t` of the way from the second to the third.
-fn catmull_rom(t: f64) -> [f64; 4] {
-    let (t2, t3) = (t * t, t * t * t);
-    [0.5 * (-t + 2.0 * t2 - t3), 0.5 * (2.0 - 5.0 * t2 + 3.0 * t3), 0.5 * (t + 4.0 * t2 - 3.0 * t3), 0.5 * (t3 - t2)]
 }

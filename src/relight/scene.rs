@@ -192,14 +192,7 @@ pub(super) fn shade_samples(
 
 /// Returns the camera with `samples` pixels for each along either side.
 pub(super) fn supersampled(camera: &Camera, samples: u32) -> Camera {
-    let scale = samples as f64;
-    Camera {
-        width: camera.width * samples,
-        height: camera.height * samples,
-        focal: camera.focal.map(|f| f * scale),
-        principal: camera.principal.map(|p| p * scale),
-        ..*camera
-    }
+    camera.scaled([camera.width * samples, camera.height * samples], [samples as f64; 2])
 }
 
 fn surface_point(object: &RenderObject, raster: &VisibilityBuffer, index: usize, centre: Vec3) -> ShadingPoint {

@@ -39,6 +39,13 @@ impl Camera {
             ([self.focal[0] * q[0] / q[2] + self.principal[0], self.focal[1] * q[1] / q[2] + self.principal[1]], q[2])
         })
     }
+    /// Returns the camera of the same view in an image of another size (width, height) and of `factor` times as many pixels to a length,
+    /// across and down.
+    pub fn scaled(&self, [width, height]: [u32; 2], factor: [f64; 2]) -> Camera {
+        let [focal, principal] =
+            [self.focal, self.principal].map(|values| std::array::from_fn(|k| values[k] * factor[k]));
+        Camera { width, height, focal, principal, ..*self }
+    }
     /// The camera's place in the world.
     pub fn centre(&self) -> [f64; 3] {
         let (r, t) = (&self.rotation, &self.translation);

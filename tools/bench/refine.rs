@@ -39,9 +39,10 @@ fn main() -> Result<(), Box<dyn Error>> {
         println!("not kept");
         return Ok(());
     };
-    println!("{} vertices, left-out loss {:?}", refined.mesh.positions.len(), refined.left_out_loss);
+    let displaced = refined.displaced(&scan)?;
+    println!("{} vertices, left-out loss {:?}", displaced.mesh().positions.len(), refined.left_out_loss);
     if let Some(truth) = &truth {
-        println!("refined: {}", angles(&refined.mesh, truth, &cameras));
+        println!("refined: {}", angles(displaced.mesh(), truth, &cameras));
     }
     // Views left out, from photographs and maps that are not coded.
     let photograph = |view: &ObservedView| Photograph {

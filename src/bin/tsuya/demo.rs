@@ -156,14 +156,7 @@ fn relit(renderer: &AssetRenderer, asset: &Asset) -> Result<tsuya::metrics::Disp
 
 /// The same view with `factor` times as many pixels each way.
 fn enlarge(camera: tsuya::Camera, factor: usize) -> tsuya::Camera {
-    let scale = factor as f64;
-    tsuya::Camera {
-        width: camera.width * factor as u32,
-        height: camera.height * factor as u32,
-        focal: camera.focal.map(|focal| focal * scale),
-        principal: camera.principal.map(|place| place * scale),
-        ..camera
-    }
+    camera.scaled([camera.width, camera.height].map(|side| side * factor as u32), [factor as f64; 2])
 }
 
 /// Bytes of the capture's photographs on disk.

@@ -25,9 +25,7 @@ impl SmallView {
         let side = |pixels: u32| ((f64::from(pixels) * scale).round() as u32).max(1);
         let (width, height) = (side(camera.width), side(camera.height));
         let factor = [f64::from(width) / f64::from(camera.width), f64::from(height) / f64::from(camera.height)];
-        let scaled = |values: [f64; 2]| std::array::from_fn(|k| values[k] * factor[k]);
-        let small =
-            Camera { width, height, focal: scaled(camera.focal), principal: scaled(camera.principal), ..*camera };
+        let small = camera.scaled([width, height], factor);
         let mask = frame.mask.as_ref().map(|mask| {
             let at = |x: u32, y: u32| {
                 let [x, y] =
@@ -41,7 +39,7 @@ impl SmallView {
     }
 }
 
-/// SilhouetteCounts of one view's pixels.
+/// Numbers of one view's pixels.
 #[derive(Default, Clone, Copy)]
 pub(super) struct SilhouetteCounts {
     pub(super) covered: u64,

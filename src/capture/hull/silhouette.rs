@@ -42,14 +42,7 @@ impl Silhouette {
             return None;
         }
         let factor = [width as f64 / f64::from(camera.width), height as f64 / f64::from(camera.height)];
-        let scaled = |values: [f64; 2]| std::array::from_fn(|k| values[k] * factor[k]);
-        let small = Camera {
-            width: width as u32,
-            height: height as u32,
-            focal: scaled(camera.focal),
-            principal: scaled(camera.principal),
-            ..*camera
-        };
+        let small = camera.scaled([width as u32, height as u32], factor);
         let distances = signed_distances(&mask.data, width, height);
         Some(Silhouette { camera: small, reduction, distances, extent })
     }
@@ -207,15 +200,17 @@ fn read_mask_of(
 ) -> std::result::Result<Option<Mask>, ImageFault> {
     let camera = &frame.view.camera;
     let size = (camera.width, camera.height);
-    let mut mask = match &frame.mask {
-        Some(path) => Some(read_mask(path, access, size)?),
-        None => read_radiance_image(&frame.photograph, access, space, Some(size))?.alpha,
+    let (mut mask, photograph) = match &frame.mask {
+        Some(path) => (Some(read_mask(path, access, size)?), None),
+        None => {
+            let photograph = read_radiance_image(&frame.photograph, access, space, Some(size))?;
+            (photograph.alpha, Some(photograph.colour))
+        }
     };
     if options.reading.invert_masks {
         mask.iter_mut().flat_map(|mask| &mut mask.data).for_each(|shown| *shown = !*shown);
     }
-    if let (None, Some(level)) = (&mask, options.dark_background) {
-        let photograph = read_radiance_image(&frame.photograph, access, space, Some(size))?.colour;
+    if let (None, Some(photograph), Some(level)) = (&mask, photograph, options.dark_background) {
         mask = Some(before_dark(&photograph, level));
     }
     if let Some(mask) = &mut mask
