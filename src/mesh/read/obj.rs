@@ -81,6 +81,64 @@ fn plain_text(bytes: &[u8]) -> Cow<'_, [u8]> {
     Cow::Owned(text)
 }
 
+/// Parses a text that [`plain_text`] gave; of an error also the line, where it is known.
+fn load(
+    text: &[u8],
+    mut reader: impl BufRead,
+) -> std::result::Result<Vec<tobj::Model>, (Option<usize>, tobj::LoadError)> {
+    check_references(text).map_err(|(line, e)| (Some(line), e))?;
+    let options =
+        tobj::LoadOptions { triangulate: true, ignore_points: true, ignore_lines: true, ..Default::default() };
+    // Materials are not needed, and a missing .mtl file must not matter.
+    let no_materials = |_: &Path| Ok((Vec::new(), Default::default()));
+    tobj::load_obj_buf(&mut reader, &options, no_materials).map(|(models, _)| models).map_err(|e| (None, e))
+}
+
+/// Refuses faces that name a texture coordinate or a normal before the first one, or beyond all numbers, where the file has any: the parser multiplies such
+/// numbers before it compares them, which overflows.
+fn check_references(text: &[u8]) -> std::result::Result<(), (usize, tobj::LoadError)> {
+    let lines = || text.split(|&b| b == b'\n').map(<[u8]>::trim_ascii_start);
+    let kind = |line: &[u8]| match line {
+        [b'v', b't', space, ..] if space.is_ascii_whitespace() => Some(0),
+        [b'v', b'n', space, ..] if space.is_ascii_whitespace() => Some(1),
+        _ => None,
+    };
+    let mut totals = [0usize; 2];
+    lines().filter_map(kind).for_each(|kind| totals[kind] += 1);
+    let mut before = [0usize; 2];
+    for (number, line) in (1..).zip(lines()) {
+        if let Some(kind) = kind(line) {
+            before[kind] += 1;
+        }
+        let [b'f', space, corners @ ..] = line else { continue };
+        if !space.is_ascii_whitespace() || corners.split(u8::is_ascii_whitespace).filter(|w| !w.is_empty()).count() < 3
+        {
+            continue;
+        }
+        for corner in corners.split(u8::is_ascii_whitespace) {
+            for (kind, index) in corner.split(|&b| b == b'/').skip(1).take(2).enumerate() {
+                // Others are small enough for the parser to compare.
+                if totals[kind] == 0 || !(index.starts_with(b"-") || index.len() > MAX_DIGITS) {
+                    continue;
+                }
+                let index = std::str::from_utf8(index).ok().and_then(|index| index.parse::<isize>().ok());
+                let is_there = |index: isize| match index {
+                    ..0 => index.unsigned_abs() <= before[kind],
+                    _ => index.unsigned_abs() <= totals[kind],
+                };
+                if index.is_some_and(|index| !is_there(index)) {
+                    let faults = [tobj::LoadError::FaceTexCoordOutOfBounds, tobj::LoadError::FaceNormalOutOfBounds];
+                    return Err((number, faults[kind]));
+                }
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Digits of a number of which no small multiple overflows.
+const MAX_DIGITS: usize = 9;
+
 pub(super) fn read(path: &Path, bytes: &[u8], access: &FileAccess) -> Result<PreciseMesh> {
     let _copy = access.reserve(path, "OBJ file", bytes.len() as u64)?;
     let text = plain_text(bytes);
@@ -88,13 +146,10 @@ pub(super) fn read(path: &Path, bytes: &[u8], access: &FileAccess) -> Result<Pre
     let (_parsed, triangles) = hold_parsed(path, bytes, access)?;
     charge(path, access, &PreciseMesh::default(), 0, triangles)?;
     let lines = std::rc::Rc::new(std::cell::Cell::new(0));
-    let mut reader = CountLines { inner: Cursor::new(bytes), lines: lines.clone() };
-    let options =
-        tobj::LoadOptions { triangulate: true, ignore_points: true, ignore_lines: true, ..Default::default() };
-    // Materials are not needed, and a missing .mtl file must not matter.
-    let no_materials = |_: &Path| Ok((Vec::new(), Default::default()));
-    let (models, _) = tobj::load_obj_buf(&mut reader, &options, no_materials).map_err(|e| {
-        Error::input(path, format!("{}: {e}", locate_obj_fault(bytes).unwrap_or(format!("line {}", lines.get()))))
+    let reader = CountLines { inner: Cursor::new(bytes), lines: lines.clone() };
+    let models = load(bytes, reader).map_err(|(line, e)| {
+        let line = || format!("line {}", line.unwrap_or(lines.get()));
+        Error::input(path, format!("{}: {e}", locate_obj_fault(bytes).unwrap_or_else(line)))
     })?;
     let mut mesh = PreciseMesh::default();
     let vertices = models.iter().map(|model| model.mesh.positions.len() as u64 / 3).sum();
@@ -120,10 +175,7 @@ pub fn texture_coordinates(path: impl AsRef<Path>, access: &FileAccess) -> Resul
     let _copy = access.reserve(path, "OBJ file", bytes.len() as u64)?;
     let bytes = plain_text(&bytes);
     let _parsed = hold_parsed(path, &bytes, access)?;
-    let options =
-        tobj::LoadOptions { triangulate: true, ignore_points: true, ignore_lines: true, ..Default::default() };
-    let no_materials = |_: &Path| Ok((Vec::new(), Default::default()));
-    let Ok((models, _)) = tobj::load_obj_buf(&mut Cursor::new(&bytes[..]), &options, no_materials) else {
+    let Ok(models) = load(&bytes, Cursor::new(&bytes[..])) else {
         return Ok(Vec::new());
     };
     let mut coordinates = Vec::new();

@@ -103,6 +103,12 @@ fn obj_with_objects_polygons_and_faults() {
             .contains("line 4, vertex 3: a vertex is not finite")
     );
     assert!(fault("x.obj", text.replace("v 1 1.5", "v 1 up").as_bytes()).contains("line 4: position parse error"));
+    // Twice this number would be that of a coordinate which is there.
+    let far = format!("f 1/{0}/1 2/{0}/1 3/{0}/1", isize::MIN);
+    let wraps = text.replace("f 1/1/1 2/1/1 3/1/1 4/1/1", &far).replace("vt 0 0", "vt 0 0\nvt 1 0");
+    assert!(fault("x.obj", wraps.as_bytes()).contains("line 10: face texcoord index out of bounds"));
+    let normals = text.replace("-1//1", "-1//-2");
+    assert!(fault("x.obj", normals.as_bytes()).contains("line 11: face normal index out of bounds"));
     assert!(fault("x.obj", b"v 0 0 0\n").contains("no triangle"));
     assert!(fault("x.obj", b"").contains("empty"));
     assert!(fault("x.stl", b"solid").contains("not a mesh"));
