@@ -9,11 +9,11 @@ use crate::container::{Container, metadata};
 use crate::error::{Error, Result};
 use crate::limits::Limits;
 use crate::predictive::decode::PlaneDecoder;
-use crate::predictive::header::CodedEntry;
 use crate::predictive::workspace::photograph_bytes;
 use crate::views::codec::ViewsSection;
 use crate::views::{Photograph, View};
 use std::io::{Read, Seek};
+use std::ops::Range;
 
 pub(crate) mod incremental;
 mod stages;
@@ -159,12 +159,12 @@ fn decode_photographs<R: Read + Seek>(
     let wanted = |view: usize| options.selection.includes(view) && !lost.contains(&view);
     let Asset { mesh, components, views, .. } = asset;
     // 5. Photographs, as the profile coded them, with 4. the pixels that were coded. Each keeps 1. the components of reflection.
-    match file.drive(|file| stages::photograph_coding(file, views.len(), components.len()))? {
+    match file.drive(|file| stages::photograph_coding(file, views, components.len()))? {
         PhotographCoding::None => {}
         PhotographCoding::Predictive(planes) => {
             let decoder = PlaneDecoder::new(&planes.header, mesh, views, asset.white);
-            let read = |entry: &CodedEntry| {
-                let range = planes.stream_range(entry);
+            let read = |streams: Range<u64>| {
+                let range = planes.streams + streams.start..planes.streams + streams.end;
                 file.drive(|file| file.take(range.clone())).map(Some)
             };
             decoder.for_each_view(wanted, read, &budget, |given| done(asset, given))?;

@@ -27,9 +27,10 @@ pub mod predictive {
     pub use crate::predictive::decode::decode;
     #[cfg(feature = "encode")]
     pub use crate::predictive::encode::{PlaneEncoder, PlaneQuality};
-    pub use crate::predictive::header::{CodedEntry, PREFIX_BYTES, PlaneHeader};
+    pub use crate::predictive::header::{CodedEntry, CodedTile, PREFIX_BYTES, PlaneHeader};
     pub use crate::predictive::order::{MAX_REFERENCES, OrderEntry};
     pub use crate::predictive::{ComponentCoding, MaskCoding, PlaneCoding};
+    pub use crate::residual::tiles::TileGrid;
 }
 
 pub mod quantise {
@@ -55,7 +56,8 @@ pub mod residual {
     pub mod coefficients {
         #[cfg(feature = "encode")]
         pub use crate::residual::coefficients::encode;
-        pub use crate::residual::coefficients::{CoefficientModels, Modelling, decode};
+        pub use crate::residual::coefficients::{CoefficientModels, Modelling, PictureStreams, PictureTask, decode};
+        pub use crate::residual::tiles::Tiling;
     }
     pub use crate::residual::mask::{MaskModels, code_mask};
     #[cfg(feature = "encode")]

@@ -54,6 +54,9 @@ pub struct EncodeOptions {
     pub target: Option<EncodeTarget>,
     /// Trade of file size for decoding speed (profile `predictive` only).
     pub decode_speed: DecodeSpeed,
+    /// Side of the tiles that the finest levels of fast files are cut into, in coefficients: a power of two, 16 to 4096 (profile
+    /// `predictive` only). Tiles are decoded side by side; small ones cost bytes.
+    pub tile_side: u32,
     /// Leaves every k-th view out (the k-th, the 2k-th ...), to measure views between the captured ones.
     pub hold_out: Option<usize>,
     /// Bits of a mesh coordinate on the longest side, 8 to 20. By default as many as move no vertex by more than an eighth
@@ -80,6 +83,7 @@ impl Default for EncodeOptions {
             profile: Profile::Predictive,
             target: None,
             decode_speed: DecodeSpeed::default(),
+            tile_side: 256,
             hold_out: None,
             position_bits: None,
             atlas_density: 0.4,

@@ -179,8 +179,7 @@ impl FileRepair<'_> {
         let is_known = damaged.is_some();
         let ranges: Vec<_> = damaged.into_iter().chain(self.survey.unexplained.iter().cloned()).collect();
         let count = views.components.len();
-        let Some(start) = predictive::repair::find_head(self.bytes, &ranges, views.views.len(), count, self.budget)
-        else {
+        let Some(start) = predictive::repair::find_head(self.bytes, &ranges, &views.views, count, self.budget) else {
             return Ok(());
         };
         // Up to the next whole section, or the directory.

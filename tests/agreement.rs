@@ -15,11 +15,13 @@ use tsuya::metrics::PhotographError;
 use tsuya::{DecodeSpeed, EncodeOptions, Profile};
 use tsuya::{Limits, Result};
 
-const CODINGS: [(Profile, DecodeSpeed); 4] = [
-    (Profile::Predictive, DecodeSpeed::Normal),
-    (Profile::Predictive, DecodeSpeed::Fast),
-    (Profile::Predictive, DecodeSpeed::Fastest),
-    (Profile::WaveletTexture, DecodeSpeed::Normal),
+/// The last number is the side of tiles.
+const CODINGS: [(Profile, DecodeSpeed, u32); 5] = [
+    (Profile::Predictive, DecodeSpeed::Normal, 256),
+    (Profile::Predictive, DecodeSpeed::Fast, 256),
+    (Profile::Predictive, DecodeSpeed::Fastest, 256),
+    (Profile::Predictive, DecodeSpeed::Fastest, 16),
+    (Profile::WaveletTexture, DecodeSpeed::Normal, 256),
 ];
 
 #[test]
@@ -90,9 +92,9 @@ fn of_both_profiles_the_planes_count() {
 /// Encodes a capture in every way, decodes each file in every way and compares. Masks are of pixels that the mesh covers, at least
 /// by the share `coverage`.
 fn agree(capture: Capture, coverage: f64) {
-    for (profile, decoding) in CODINGS {
-        let what = format!("{profile:?} {decoding:?}");
-        let options = EncodeOptions { profile, decode_speed: decoding, ..Default::default() };
+    for (profile, decode_speed, tile_side) in CODINGS {
+        let what = format!("{profile:?} {decode_speed:?}, tiles of {tile_side}");
+        let options = EncodeOptions { profile, decode_speed, tile_side, ..Default::default() };
         let encoded = encode(capture.clone(), &options).unwrap();
         assert!(encoded.coverage > coverage, "{what}: the mesh covers {} of the masks", encoded.coverage);
         let [first, rest @ ..] = [1, 2, 5].map(|threads| with_threads(threads, || whole(&encoded.bytes)));

@@ -3,7 +3,7 @@
 use libfuzzer_sys::fuzz_target;
 use tsuya::internals::{
     self,
-    predictive::{CodedEntry, PREFIX_BYTES, PlaneHeader},
+    predictive::{PREFIX_BYTES, PlaneHeader},
 };
 use tsuya::{Budget, Limits};
 use tsuya_fuzz::scene;
@@ -20,24 +20,29 @@ fuzz_target!(|bytes: &[u8]| {
     {
         section[4..8].copy_from_slice(&crc32fast::hash(head).to_le_bytes());
     }
-    let Ok(mut header) = PlaneHeader::parse(&section, views.len(), components, &budget) else { return };
+    let Ok(mut header) = PlaneHeader::parse(&section, &views, components, &budget) else { return };
     let streams = &section[PREFIX_BYTES + PlaneHeader::head_bytes(&section).unwrap_or(0) as usize..];
     // What the head claims may be more than there is: each stream gets what is left of its length.
     let mut rest = streams;
     let mut parts = Vec::new();
     for step in &mut header.entries {
         let mut all = Vec::new();
-        for length in &mut step.lengths {
-            let (part, after) = rest.split_at(rest.len().min(*length as usize));
-            *length = part.len() as u32;
-            all.extend_from_slice(part);
-            rest = after;
-        }
-        step.checksum = crc32fast::hash(&all);
+        let mut cut = |lengths: &mut [u32]| {
+            let start = all.len();
+            for length in lengths {
+                let (part, after) = rest.split_at(rest.len().min(*length as usize));
+                *length = part.len() as u32;
+                all.extend_from_slice(part);
+                rest = after;
+            }
+            crc32fast::hash(&all[start..])
+        };
+        step.checksum = cut(&mut step.lengths);
+        step.tiles.iter_mut().for_each(|tile| tile.checksum = cut(&mut tile.lengths));
         parts.push(all);
     }
     let mut next = parts.into_iter();
-    let read = |_: &CodedEntry| Ok(next.next());
+    let read = |_: std::ops::Range<u64>| Ok(next.next());
     let decoded = internals::predictive::decode(&header, &mesh, (&views, scene::WHITE), |_| true, read, &budget);
     for (photograph, view) in decoded.into_iter().flatten().zip(&views) {
         let photograph = photograph.expect("all were asked for");

@@ -52,6 +52,7 @@ fuzz_target!(|bytes: &[u8]| {
         step: 0.002 + input.step as f32 * 0.002,
         lambda: input.lambda as f32 * 0.002,
         decode_speed: [DecodeSpeed::Normal, DecodeSpeed::Fast, DecodeSpeed::Fastest][input.decoding as usize % 3],
+        tile_side_log2: 4 + input.decoding / 3 % 9,
         ..PlaneQuality::default()
     };
     let covered = tsuya::internals::surface::coverage(&mesh, &views);
@@ -61,12 +62,9 @@ fuzz_target!(|bytes: &[u8]| {
     let encoder = PlaneEncoder::new(&source, input.signed);
     let encoded = encoder.encode(&quality).expect("every picture set can be coded");
     let budget = Budget::new(Limits::default());
-    let header = PlaneHeader::parse(&encoded.bytes, views.len(), components.len(), &budget).expect("our own head");
+    let header = PlaneHeader::parse(&encoded.bytes, &views, components.len(), &budget).expect("our own head");
     let body = &encoded.bytes[PREFIX_BYTES + PlaneHeader::head_bytes(&encoded.bytes).expect("our own head") as usize..];
-    let read = |step: &internals::predictive::CodedEntry| {
-        let length: usize = step.lengths.iter().map(|&l| l as usize).sum();
-        Ok(Some(body[step.offset as usize..][..length].to_vec()))
-    };
+    let read = |range: std::ops::Range<u64>| Ok(Some(body[range.start as usize..range.end as usize].to_vec()));
     let decoded =
         internals::predictive::decode(&header, &mesh, (&views, white), |_| true, read, &budget).expect("our own file");
     for ((decoded, expected), target) in decoded.iter().zip(&encoded.photographs).zip(&photographs) {

@@ -97,7 +97,8 @@ fn photographs(seeds: &Seeds, polarised: bool, mixed: bool) {
             photographs: &photographs,
         };
         let encoder = PlaneEncoder::new(&source, mixed);
-        let quality = PlaneQuality { step: 0.03, decode_speed: decoding, ..Default::default() };
+        let tile_side_log2 = if decoding == DecodeSpeed::Fastest { 4 } else { 8 };
+        let quality = PlaneQuality { step: 0.03, decode_speed: decoding, tile_side_log2, ..Default::default() };
         let bytes = encoder.encode(&quality).expect("photographs").bytes;
         let kind = (components.len() - 1) as u8 | (mixed as u8) << 1;
         seeds.put("planes", &format!("{decoding:?}-{polarised}-{mixed}"), [&[kind][..], &bytes].concat());

@@ -155,8 +155,7 @@ impl IncrementalDecoder {
         ready!(self.file.require(&ranges)?);
         let metadata = ready!(stages::metadata(&mut self.file)?);
         let capture = ready!(stages::views(&mut self.file)?);
-        let (views, components) = (capture.views.len(), capture.components.len());
-        let photographs = ready!(stages::photograph_coding(&mut self.file, views, components)?);
+        let photographs = ready!(stages::photograph_coding(&mut self.file, &capture.views, capture.components.len())?);
         let header = Arc::new(FileHeader { metadata, capture, photographs });
         self.header = Some(header.clone());
         Ok(Poll::Ready(header))
@@ -284,17 +283,17 @@ impl IncrementalDecoder {
                         None => Err(Error::parameter("the view is neither missing nor kept")),
                     };
                 };
-                let ranges = stream_ranges(&header, &entries)?;
+                let ranges = stream_ranges(&header, decoder, &entries)?;
                 // What is there is decoded while the rest arrives.
                 let Poll::Ready(bytes) = self.file.bytes(ranges[0].clone())? else {
                     ready!(self.file.require(&ranges)?);
                     return Err(Error::parameter("bytes are there and are not"));
                 };
-                if entries.len() == 1 {
-                    ViewStatus::Decoded(decoder.decode(first, bytes, |view| take(ViewPhotograph::Predictive(view)))?)
-                } else {
-                    decoder.decode(first, bytes, |_| ())?;
-                    ViewStatus::InProgress
+                let take =
+                    (entries.len() == 1).then_some(|view: DecodedPhotograph| take(ViewPhotograph::Predictive(view)));
+                match decoder.decode(first, bytes, take)? {
+                    Some(taken) => ViewStatus::Decoded(taken),
+                    None => ViewStatus::InProgress,
                 }
             }
         };
@@ -309,7 +308,8 @@ impl IncrementalDecoder {
         let (Some(PhotographDecoder::Predictive(decoder)), Some(header)) = (&mut self.photographs, &self.header) else {
             return Ok(Vec::new());
         };
-        let ranges = stream_ranges(header, &decoder.missing_entries(index)?)?;
+        let entries = decoder.missing_entries(index)?;
+        let ranges = stream_ranges(header, decoder, &entries)?;
         Ok(match self.file.require(&ranges)? {
             Poll::Ready(()) => Vec::new(),
             Poll::NeedRanges(ranges) => ranges,
@@ -324,10 +324,14 @@ impl IncrementalDecoder {
     }
 }
 
-/// Ranges of the file that hold the streams of entries of the coding order.
-fn stream_ranges(header: &FileHeader, entries: &[usize]) -> Result<Vec<Range<u64>>> {
+/// Ranges of the file that hold what is needed of entries of the coding order: of the last one the photograph, of those before it what it is
+/// predicted from.
+fn stream_ranges(header: &FileHeader, decoder: &ViewDecoder, entries: &[usize]) -> Result<Vec<Range<u64>>> {
     let PhotographCoding::Predictive(planes) = &header.photographs else { return Ok(Vec::new()) };
-    let range = |&index: &usize| planes.header.entries.get(index).map(|entry| planes.stream_range(entry));
-    let ranges: Option<Vec<_>> = entries.iter().map(range).collect();
+    let range = |(k, &index): (usize, &usize)| {
+        let level = decoder.finest_level(k + 1 == entries.len());
+        planes.header.entries.get(index).map(|entry| planes.needed_range(entry, level))
+    };
+    let ranges: Option<Vec<_>> = entries.iter().enumerate().map(range).collect();
     ranges.ok_or_else(|| Error::parameter("the entry does not exist"))
 }

@@ -64,10 +64,10 @@ pub(super) fn views(file: &mut IncrementalReader) -> Result<Poll<ViewsSection>> 
     Ok(Poll::Ready(ready!(object_section(file, Tag::VIEWS, codec::decode)?).unwrap_or_else(none)))
 }
 
-/// Finds out how the photographs of so many views and components are coded. Of both profiles PLAN counts, wherever it stands.
+/// Finds out how the photographs of these views, and of so many components, are coded. Of both profiles PLAN counts, wherever it stands.
 pub(super) fn photograph_coding(
     file: &mut IncrementalReader,
-    views: usize,
+    views: &[View],
     components: usize,
 ) -> Result<Poll<PhotographCoding>> {
     if let Some(section) = ready!(file.find(Tag::PLANES)?) {

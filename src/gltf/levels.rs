@@ -23,8 +23,8 @@ pub fn prefix_lengths(stream: &[u8], limits: Limits) -> Result<Vec<u64>> {
         if section.tag == Tag::PLANES {
             let budget = file.budget();
             let capture = codec::decode(&file.read_section(Tag::VIEWS)?, &budget)?;
-            let (views, components) = (capture.views.len(), capture.components.len());
-            let planes = file.drive(|file| header::open(file, &section, views, components))?;
+            let components = capture.components.len();
+            let planes = file.drive(|file| header::open(file, &section, &capture.views, components))?;
             let entries = &planes.header.entries;
             let shown = (1..entries.len()).filter(|count| count.is_power_of_two());
             found.extend(shown.map(|count| planes.stream_range(&entries[count - 1]).end));

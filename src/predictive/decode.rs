@@ -1,7 +1,7 @@
 //! Streams to photographs: one entry of the coding order, and all selected ones with what they are predicted from.
 
-use super::header::{CodedEntry, PlaneHeader};
-use super::picture::{self, ViewTask};
+use super::header::PlaneHeader;
+use super::picture::{self, ViewPart, ViewStreams, ViewTask};
 use super::workspace::{ParallelBudget, PlaneWorkspaces, photograph_bytes};
 use super::{DecodedView, PredictionScene, order, run_waves};
 use crate::container::Tag;
@@ -14,6 +14,7 @@ use crate::transform::signal;
 use crate::views::{Photograph, View};
 use glam::Vec4;
 use std::borrow::Cow;
+use std::ops::Range;
 
 /// Decoder of the views of a file, whatever their order ([`PlaneDecoder::for_each_view`],
 /// [`ViewDecoder`](super::on_demand::ViewDecoder)).
@@ -46,11 +47,17 @@ impl<'a> PlaneDecoder<'a> {
         DecodedPhotograph::new(&self.header, self.white, view)
     }
 
-    /// Compares the checksum of an entry's streams and checks that drawing its view is bounded work.
+    /// Levels whose streams are not needed of a view, whether its photograph is wanted or only what others are predicted from.
+    pub(crate) fn finest_level(&self, is_photograph: bool) -> usize {
+        ViewPart::new(true, is_photograph).finest_level(self.header.coding.prediction_level as usize)
+    }
+
+    /// Compares the checksums of an entry's streams, which may end before those of the last levels, and checks that drawing its view is
+    /// bounded work.
     pub(super) fn check(&self, index: usize, streams: &[u8]) -> Result<()> {
         let coded = &self.header.entries[index];
         let view = &self.scene.views[coded.entry.view];
-        if crc32fast::hash(streams) != coded.checksum {
+        if !coded.is_intact(streams) {
             let message = format!("checksum of view {} does not match: the file is damaged", view.name);
             return Err(Error::format(Tag::PLANES, coded.offset, message));
         }
@@ -58,8 +65,8 @@ impl<'a> PlaneDecoder<'a> {
     }
 
     /// Decodes an entry of the coding order from its streams, one after the other; `decoded` holds the views that it depends
-    /// on. Calls `take` with the view unless it is `None`; the memory of a photograph is charged until the reservation is
-    /// dropped.
+    /// on. Calls `take` with the view; without it the photograph is not decoded, only what later views are predicted from, and `streams`
+    /// may end behind the base. The memory of a photograph is charged until the reservation is dropped.
     pub(super) fn decode<'b, T>(
         &self,
         index: usize,
@@ -70,17 +77,12 @@ impl<'a> PlaneDecoder<'a> {
         budget: &'b Budget,
     ) -> Result<(Option<(T, Reservation<'b>)>, DecodedView)> {
         let coded = &self.header.entries[index];
-        let mut rest = streams;
-        let mut parts = Vec::with_capacity(coded.lengths.len());
-        for &length in &coded.lengths {
-            let (part, after) = rest.split_at_checked(length as usize).ok_or_else(|| {
-                Error::format(Tag::PLANES, coded.offset, "a view's streams are shorter than the head says")
-            })?;
-            parts.push(part);
-            rest = after;
-        }
-        let (scene, coding) = (&self.scene, &self.header.coding);
-        let task = ViewTask { scene, entry: &coded.entry, scale: coded.scale, coding, decoded, is_reference };
+        let (scene, coding, part) = (&self.scene, &self.header.coding, ViewPart::new(is_reference, take.is_some()));
+        let parts = ViewStreams::cut(coded, part.finest_level(coding.prediction_level as usize), streams);
+        let parts = parts.ok_or_else(|| {
+            Error::format(Tag::PLANES, coded.offset, "a view's streams are shorter than the head says")
+        })?;
+        let task = ViewTask { scene, entry: &coded.entry, scale: coded.scale, coding, decoded, part };
         let mut view = picture::decode(&task, &parts, coded.offset, &self.workspaces, budget)?;
         let taken = match take {
             Some(take) => {
@@ -96,15 +98,16 @@ impl<'a> PlaneDecoder<'a> {
     }
 
     /// Decodes the wanted views and those they depend on, side by side where they do not depend on each other, and calls
-    /// `done` with the wanted ones as linear radiance, some at a time and in any order. `read` returns an entry's streams, one
-    /// after the other; entries for which it returns `None` (a file cut short) are left out with all that depend on them.
+    /// `done` with the wanted ones as linear radiance, some at a time and in any order. `read` returns a range of the section's streams,
+    /// from the first of an entry to the last that is needed; entries for which it returns `None` (a file cut short) are left out with all
+    /// that depend on them.
     /// # Errors
     /// [`Error::Format`] if the streams are damaged; [`Error::Limits`] if the memory for one view and those it is predicted
     /// from is not available, or drawing it is too much work; those of `read` and `done`.
     pub(crate) fn for_each_view(
         &self,
         wanted: impl Fn(usize) -> bool + Sync + Send,
-        mut read: impl FnMut(&CodedEntry) -> Result<Option<Vec<u8>>>,
+        mut read: impl FnMut(Range<u64>) -> Result<Option<Vec<u8>>>,
         budget: &Budget,
         mut done: impl FnMut(Vec<(usize, Photograph)>) -> Result<()>,
     ) -> Result<()> {
@@ -118,7 +121,8 @@ impl<'a> PlaneDecoder<'a> {
             if coded.entry.dependencies().any(|view| !present[view]) {
                 continue;
             }
-            let Some(bytes) = read(coded)? else { continue };
+            let end = coded.offset + coded.stream_bytes_above(self.finest_level(wanted(coded.entry.view)));
+            let Some(bytes) = read(coded.offset..end)? else { continue };
             self.check(index, &bytes)?;
             streams[index] = Some(bytes);
             present[coded.entry.view] = true;
@@ -147,7 +151,7 @@ pub fn decode(
     mesh: &Mesh,
     (views, white): (&[View], [f64; 3]),
     wanted: impl Fn(usize) -> bool + Sync + Send,
-    read: impl FnMut(&CodedEntry) -> Result<Option<Vec<u8>>>,
+    read: impl FnMut(Range<u64>) -> Result<Option<Vec<u8>>>,
     budget: &Budget,
 ) -> Result<Vec<Option<Photograph>>> {
     for (_, view) in views.iter().enumerate().filter(|(view, _)| wanted(*view)) {

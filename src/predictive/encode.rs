@@ -3,18 +3,21 @@
 use super::colour::ColourSums;
 use super::decode::DecodedPhotograph;
 use super::header::{CodedEntry, PlaneHeader};
-use super::picture::{self, ViewTask};
+use super::picture::{self, ViewPart, ViewTask};
 use super::workspace::PlaneSignal;
 use super::workspace::{ParallelBudget, PlaneWorkspaces};
-use super::{ComponentCoding, DecodedView, MaskCoding, PlaneCoding, PredictionScene, order, run_waves};
+use super::{
+    ComponentCoding, DEFAULT_TILE_SIDE_LOG2, DecodedView, MaskCoding, PlaneCoding, PredictionScene, order, run_waves,
+};
 use crate::container::Tag;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::limits::{Budget, Limits};
 use crate::mesh::Mesh;
 use crate::options::{DecodeSpeed, EncodeOptions, EncodeTarget};
 use crate::rate::{self, Candidate, CodedPhotographs};
 use crate::reflectance::stage::ReflectanceEncoder;
 use crate::residual::coefficients::Modelling;
+use crate::residual::tiles::TILE_SIDES_LOG2;
 use crate::separate::MaskedPhotographs;
 use crate::surface::displacement::Displacements;
 use crate::transform::signal;
@@ -51,8 +54,9 @@ pub(crate) fn encode_to_target(
     let reflectance = ReflectanceEncoder::new(mesh, views, components, photographs, displacements, options)?;
     let other_bytes = other_bytes + reflectance.displacement_bytes().map_or(0, |bytes| bytes.len() as u64 + 48);
     let encoder = PlaneEncoder::new(source, options.signed_specular);
+    let (decode_speed, tile_side_log2) = (options.decode_speed, tile_side_log2(options.tile_side)?);
     let best = rate::search_step(options.target.unwrap_or(EncodeTarget::Quality(75.0)), |step| {
-        let quality = PlaneQuality { step, decode_speed: options.decode_speed, ..Default::default() };
+        let quality = PlaneQuality { step, decode_speed, tile_side_log2, ..Default::default() };
         let planes = encoder.encode(&quality)?;
         let maps = reflectance.encode(step)?;
         let bytes = other_bytes + (reflectance.chart_bytes().len() + maps.len() + planes.bytes.len()) as u64;
@@ -64,6 +68,14 @@ pub(crate) fn encode_to_target(
     sections.extend(reflectance.displacement_bytes().map(|bytes| (Tag::DISPLACEMENT, bytes.to_vec())));
     sections.extend([(Tag::REFLECTANCE, maps), (Tag::PLANES, planes.bytes)]);
     Ok(CodedPhotographs { sections, decoded: planes.photographs, distortion: best.distortion })
+}
+
+fn tile_side_log2(side: u32) -> Result<u8> {
+    let log2 = side.trailing_zeros() as u8;
+    if !side.is_power_of_two() || !TILE_SIDES_LOG2.contains(&log2) {
+        return Err(Error::parameter(format!("option `tile_side` is {side}: a power of two from 16 to 4096 expected")));
+    }
+    Ok(log2)
 }
 
 /// A finished encoding.
@@ -87,11 +99,19 @@ pub struct PlaneQuality {
     pub lambda: f32,
     /// Trade of file size for decoding speed.
     pub decode_speed: DecodeSpeed,
+    /// See [`PlaneCoding::tile_side_log2`].
+    pub tile_side_log2: u8,
 }
 
 impl Default for PlaneQuality {
     fn default() -> Self {
-        PlaneQuality { step: 0.05, specular_ratio: 1.5, lambda: 0.1, decode_speed: DecodeSpeed::default() }
+        PlaneQuality {
+            step: 0.05,
+            specular_ratio: 1.5,
+            lambda: 0.1,
+            decode_speed: DecodeSpeed::default(),
+            tile_side_log2: DEFAULT_TILE_SIDE_LOG2,
+        }
     }
 }
 
@@ -135,7 +155,8 @@ impl<'a> PlaneEncoder<'a> {
         // What the mesh covers is drawn at the size of the prediction.
         let masks = if prediction_level == 0 { self.masks } else { MaskCoding::Coded };
         let components = self.component_codings(quality);
-        let coding = PlaneCoding { components, masks, prediction_level, modelling };
+        let coding =
+            PlaneCoding { components, masks, prediction_level, modelling, tile_side_log2: quality.tile_side_log2 };
         let scene = PredictionScene::new(Cow::Borrowed(self.mesh), Cow::Borrowed(self.views));
         let white = self.white.map(|w| w as f32);
         let all: Vec<usize> = (0..self.order.len()).collect();
@@ -163,7 +184,8 @@ impl<'a> PlaneEncoder<'a> {
                     })
                     .collect()
             };
-            let task = ViewTask { scene: &scene, entry, scale, coding: &header.coding, decoded, is_reference };
+            let part = ViewPart::new(is_reference, true);
+            let task = ViewTask { scene: &scene, entry, scale, coding: &header.coding, decoded, part };
             let (streams, view) = picture::encode(&task, &target.mask, quality.lambda, plane)?;
             let photograph = DecodedPhotograph::new(&header, self.white, &view).photograph();
             Ok(((streams, photograph), view))
@@ -177,16 +199,11 @@ impl<'a> PlaneEncoder<'a> {
         let mut body = Vec::new();
         for (index, (streams, photograph)) in results {
             let step = self.order[index].clone();
+            let grid = header.coding.tile_grid(&self.views[step.view].camera);
             photographs[step.view] = photograph;
-            let offset = body.len();
-            body.extend_from_slice(&streams.mask);
-            let mut lengths = vec![streams.mask.len() as u32];
-            for stream in &streams.components {
-                body.extend_from_slice(stream);
-                lengths.push(stream.len() as u32);
-            }
-            let checksum = crc32fast::hash(&body[offset..]);
-            header.entries.push(CodedEntry { entry: step, scale, lengths, checksum, offset: offset as u64 });
+            let (coded, bytes) = streams.into_entry(step, scale, &grid);
+            header.entries.push(CodedEntry { offset: body.len() as u64, ..coded });
+            body.extend(bytes);
         }
         let mut bytes = header.to_bytes();
         bytes.extend(body);

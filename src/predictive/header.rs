@@ -1,10 +1,10 @@
 //! Head of section `PLAN`: coding of the views, their order, and the lengths of their streams.
 //!
 //! Layout: `u32` length of the head, `u32` CRC-32 of the head, the head, then the streams in coding order. The head is
-//! enough to find the streams of one view, and each entry's streams carry a CRC-32 of their own.
+//! enough to find the streams of one view and of each of its tiles, which carry CRC-32s of their own.
 
 use super::order::{MAX_REFERENCES, OrderEntry};
-use super::{ComponentCoding, MAX_PREDICTION_LEVEL, MaskCoding, PlaneCoding};
+use super::{ComponentCoding, DEFAULT_TILE_SIDE_LOG2, MaskCoding, PlaneCoding};
 use crate::container::incremental::ready;
 use crate::container::{IncrementalReader, Poll, Section, Tag};
 #[cfg(feature = "encode")]
@@ -12,6 +12,8 @@ use crate::container::{push_f32, push_number, push_u32};
 use crate::error::{Error, Result};
 use crate::limits::{Budget, check};
 use crate::residual::coefficients::Modelling;
+use crate::residual::tiles::{TILE_SIDES_LOG2, TileGrid};
+use crate::views::View;
 use byteorder::{ByteOrder, LittleEndian};
 use std::ops::Range;
 
@@ -27,18 +29,59 @@ pub struct CodedEntry {
     pub entry: OrderEntry,
     /// Quantiser step of this view in 1/64 of the component's.
     pub scale: u8,
-    /// Bytes of the mask's stream and of each component's.
+    /// Bytes of the mask's stream and of each component's base.
     pub lengths: Vec<u32>,
-    /// CRC-32 of the streams together.
+    /// CRC-32 of these streams together.
     pub checksum: u32,
+    /// The tiles of its finest levels, those of the coarsest level first.
+    pub tiles: Vec<CodedTile>,
     /// Offset of the streams in bytes after the head. Not stored: the sum of the lengths before.
     pub offset: u64,
+}
+
+/// Streams of one tile.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CodedTile {
+    /// Level of its bands; 1 is the finest. Not stored: it follows from the size of the view.
+    pub level: u8,
+    /// Bytes of each component's stream.
+    pub lengths: Vec<u32>,
+    /// CRC-32 of the streams together; not stored and 0 where these are empty.
+    pub checksum: u32,
+}
+
+impl CodedTile {
+    /// Bytes of its streams.
+    pub fn stream_bytes(&self) -> u64 {
+        total(&self.lengths)
+    }
+}
+
+fn total(lengths: &[u32]) -> u64 {
+    lengths.iter().map(|&length| length as u64).sum()
 }
 
 impl CodedEntry {
     /// Bytes of all its streams.
     pub fn stream_bytes(&self) -> u64 {
-        self.lengths.iter().map(|&length| length as u64).sum()
+        self.stream_bytes_above(0)
+    }
+    /// Whether the checksums of its streams match, as far as `streams` go: all of them, or those of the base and of the coarser levels.
+    pub fn is_intact(&self, streams: &[u8]) -> bool {
+        let Some((base, mut rest)) = streams.split_at_checked(total(&self.lengths) as usize) else { return false };
+        crc32fast::hash(base) == self.checksum
+            && self.tiles.iter().filter(|tile| tile.stream_bytes() > 0).all(|tile| {
+                let Some((part, behind)) = rest.split_at_checked(tile.stream_bytes() as usize) else {
+                    return rest.is_empty();
+                };
+                rest = behind;
+                crc32fast::hash(part) == tile.checksum
+            })
+    }
+    /// Bytes of its streams but those of the tiles of the first `level` levels, which stand behind the others.
+    pub fn stream_bytes_above(&self, level: usize) -> u64 {
+        let tiles = self.tiles.iter().take_while(|tile| tile.level as usize > level);
+        total(&self.lengths) + tiles.map(CodedTile::stream_bytes).sum::<u64>()
     }
 }
 
@@ -63,6 +106,9 @@ impl PlaneHeader {
         let mut head = Vec::new();
         let PlaneCoding { masks, prediction_level, modelling, .. } = self.coding;
         head.push(masks as u8 | prediction_level << 1 | (modelling as u8) << 3);
+        if prediction_level > 0 {
+            head.push(self.coding.tile_side_log2);
+        }
         head.push(self.coding.components.len() as u8);
         for component in &self.coding.components {
             push_f32(&mut head, component.step);
@@ -88,6 +134,12 @@ impl PlaneHeader {
                 push_number(&mut head, *length as u64);
             }
             push_u32(&mut head, coded.checksum);
+            for tile in &coded.tiles {
+                tile.lengths.iter().for_each(|&length| push_number(&mut head, length as u64));
+                if tile.stream_bytes() > 0 {
+                    push_u32(&mut head, tile.checksum);
+                }
+            }
             step_of_view.insert(coded.entry.view, index);
         }
         let mut bytes = Vec::with_capacity(head.len() + PREFIX_BYTES);
@@ -106,10 +158,10 @@ impl PlaneHeader {
         Ok(length)
     }
 
-    /// Parses a head with its prefix. `bytes` may go on after it.
+    /// Parses a head with its prefix, of a file with these views and so many components. `bytes` may go on after it.
     /// # Errors
     /// As `open`.
-    pub fn parse(bytes: &[u8], views: usize, components: usize, budget: &Budget) -> Result<Self> {
+    pub fn parse(bytes: &[u8], views: &[View], components: usize, budget: &Budget) -> Result<Self> {
         let length = Self::head_bytes(bytes)? as usize;
         let head = bytes.get(PREFIX_BYTES..PREFIX_BYTES + length).ok_or_else(|| cut(bytes.len()))?;
         if crc32fast::hash(head) != LittleEndian::read_u32(&bytes[4..8]) {
@@ -120,34 +172,41 @@ impl PlaneHeader {
         let masks = if flags & 1 == 0 { MaskCoding::Coverage } else { MaskCoding::Coded };
         let prediction_level = flags >> 1 & 3;
         let modelling = if flags & 8 == 0 { Modelling::Mixed } else { Modelling::Direct };
-        if flags > 15 || prediction_level > MAX_PREDICTION_LEVEL {
+        if flags > 15 {
             return Err(Error::Unsupported(format!("coding {flags} of the views (section PLAN, byte 8)")));
+        }
+        let tile_side_log2 = if prediction_level > 0 { reader.byte()? } else { DEFAULT_TILE_SIDE_LOG2 };
+        if !TILE_SIDES_LOG2.contains(&tile_side_log2) {
+            return Err(Error::Unsupported(format!("tiles of 2^{tile_side_log2} coefficients (section PLAN, byte 9)")));
         }
         if reader.byte()? as usize != components {
             return Err(reader.error("the number of components is not that of section VIEW"));
         }
         let components = (0..components).map(|_| reader.component()).collect::<Result<Vec<_>>>()?;
         let count = reader.varint()?;
-        if count != views as u64 {
-            return Err(reader.error(format!("{count} coded views, section VIEW has {views}")));
+        if count != views.len() as u64 {
+            return Err(reader.error(format!("{count} coded views, section VIEW has {}", views.len())));
         }
         budget.charge_items("coding order", count, size_of::<CodedEntry>() + 128)?;
+        let coding = PlaneCoding { components, masks, prediction_level, modelling, tile_side_log2 };
         let mut steps: Vec<CodedEntry> = Vec::new();
-        let mut seen = vec![false; views];
+        let mut seen = vec![false; views.len()];
         let mut offset = 0u64;
-        for _ in 0..views {
-            let coded = reader.step(&steps, components.len(), offset)?;
+        for _ in views {
+            let mut coded = reader.step(&steps, coding.components.len(), offset)?;
             match seen.get_mut(coded.entry.view) {
                 Some(seen) if !*seen => *seen = true,
                 _ => return Err(reader.error(format!("view {} does not exist or comes twice", coded.entry.view))),
             }
+            let grid = coding.tile_grid(&views[coded.entry.view].camera);
+            coded.tiles = reader.tiles(&grid, coding.components.len(), budget)?;
             offset += coded.stream_bytes();
             steps.push(coded);
         }
         if reader.position != head.len() {
             return Err(reader.error("bytes left over at the end of the head"));
         }
-        Ok(PlaneHeader { coding: PlaneCoding { components, masks, prediction_level, modelling }, entries: steps })
+        Ok(PlaneHeader { coding, entries: steps })
     }
 
     /// Number of bytes of all streams together.
@@ -168,8 +227,12 @@ pub struct PlaneSection {
 impl PlaneSection {
     /// Range of the file that holds an entry's streams.
     pub fn stream_range(&self, entry: &CodedEntry) -> Range<u64> {
+        self.needed_range(entry, 0)
+    }
+    /// Range of the file that holds an entry's streams but those of the tiles of the first `level` levels.
+    pub fn needed_range(&self, entry: &CodedEntry, level: usize) -> Range<u64> {
         let start = self.streams + entry.offset;
-        start..start + entry.stream_bytes()
+        start..start + entry.stream_bytes_above(level)
     }
 }
 
@@ -184,14 +247,14 @@ pub(crate) fn head_range(file: &IncrementalReader, section: &Section) -> Result<
     }
 }
 
-/// Opens section `PLAN` of a file with so many views and components: parses its head and checks that the streams fill the rest.
+/// Opens section `PLAN` of a file with these views and so many components: parses its head and checks that the streams fill the rest.
 /// # Errors
 /// [`Error::Format`] if the head is damaged or does not fit section VIEW or the streams, [`Error::Unsupported`] for codings of
 /// later versions, [`Error::Limits`] if the memory budget is exceeded.
 pub(crate) fn open(
     file: &mut IncrementalReader,
     section: &Section,
-    views: usize,
+    views: &[View],
     components: usize,
 ) -> Result<Poll<PlaneSection>> {
     ready!(file.bytes(head_range(file, section)?)?);
@@ -279,11 +342,30 @@ impl PlaneHeaderReader<'_> {
             let reference = self.earlier(back, steps)?.ok_or_else(|| self.error("a view is its own reference"))?;
             references.push((reference, self.byte()?));
         }
-        let lengths = (0..components + 1)
-            .map(|_| u32::try_from(self.varint()?).map_err(|_| self.error("a stream of 4 GiB or more")))
-            .collect::<Result<Vec<_>>>()?;
+        let lengths = self.lengths(components + 1)?;
         let checksum = LittleEndian::read_u32(&self.take::<4>()?);
-        Ok(CodedEntry { entry: OrderEntry { view, references, parent }, scale, lengths, checksum, offset })
+        let entry = OrderEntry { view, references, parent };
+        Ok(CodedEntry { entry, scale, lengths, checksum, tiles: Vec::new(), offset })
+    }
+    fn lengths(&mut self, count: usize) -> Result<Vec<u32>> {
+        let length = |_| u32::try_from(self.varint()?).map_err(|_| self.error("a stream of 4 GiB or more"));
+        (0..count).map(length).collect()
+    }
+    /// The tiles of an entry. Each takes a byte of the head at least, so that no memory is for tiles that are not there.
+    fn tiles(&mut self, grid: &TileGrid, components: usize, budget: &Budget) -> Result<Vec<CodedTile>> {
+        let left = (self.bytes.len() - self.position) as u64;
+        if grid.tile_count() > left {
+            return Err(self.error(format!("{} tiles in {left} bytes", grid.tile_count())));
+        }
+        budget.charge_items("tiles", grid.tile_count(), size_of::<CodedTile>() + 16 + 4 * components)?;
+        let tile = |level: usize| {
+            let mut tile = CodedTile { level: level as u8, lengths: self.lengths(components)?, checksum: 0 };
+            if tile.stream_bytes() > 0 {
+                tile.checksum = LittleEndian::read_u32(&self.take::<4>()?);
+            }
+            Ok(tile)
+        };
+        grid.tile_levels().map(tile).collect()
     }
 }
 
@@ -291,6 +373,13 @@ impl PlaneHeaderReader<'_> {
 mod tests {
     use crate::limits::Limits;
     use crate::predictive::header::*;
+    use crate::views::Camera;
+
+    /// Views of 300 x 200 pixels: with tiles of 64 coefficients 2 x 1 at level 2 and 3 x 2 at level 1.
+    fn views(count: usize) -> Vec<View> {
+        let camera = Camera { width: 300, height: 200, ..Camera::default() };
+        (0..count).map(|k| View { name: k.to_string(), camera, light: None }).collect()
+    }
 
     fn header() -> PlaneHeader {
         let component = ComponentCoding {
@@ -300,11 +389,17 @@ mod tests {
             signed: false,
             shaded: true,
         };
+        let tile = |index: u8| CodedTile {
+            level: if index < 2 { 2 } else { 1 },
+            lengths: if [0, 3, 6].contains(&index) { vec![0, 0] } else { vec![index as u32, 1000] },
+            checksum: if [0, 3, 6].contains(&index) { 0 } else { 0x0bad_cafe },
+        };
         let step = |view, references, parent, offset| CodedEntry {
             entry: OrderEntry { view, references, parent },
             scale: 64,
             lengths: vec![3, 200, 70_000],
             checksum: 0xdead_beef,
+            tiles: (0..8).map(tile).collect(),
             offset,
         };
         PlaneHeader {
@@ -313,11 +408,12 @@ mod tests {
                 masks: MaskCoding::Coded,
                 prediction_level: 2,
                 modelling: Modelling::Direct,
+                tile_side_log2: 6,
             },
             entries: vec![
                 step(0, vec![], None, 0),
-                step(2, vec![], Some(0), 70_203),
-                step(1, vec![(0, 128), (2, 127)], Some(0), 140_406),
+                step(2, vec![], Some(0), 75_222),
+                step(1, vec![(0, 128), (2, 127)], Some(0), 150_444),
             ],
         }
     }
@@ -326,36 +422,63 @@ mod tests {
     fn comes_back_and_every_damage_is_an_error() {
         let budget = Budget::new(Limits::default());
         let bytes = header().to_bytes();
-        assert_eq!(PlaneHeader::parse(&bytes, 3, 2, &budget).unwrap(), header());
+        assert_eq!(PlaneHeader::parse(&bytes, &views(3), 2, &budget).unwrap(), header());
         for length in 0..bytes.len() {
-            assert!(PlaneHeader::parse(&bytes[..length], 3, 2, &budget).is_err());
+            assert!(PlaneHeader::parse(&bytes[..length], &views(3), 2, &budget).is_err());
         }
         for at in 0..bytes.len() {
             let mut damaged = bytes.clone();
             damaged[at] ^= 0x10;
-            assert!(PlaneHeader::parse(&damaged, 3, 2, &budget).is_err(), "byte {at}");
+            assert!(PlaneHeader::parse(&damaged, &views(3), 2, &budget).is_err(), "byte {at}");
         }
-        assert!(PlaneHeader::parse(&bytes, 4, 2, &budget).is_err());
-        assert!(PlaneHeader::parse(&bytes, 3, 1, &budget).is_err());
+        assert!(PlaneHeader::parse(&bytes, &views(4), 2, &budget).is_err());
+        assert!(PlaneHeader::parse(&bytes, &views(3), 1, &budget).is_err());
+    }
+
+    #[test]
+    fn the_streams_of_coarse_levels_come_first() {
+        let entry = &header().entries[0];
+        assert_eq!([0, 1, 2, 5].map(|level| entry.stream_bytes_above(level)), [75_222, 71_204, 70_203, 70_203]);
+        let mut untiled = header();
+        (untiled.coding.prediction_level, untiled.coding.tile_side_log2) = (0, DEFAULT_TILE_SIDE_LOG2);
+        for (index, entry) in untiled.entries.iter_mut().enumerate() {
+            (entry.tiles, entry.offset) = (Vec::new(), 70_203 * index as u64);
+        }
+        let bytes = untiled.to_bytes();
+        assert_eq!(PlaneHeader::parse(&bytes, &views(3), 2, &Budget::new(Limits::default())).unwrap(), untiled);
+    }
+
+    /// A head may claim no more tiles than it has bytes for.
+    #[test]
+    fn tiles_that_are_not_there_take_no_memory() {
+        let mut vast = views(3);
+        (vast[0].camera.width, vast[0].camera.height) = (1 << 30, 1 << 30);
+        let budget = Budget::new(Limits::default());
+        let before = budget.left();
+        let error = PlaneHeader::parse(&header().to_bytes(), &vast, 2, &budget).unwrap_err();
+        assert!(error.to_string().contains("tiles in"), "{error}");
+        assert!(before - budget.left() < 10_000);
     }
 
     #[test]
     fn a_coding_of_later_versions_is_named() {
-        for coding in [6, 7, 16, 128] {
+        let unsupported = |at: usize, value: u8| {
             let mut bytes = header().to_bytes();
-            bytes[PREFIX_BYTES] = coding;
+            bytes[PREFIX_BYTES + at] = value;
             let checksum = crc32fast::hash(&bytes[PREFIX_BYTES..]);
             LittleEndian::write_u32(&mut bytes[4..8], checksum);
-            let error = PlaneHeader::parse(&bytes, 3, 2, &Budget::new(Limits::default())).unwrap_err();
-            assert!(matches!(&error, Error::Unsupported(what) if what.contains("PLAN")), "{coding}: {error}");
-        }
+            let error = PlaneHeader::parse(&bytes, &views(3), 2, &Budget::new(Limits::default())).unwrap_err();
+            assert!(matches!(&error, Error::Unsupported(what) if what.contains("PLAN")), "{value}: {error}");
+        };
+        [16, 128].into_iter().for_each(|coding| unsupported(0, coding));
+        [0, 3, 13, 255].into_iter().for_each(|side| unsupported(1, side));
     }
 
     #[test]
     fn a_view_may_not_come_twice() {
         let mut twice = header();
         twice.entries[2].entry.view = 0;
-        let error = PlaneHeader::parse(&twice.to_bytes(), 3, 2, &Budget::new(Limits::default())).unwrap_err();
+        let error = PlaneHeader::parse(&twice.to_bytes(), &views(3), 2, &Budget::new(Limits::default())).unwrap_err();
         assert!(error.to_string().contains("comes twice"), "{error}");
     }
 }

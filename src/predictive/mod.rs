@@ -25,8 +25,9 @@ use crate::limits::Reservation;
 use crate::mesh::Mesh;
 use crate::parallel;
 use crate::quantise::bands::Quantiser;
-use crate::residual::coefficients::{CoefficientModels, Modelling};
+use crate::residual::coefficients::{CoefficientModels, Modelling, PictureTask};
 use crate::residual::mask::MaskModels;
+use crate::residual::tiles::{TileGrid, Tiling};
 use crate::surface::reproject::{ReferenceView, Reprojection, reproject};
 use crate::surface::view_geometry::{ViewGeometry, ViewedMesh};
 use crate::surface::warp::{REFERENCE_RINGS, ReferenceImage};
@@ -107,8 +108,8 @@ pub enum MaskCoding {
     Coded = 1,
 }
 
-/// Largest prediction level. Part of the format.
-const MAX_PREDICTION_LEVEL: u8 = 2;
+/// Side of a tile in coefficients, binary logarithm, where the encoder is not told.
+pub(crate) const DEFAULT_TILE_SIDE_LOG2: u8 = 8;
 
 /// Coding of all pictures of a file.
 #[derive(Debug, Clone, PartialEq)]
@@ -117,11 +118,20 @@ pub struct PlaneCoding {
     pub components: Vec<ComponentCoding>,
     /// Coding of masks.
     pub masks: MaskCoding,
-    /// Levels of the transform above the picture that is predicted: 0 the photograph itself, 1 its low band of half the size, 2 one of a
-    /// quarter. Finer bands are coded without prediction.
+    /// Levels of the transform above the picture that is predicted, 0 to 3: 0 the photograph itself, 1 its low band of half the size, 2 one
+    /// of a quarter. Finer bands are coded in tiles, without prediction.
     pub prediction_level: u8,
     /// Entropy modelling of coefficients.
     pub modelling: Modelling,
+    /// Binary logarithm of a tile's side, in coefficients of its bands; not used at prediction level 0.
+    pub tile_side_log2: u8,
+}
+
+impl PlaneCoding {
+    /// The tiles of a view.
+    pub fn tile_grid(&self, camera: &Camera) -> TileGrid {
+        TileGrid::new([camera.width as usize, camera.height as usize], self.prediction_level, self.tile_side_log2)
+    }
 }
 
 /// The mesh and the views that all pictures are predicted with.
@@ -140,6 +150,8 @@ struct PreparedView {
     window: Window,
     /// Transform of the mask in the window.
     plan: WaveletPlan,
+    /// The tiles of its finest levels.
+    tiling: Tiling,
     /// Levels of the transform above the picture that is predicted.
     level: usize,
     /// Geometry at the resolution of the predicted picture.
@@ -147,6 +159,15 @@ struct PreparedView {
 }
 
 impl PreparedView {
+    /// The coefficients of one component, but for the tiles of the first `finest_level` levels.
+    fn picture_task<'a>(
+        &'a self,
+        quantiser: &'a Quantiser,
+        predicted: Option<&'a [Vec<ColourLanes>]>,
+        finest_level: usize,
+    ) -> PictureTask<'a> {
+        PictureTask { plan: &self.plan, quantiser, predicted, tiling: &self.tiling, finest_level }
+    }
     /// Size of the picture that is predicted.
     fn low_size(&self) -> [usize; 2] {
         [self.mask.width, self.mask.height].map(|size| size.div_ceil(1 << self.level))
@@ -169,7 +190,7 @@ pub(crate) struct DecodedView {
     window: Window,
     /// Levels of the transform above the picture that later views are predicted from.
     level: usize,
-    /// Per component. Empty if the references of full size hold them, or after the view was evicted.
+    /// Per component. Empty if the references of full size hold them, or where only the references were decoded.
     signals: Vec<MaskedPixels>,
     /// For views that later ones are predicted from.
     reference: Option<DecodedReference>,
@@ -219,14 +240,14 @@ impl<'a> PredictionScene<'a> {
     fn prepare_view<T>(
         &self,
         view: usize,
-        level: usize,
+        coding: &PlaneCoding,
         mask: impl FnOnce(Mask) -> Mask,
         admit: impl FnOnce(&Window) -> Result<T>,
     ) -> Result<(PreparedView, T)> {
         let view = &self.views[view];
         let (width, height) = (view.camera.width as usize, view.camera.height as usize);
         let levels = level_count(width, height);
-        let level = level.min(levels);
+        let level = levels.min(coding.prediction_level as usize);
         let mut geometry =
             ViewGeometry::new(&self.surface, View { camera: low_camera(&view.camera, level), ..view.clone() });
         let low = geometry.raster.coverage();
@@ -236,7 +257,8 @@ impl<'a> PredictionScene<'a> {
         let inside = Mask { width: window.width, height: window.height, data: window.crop(&mask.data, width) };
         let plan = WaveletPlan::with_levels(inside, levels);
         geometry.extend(&window.low_band(level), plan.row_runs(level));
-        Ok((PreparedView { mask, window, plan, level, geometry }, admitted))
+        let tiling = Tiling::new(&coding.tile_grid(&view.camera), [window.left, window.top], &plan);
+        Ok((PreparedView { mask, window, plan, tiling, level, geometry }, admitted))
     }
 }
 

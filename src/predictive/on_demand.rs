@@ -77,8 +77,13 @@ impl<'a> ViewDecoder<'a> {
         Some(self.planes.radiance(kept))
     }
 
+    /// Levels whose streams [`ViewDecoder::decode`] does not need, with `take` or without.
+    pub(crate) fn finest_level(&self, is_taken: bool) -> usize {
+        self.planes.finest_level(is_taken)
+    }
+
     /// Decodes one of the [`ViewDecoder::missing_entries`], those before it decoded, from its streams; returns what `take`
-    /// makes of the view.
+    /// makes of the view. Without it only what others are predicted from is decoded.
     /// # Errors
     /// [`Error::Format`] if the streams are damaged; [`Error::Limits`] if the memory for the view and those it is predicted
     /// from is not available; [`Error::Parameter`] if a view it depends on is not decoded.
@@ -86,8 +91,8 @@ impl<'a> ViewDecoder<'a> {
         &mut self,
         index: usize,
         streams: &[u8],
-        take: impl FnOnce(DecodedPhotograph) -> T,
-    ) -> Result<T> {
+        take: Option<impl FnOnce(DecodedPhotograph) -> T>,
+    ) -> Result<Option<T>> {
         let Some(entry) = self.order.get(index) else {
             return Err(Error::parameter(format!("entry {index} of the coding order does not exist")));
         };
@@ -98,7 +103,7 @@ impl<'a> ViewDecoder<'a> {
         self.planes.check(index, streams)?;
         self.make_room(peak_bytes(&self.planes.scene.views[view].camera, &self.planes.header.coding));
         let (is_reference, budget) = (self.is_reference[view], self.budget.clone());
-        let (taken, decoded) = self.planes.decode(index, streams, &self.decoded, is_reference, Some(take), &budget)?;
+        let (taken, decoded) = self.planes.decode(index, streams, &self.decoded, is_reference, take, &budget)?;
         let taken = taken.map(|(taken, _reservation)| taken);
         if is_reference && self.decoded[view].is_none() {
             let bytes = decoded.bytes();
@@ -106,7 +111,7 @@ impl<'a> ViewDecoder<'a> {
             budget.charge("decoded views", bytes)?;
             self.decoded[view] = Some(decoded);
         }
-        taken.ok_or_else(|| Error::parameter("the view was not taken"))
+        Ok(taken)
     }
 
     /// Makes `bytes` of the budget available, evicting the least recently used views if necessary, and then freeing

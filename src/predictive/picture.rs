@@ -1,5 +1,8 @@
 //! One view: from its prediction and its streams to pixels, and back.
 
+use super::header::CodedEntry;
+#[cfg(feature = "encode")]
+use super::header::CodedTile;
 use super::order::OrderEntry;
 use super::workspace::PlaneSignal;
 use super::workspace::{PlaneWorkspace, PlaneWorkspaces, coding_bytes, drawing_bytes};
@@ -14,8 +17,10 @@ use crate::limits::Budget;
 use crate::parallel;
 #[cfg(feature = "encode")]
 use crate::quantise::bands::RateDistortion;
-use crate::residual::coefficients::{self, CoefficientModels};
+use crate::residual::coefficients::{self, CoefficientModels, PictureStreams};
 use crate::residual::mask;
+#[cfg(feature = "encode")]
+use crate::residual::tiles::TileGrid;
 use crate::surface::reproject::ReferenceView;
 use crate::surface::warp::{ReferenceImage, predict};
 use crate::transform::masked::MaskedPixels;
@@ -24,13 +29,92 @@ use crate::transform::shape_adaptive::TransformScratch;
 use crate::transform::window::Window;
 
 /// One view's streams.
-#[cfg(feature = "encode")]
 #[derive(Debug, Clone, Default)]
-pub(crate) struct ViewStreams {
+pub(super) struct ViewStreams<T> {
     /// The mask; empty where masks are not coded.
-    pub mask: Vec<u8>,
+    pub mask: T,
     /// Each component.
-    pub components: Vec<Vec<u8>>,
+    pub components: Vec<PictureStreams<T>>,
+}
+
+#[cfg(feature = "encode")]
+impl ViewStreams<Vec<u8>> {
+    /// Returns the streams one after the other as they stand in the file, and the entry that describes them. The tiles are those of `grid`.
+    pub(super) fn into_entry(self, entry: OrderEntry, scale: u8, grid: &TileGrid) -> (CodedEntry, Vec<u8>) {
+        let mut bytes = Vec::new();
+        let mut put = |streams: &mut dyn Iterator<Item = &Vec<u8>>| {
+            let start = bytes.len();
+            let lengths: Vec<u32> = streams
+                .map(|stream| {
+                    bytes.extend_from_slice(stream);
+                    stream.len() as u32
+                })
+                .collect();
+            (lengths, if bytes.len() > start { crc32fast::hash(&bytes[start..]) } else { 0 })
+        };
+        let parts = &self.components;
+        let (lengths, checksum) =
+            put(&mut std::iter::once(&self.mask).chain(parts.iter().map(|component| &component.base)));
+        let tile = |(index, level): (usize, usize)| {
+            let (lengths, checksum) = put(&mut parts.iter().map(|component| &component.tiles[index]));
+            CodedTile { level: level as u8, lengths, checksum }
+        };
+        let tiles = grid.tile_levels().enumerate().map(tile).collect();
+        (CodedEntry { entry, scale, lengths, checksum, tiles, offset: 0 }, bytes)
+    }
+}
+
+impl<'s> ViewStreams<&'s [u8]> {
+    /// Cuts the streams of an entry apart, but for the tiles of the first `finest_level` levels; `None` where they are too short.
+    pub(super) fn cut(coded: &CodedEntry, finest_level: usize, mut streams: &'s [u8]) -> Option<Self> {
+        let mut next = |length: &u32| {
+            let part;
+            (part, streams) = streams.split_at_checked(*length as usize)?;
+            Some(part)
+        };
+        let [mask, components @ ..] = &coded.lengths[..] else { return None };
+        let mask = next(mask)?;
+        let base = |length| Some(PictureStreams { base: next(length)?, tiles: Vec::with_capacity(coded.tiles.len()) });
+        let mut components: Vec<PictureStreams<&[u8]>> = components.iter().map(base).collect::<Option<_>>()?;
+        for tile in coded.tiles.iter().take_while(|tile| tile.level as usize > finest_level) {
+            for (component, length) in components.iter_mut().zip(&tile.lengths) {
+                component.tiles.push(next(length)?);
+            }
+        }
+        Some(ViewStreams { mask, components })
+    }
+}
+
+/// What is decoded of a view.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum ViewPart {
+    /// What later views are predicted from.
+    Reference,
+    /// The photograph.
+    Photograph,
+    /// Both.
+    Both,
+}
+
+impl ViewPart {
+    pub(crate) fn is_reference(self) -> bool {
+        self != ViewPart::Photograph
+    }
+    pub(crate) fn is_photograph(self) -> bool {
+        self != ViewPart::Reference
+    }
+    /// The part from whether a later view is predicted from it, and whether its photograph is wanted.
+    pub(crate) fn new(is_reference: bool, is_photograph: bool) -> Self {
+        match (is_reference, is_photograph) {
+            (true, true) => ViewPart::Both,
+            (false, true) => ViewPart::Photograph,
+            (_, false) => ViewPart::Reference,
+        }
+    }
+    /// Levels of the transform that are left out; `level` is that of the pictures that later views are predicted from.
+    pub(super) fn finest_level(self, level: usize) -> usize {
+        if self.is_photograph() { 0 } else { level }
+    }
 }
 
 /// One view to code, in either direction.
@@ -46,8 +130,8 @@ pub(super) struct ViewTask<'a> {
     pub coding: &'a PlaneCoding,
     /// Views decoded so far, by view; holds those that the entry depends on.
     pub decoded: &'a [Option<DecodedView>],
-    /// Whether a later view is predicted from this one.
-    pub is_reference: bool,
+    /// What of it is decoded.
+    pub part: ViewPart,
 }
 
 /// Codes a view; returns its streams, and the view as the decoder has it. `signals` returns a component's signal in a window;
@@ -58,7 +142,7 @@ pub(crate) fn encode(
     wanted_mask: &Mask,
     lambda: f32,
     signals: impl Fn(&Window, usize) -> PlaneSignal + Sync + Send,
-) -> Result<(ViewStreams, DecodedView)> {
+) -> Result<(ViewStreams<Vec<u8>>, DecodedView)> {
     let mut coder = crate::entropy::RangeEncoder::new();
     let (view, mask_models, ()) = prepare_view(task, &mut coder, Some(wanted_mask), |_| Ok(()))?;
     let mask = coder.finish();
@@ -66,22 +150,22 @@ pub(crate) fn encode(
         let quantiser = task.coding.components[index].quantiser(task.scale);
         let target = view.plan.forward(signals(&view.window, index));
         let trade_off = RateDistortion { lambda };
-        let (stream, decoded) =
-            coefficients::encode(&mut models, &view.plan, &quantiser, predicted, &target, trade_off);
-        (models, (stream, view.plan.inverse_keeping(&decoded, view.level, &mut TransformScratch::default())))
+        let picture = view.picture_task(&quantiser, predicted, 0);
+        let (stream, decoded) = coefficients::encode(&mut models, &picture, &target, trade_off);
+        (models, (stream, view.plan.inverse_keeping(&decoded, [0, view.level], &mut TransformScratch::default())))
     });
     let (components, parts): (Vec<_>, Vec<_>) = parts.into_iter().unzip();
     let (streams, signals): (Vec<_>, Vec<_>) = parts.into_iter().unzip();
-    let decoded = decoded_view(view, signals, ViewModels { mask: mask_models, components }, task.is_reference);
+    let decoded = decoded_view(view, signals, ViewModels { mask: mask_models, components }, task.part);
     Ok((ViewStreams { mask, components: streams }, decoded))
 }
 
-/// Decodes a view from its streams, the mask's and each component's, which begin at byte `offset` of the section's streams.
+/// Decodes a part of a view from its streams, which begin at byte `offset` of the section's streams.
 /// # Errors
 /// [`Error::Format`] if a stream does not end with its last value, [`Error::Limits`] if the memory is not available.
 pub(crate) fn decode(
     task: &ViewTask,
-    streams: &[&[u8]],
+    streams: &ViewStreams<&[u8]>,
     offset: u64,
     workspaces: &PlaneWorkspaces,
     budget: &Budget,
@@ -95,7 +179,7 @@ pub(crate) fn decode(
     let _drawn = budget.reserve("a view being drawn", drawing_bytes(&captured.camera))?;
     let admit =
         |window: &Window| budget.reserve("a view being decoded", coding_bytes(window.pixel_count(), task.coding));
-    let mut coder = RangeDecoder::new(streams[0]);
+    let mut coder = RangeDecoder::new(streams.mask);
     let (view, mask_models, _coded) = prepare_view(task, &mut coder, None, admit)?;
     if !coder.ends_as_written(0) {
         return Err(damaged("its mask"));
@@ -104,14 +188,15 @@ pub(crate) fn decode(
         let quantiser = task.coding.components[index].quantiser(task.scale);
         workspaces.with(|PlaneWorkspace { coefficients, transform }| {
             let scratch = std::mem::take(coefficients);
-            *coefficients =
-                coefficients::decode(streams[1 + index], &mut models, &view.plan, &quantiser, predicted, scratch)?;
-            Some((models, view.plan.inverse_keeping(coefficients, view.level, transform)))
+            let finest_level = task.part.finest_level(view.level);
+            let picture = view.picture_task(&quantiser, predicted, finest_level);
+            *coefficients = coefficients::decode(&streams.components[index], &mut models, &picture, scratch)?;
+            Some((models, view.plan.inverse_keeping(coefficients, [finest_level, view.level], transform)))
         })
     });
     let parts: Option<Vec<_>> = parts.into_iter().collect();
     let (components, signals): (Vec<_>, Vec<_>) = parts.ok_or_else(|| damaged("a component"))?.into_iter().unzip();
-    Ok(decoded_view(view, signals, ViewModels { mask: mask_models, components }, task.is_reference))
+    Ok(decoded_view(view, signals, ViewModels { mask: mask_models, components }, task.part))
 }
 
 /// Renders the view's geometry and codes its mask, in encoding the `wanted` one.
@@ -126,8 +211,7 @@ fn prepare_view<C: BitCoder, T>(
         MaskCoding::Coverage => coverage,
         MaskCoding::Coded => mask::code_mask(coder, &mut models, &coverage, wanted),
     };
-    let level = task.coding.prediction_level as usize;
-    let (view, admitted) = task.scene.prepare_view(task.entry.view, level, mask, admit)?;
+    let (view, admitted) = task.scene.prepare_view(task.entry.view, task.coding, mask, admit)?;
     Ok((view, models, admitted))
 }
 
@@ -164,13 +248,14 @@ fn decoded_view(
     view: PreparedView,
     signals: Vec<(MaskedPixels, Option<MaskedPixels>)>,
     models: ViewModels,
-    is_reference: bool,
+    part: ViewPart,
 ) -> DecodedView {
     let (size, window, level) = (view.low_size(), view.window.low_band(view.level), view.level);
     let PreparedView { mask, window: whole, geometry, .. } = view;
     let (mut signals, lows): (Vec<_>, Vec<_>) = signals.into_iter().unzip();
-    let reference = is_reference.then(|| {
-        let pictures = if level == 0 { std::mem::take(&mut signals) } else { lows.into_iter().flatten().collect() };
+    let reference = part.is_reference().then(|| {
+        let is_whole = part.finest_level(level) == level;
+        let pictures = if is_whole { std::mem::take(&mut signals) } else { lows.into_iter().flatten().collect() };
         let pictures = pictures.into_iter().map(|pixels| ReferenceImage::new(pixels, size, window)).collect();
         DecodedReference { seen: ReferenceView::new(geometry), pictures, models }
     });

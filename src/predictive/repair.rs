@@ -6,7 +6,7 @@
 
 use super::header::{CodedEntry, PREFIX_BYTES, PlaneHeader};
 use super::order::OrderEntry;
-use super::picture::{self, ViewTask};
+use super::picture::{self, ViewPart, ViewTask};
 use super::{MaskCoding, PlaneCoding, PredictionScene};
 use crate::entropy::RangeEncoder;
 use crate::error::{Error, Result};
@@ -49,7 +49,7 @@ pub(crate) struct RepairedPlanes {
 pub(crate) fn find_head(
     file: &[u8],
     ranges: &[Range<usize>],
-    views: usize,
+    views: &[View],
     components: usize,
     budget: &Budget,
 ) -> Option<usize> {
@@ -57,10 +57,12 @@ pub(crate) fn find_head(
     let starts = ranges.iter().map(|range| range.start).chain(ranges.iter().flat_map(|range| range.clone()));
     let looks_right = |at: usize| {
         let length = file.get(at..).and_then(|bytes| PlaneHeader::head_bytes(bytes).ok()).unwrap_or(u64::MAX);
-        // The first bytes of the head, before its checksum is worth the work.
-        let plausible = file.get(at + PREFIX_BYTES..).and_then(|head| head.first_chunk::<2>());
-        plausible.is_some_and(|[flags, count]| *flags <= 15 && *count as usize == components)
-            && length <= (file.len() - at) as u64
+        // The first bytes of the head, before its checksum is worth the work: behind the coding is the side of tiles, if there are any.
+        let plausible = file.get(at + PREFIX_BYTES..).and_then(|head| head.first_chunk::<3>());
+        plausible.is_some_and(|[flags, first, second]| {
+            let count = if flags & 6 == 0 { first } else { second };
+            *flags <= 15 && *count as usize == components
+        }) && length <= (file.len() - at) as u64
     };
     for at in starts.filter(|&at| looks_right(at)) {
         work += PlaneHeader::head_bytes(&file[at..]).map_or(0, |length| length as usize);
@@ -86,7 +88,7 @@ pub(crate) fn repair(
     budget: &Budget,
 ) -> Result<RepairedPlanes> {
     let bytes = file.get(start..end).ok_or_else(|| Error::parameter("range beyond the file"))?;
-    let header = PlaneHeader::parse(bytes, views.len(), components, budget)?;
+    let header = PlaneHeader::parse(bytes, views, components, budget)?;
     let streams = &bytes[PREFIX_BYTES + PlaneHeader::head_bytes(bytes)? as usize..];
     let found = find_streams(&header, streams);
     let mut lost: Vec<(usize, ViewLoss)> = Vec::new();
@@ -115,7 +117,7 @@ pub(crate) fn repair(
             Some(found) => writer.kept(mesh, coded, &streams[found])?,
             None => writer.lost(mesh, coded.entry.view)?,
         };
-        steps.push(CodedEntry { checksum: crc32fast::hash(&bytes), offset: body.len() as u64, ..coded });
+        steps.push(CodedEntry { offset: body.len() as u64, ..coded });
         body.extend(bytes);
     }
     let mut bytes = PlaneHeader { coding: writer.coding, entries: steps }.to_bytes();
@@ -127,11 +129,11 @@ pub(crate) fn repair(
 fn find_streams(header: &PlaneHeader, streams: &[u8]) -> Vec<Option<Range<usize>>> {
     let mut work = MAX_WORK * streams.len();
     let mut is_there = |coded: &CodedEntry, start: Option<usize>| {
-        let length: usize = coded.lengths.iter().map(|&length| length as usize).sum();
+        let length = usize::try_from(coded.stream_bytes()).ok()?;
         let range = start.and_then(|start| Some(start..start.checked_add(length)?))?;
         let bytes = streams.get(range.clone())?;
         work = work.checked_sub(length)?;
-        (crc32fast::hash(bytes) == coded.checksum).then_some(range)
+        coded.is_intact(bytes).then_some(range)
     };
     // All after a gap have moved by what the whole section is longer or shorter.
     let tail = streams.len() as i64 - header.stream_bytes() as i64;
@@ -177,11 +179,13 @@ impl PlaneRepairer<'_> {
         mask::code_mask(&mut coder, &mut models, &coverage, Some(&coverage));
         self.models.insert(coded.entry.view, models);
         let mut bytes = coder.finish();
-        let mut lengths = coded.lengths.clone();
-        let old = lengths[0] as usize;
-        lengths[0] = bytes.len() as u32;
+        let mut coded = coded.clone();
+        let old = coded.lengths[0] as usize;
+        coded.lengths[0] = bytes.len() as u32;
         bytes.extend_from_slice(&streams[old..]);
-        Ok((CodedEntry { lengths, ..coded.clone() }, bytes))
+        let base: u64 = coded.lengths.iter().map(|&length| length as u64).sum();
+        coded.checksum = crc32fast::hash(&bytes[..base as usize]);
+        Ok((coded, bytes))
     }
 
     /// Codes a view that shows nothing.
@@ -192,10 +196,9 @@ impl PlaneRepairer<'_> {
         let nothing = Mask::filled(camera.width as usize, camera.height as usize, false);
         let black = |window: &crate::transform::window::Window, _| vec![[0.0; 4]; window.width * window.height];
         let (scene, coding) = (&self.scene, &self.coding);
-        let task = ViewTask { scene, entry: &step, scale: PLAIN_SCALE, coding, decoded: &[], is_reference: false };
+        let part = ViewPart::Photograph;
+        let task = ViewTask { scene, entry: &step, scale: PLAIN_SCALE, coding, decoded: &[], part };
         let (streams, _) = picture::encode(&task, &nothing, 1.0, black)?;
-        let parts: Vec<Vec<u8>> = std::iter::once(streams.mask).chain(streams.components).collect();
-        let lengths = parts.iter().map(|part| part.len() as u32).collect();
-        Ok((CodedEntry { entry: step, scale: PLAIN_SCALE, lengths, checksum: 0, offset: 0 }, parts.concat()))
+        Ok(streams.into_entry(step, PLAIN_SCALE, &coding.tile_grid(camera)))
     }
 }

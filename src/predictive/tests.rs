@@ -1,6 +1,6 @@
 //! Round trips and hostile streams on a small synthetic scene.
 
-use super::decode::decode;
+use super::decode::{DecodedPhotograph, decode};
 use super::encode::{EncodedPlanes, PlaneEncoder, PlaneQuality};
 use super::header::{PREFIX_BYTES, PlaneHeader};
 use crate::image::{Mask, RgbImage};
@@ -10,6 +10,7 @@ use crate::options::DecodeSpeed;
 use crate::separate::MaskedPhotographs;
 use crate::surface::raster::coverage;
 use crate::views::{Camera, Component, Photograph, PointLight, View};
+use std::ops::Range;
 
 const COMPONENTS: [Component; 2] = [Component::Diffuse, Component::Specular];
 
@@ -78,26 +79,40 @@ fn the_same_for_files_that_decode_fast() {
     [DecodeSpeed::Fast, DecodeSpeed::Fastest].into_iter().for_each(check_round_trip);
 }
 
+#[test]
+fn the_same_with_tiles_of_all_sides() {
+    for side in [4, 5, 6, 12] {
+        check_round_trip_with(PlaneQuality {
+            decode_speed: DecodeSpeed::Fastest,
+            tile_side_log2: side,
+            ..PlaneQuality::default()
+        });
+    }
+}
+
 fn check_round_trip(decoding: DecodeSpeed) {
+    check_round_trip_with(PlaneQuality { decode_speed: decoding, ..PlaneQuality::default() });
+}
+
+fn check_round_trip_with(quality: PlaneQuality) {
     let (mesh, views, photographs) = scene(9);
     let [coarse, fine] = [0.08, 0.01].map(|step| {
-        let quality = PlaneQuality { step, decode_speed: decoding, ..PlaneQuality::default() };
+        let quality = PlaneQuality { step, ..quality };
         encode((&mesh, &views, &photographs), true, &quality)
     });
     assert!(fine.bytes.len() > 2 * coarse.bytes.len());
     let budget = Budget::new(Limits::default());
-    let header = PlaneHeader::parse(&fine.bytes, 9, 2, &budget).unwrap();
+    let header = PlaneHeader::parse(&fine.bytes, &views, 2, &budget).unwrap();
     let body = &fine.bytes[PREFIX_BYTES + PlaneHeader::head_bytes(&fine.bytes).unwrap() as usize..];
     assert_eq!(body.len() as u64, header.stream_bytes());
-    let read_from = |steps: &mut usize, offset: u64, lengths: &[u32]| {
-        *steps += 1;
-        let length: u32 = lengths.iter().sum();
-        Ok(Some(body[offset as usize..offset as usize + length as usize].to_vec()))
+    let read_from = |bytes: &mut usize, range: Range<u64>| {
+        *bytes += (range.end - range.start) as usize;
+        Ok(Some(body[range.start as usize..range.end as usize].to_vec()))
     };
     let mut all = 0;
     let decoded =
-        decode(&header, &mesh, (&views, WHITE), |_| true, |s| read_from(&mut all, s.offset, &s.lengths), &budget)
-            .unwrap();
+        decode(&header, &mesh, (&views, WHITE), |_| true, |range| read_from(&mut all, range), &budget).unwrap();
+    assert_eq!(all, body.len());
     for ((decoded, encoded), photograph) in decoded.iter().zip(&fine.photographs).zip(&photographs) {
         let decoded = decoded.as_ref().unwrap();
         assert!(decoded == encoded && decoded.mask == photograph.mask);
@@ -109,10 +124,16 @@ fn check_round_trip(decoding: DecodeSpeed) {
     }
     let mut some = 0;
     let one =
-        decode(&header, &mesh, (&views, WHITE), |v| v == 4, |s| read_from(&mut some, s.offset, &s.lengths), &budget)
-            .unwrap();
+        decode(&header, &mesh, (&views, WHITE), |v| v == 4, |range| read_from(&mut some, range), &budget).unwrap();
     assert_eq!(one[4], decoded[4]);
-    assert!(one.iter().flatten().count() == 1 && some < all, "{some} of {all} steps");
+    assert!(one.iter().flatten().count() == 1 && some < all, "{some} of {all} bytes");
+    // Of the views that it is predicted from only what is predicted.
+    let order = header.order();
+    let needed = super::order::closure(&order, |v| v == 4).into_iter().map(|index| {
+        let level = if order[index].view == 4 { 0 } else { 3 };
+        header.entries[index].stream_bytes_above(level) as usize
+    });
+    assert_eq!(some, needed.sum::<usize>());
 }
 
 #[test]
@@ -135,7 +156,7 @@ fn check_noise(decoding: DecodeSpeed) {
     let quality = PlaneQuality { decode_speed: decoding, ..PlaneQuality::default() };
     let good = encode((&mesh, &views, &photographs), false, &quality);
     let budget = Budget::new(Limits::default());
-    let mut header = PlaneHeader::parse(&good.bytes, 5, 2, &budget).unwrap();
+    let mut header = PlaneHeader::parse(&good.bytes, &views, 2, &budget).unwrap();
     let mut state = 12345u32;
     for round in 0..20 {
         let noise: Vec<Vec<u8>> = header
@@ -143,6 +164,7 @@ fn check_noise(decoding: DecodeSpeed) {
             .iter_mut()
             .map(|step| {
                 step.lengths = vec![40, 300, 300];
+                step.tiles.iter_mut().for_each(|tile| (tile.lengths, tile.checksum) = (vec![0, 0], 0));
                 let bytes: Vec<u8> = (0..640)
                     .map(|_| {
                         state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
@@ -154,21 +176,18 @@ fn check_noise(decoding: DecodeSpeed) {
             })
             .collect();
         let mut index = 0;
-        let next = |_: &_| {
+        let next = |_: Range<u64>| {
             index += 1;
             Ok(Some(noise[index - 1].clone()))
         };
         let error = decode(&header, &mesh, (&views, WHITE), |_| true, next, &budget).unwrap_err();
         assert!(error.to_string().contains("does not end with what it tells"), "{error}");
     }
-    let header = PlaneHeader::parse(&good.bytes, 5, 2, &budget).unwrap();
+    let header = PlaneHeader::parse(&good.bytes, &views, 2, &budget).unwrap();
     let first = header.entries[0].entry.view;
     let start = PREFIX_BYTES + PlaneHeader::head_bytes(&good.bytes).unwrap() as usize;
-    let cut = |s: &crate::predictive::header::CodedEntry| {
-        let length: u32 = s.lengths.iter().sum();
-        let at = start + s.offset as usize;
-        Ok((s.offset == 0).then(|| good.bytes[at..at + length as usize].to_vec()))
-    };
+    let cut =
+        |range: Range<u64>| Ok((range.start == 0).then(|| good.bytes[start..start + range.end as usize].to_vec()));
     let decoded = decode(&header, &mesh, (&views, WHITE), |_| true, cut, &budget).unwrap();
     assert!(decoded.iter().enumerate().all(|(view, p)| p.is_some() == (view == first)));
 }
@@ -178,12 +197,11 @@ fn check_noise(decoding: DecodeSpeed) {
 fn memory_is_charged_before_it_is_used() {
     let (mesh, views, photographs) = scene(9);
     let encoded = encode((&mesh, &views, &photographs), false, &PlaneQuality::default());
-    let header = PlaneHeader::parse(&encoded.bytes, 9, 2, &Budget::new(Limits::default())).unwrap();
+    let header = PlaneHeader::parse(&encoded.bytes, &views, 2, &Budget::new(Limits::default())).unwrap();
     let start = PREFIX_BYTES + PlaneHeader::head_bytes(&encoded.bytes).unwrap() as usize;
     let run = |memory_bytes: u64| {
-        let read = |s: &crate::predictive::header::CodedEntry| {
-            let at = start + s.offset as usize;
-            Ok(Some(encoded.bytes[at..at + s.lengths.iter().sum::<u32>() as usize].to_vec()))
+        let read = |range: Range<u64>| {
+            Ok(Some(encoded.bytes[start + range.start as usize..start + range.end as usize].to_vec()))
         };
         let budget = Budget::new(Limits { memory_bytes, ..Limits::default() });
         decode(&header, &mesh, (&views, WHITE), |_| true, read, &budget)
@@ -215,7 +233,7 @@ fn check_order(decoding: DecodeSpeed) {
     let (mesh, views, photographs) = scene(24);
     let quality = PlaneQuality { decode_speed: decoding, ..PlaneQuality::default() };
     let coded = encode((&mesh, &views, &photographs), true, &quality);
-    let header = PlaneHeader::parse(&coded.bytes, 24, 2, &Budget::new(Limits::default())).unwrap();
+    let header = PlaneHeader::parse(&coded.bytes, &views, 2, &Budget::new(Limits::default())).unwrap();
     let body = &coded.bytes[PREFIX_BYTES + PlaneHeader::head_bytes(&coded.bytes).unwrap() as usize..];
     let run = |memory_bytes: u64| -> crate::Result<usize> {
         let budget = Arc::new(Budget::new(Limits { memory_bytes, ..Limits::default() }));
@@ -227,12 +245,12 @@ fn check_order(decoding: DecodeSpeed) {
             let mut photograph = decoder.kept(view).map(|picture| picture.photograph());
             assert_eq!(photograph.is_some(), steps.is_empty());
             for step in steps {
-                let (offset, length) = match header.entries.get(step) {
-                    Some(coded) => (coded.offset as usize, coded.lengths.iter().sum::<u32>() as usize),
-                    None => unreachable!(),
-                };
-                photograph =
-                    Some(decoder.decode(step, &body[offset..offset + length], |picture| picture.photograph())?);
+                let coded = &header.entries[step];
+                let is_wanted = coded.entry.view == view;
+                let (start, length) = (coded.offset, coded.stream_bytes_above(decoder.finest_level(is_wanted)));
+                let streams = &body[start as usize..(start + length) as usize];
+                let take = is_wanted.then_some(|picture: DecodedPhotograph| picture.photograph());
+                photograph = decoder.decode(step, streams, take)?;
                 decoded += 1;
             }
             assert!(photograph.as_ref() == Some(&coded.photographs[view]), "view {view}");

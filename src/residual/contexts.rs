@@ -5,15 +5,15 @@
 use crate::entropy::{BitCoder, NumberModel};
 use crate::image::Mask;
 use crate::quantise::bands::{MAX_MAGNITUDE, Quantiser, RateDistortion};
-use crate::transform::shape_adaptive::{ColourLanes, Subband};
+use crate::transform::shape_adaptive::ColourLanes;
 
 /// Side of a block, in positions.
 pub(super) const BLOCK: usize = 4;
 
 /// Context modelling of coefficients: neighbourhood and adaptive models.
-pub(super) trait ContextModel: Clone + std::fmt::Debug {
+pub(super) trait ContextModel: Clone + std::fmt::Debug + Send + Sync {
     /// Magnitudes of the three colours at a position.
-    type Magnitudes: Copy + Default;
+    type Magnitudes: Copy + Default + Send + Sync;
     /// Neighbourhood of a position.
     type Neighbourhood;
 
@@ -54,25 +54,93 @@ pub(super) trait CoefficientCoder<C: BitCoder>: ContextModel {
         &mut self,
         _coder: &mut C,
         _bands: &CodedBands<Self::Magnitudes>,
-        _mask: &Mask,
+        _part: &BandPart,
         _y: usize,
         _occupied: &mut [bool],
-        _is_wanted: impl Fn(&[usize]) -> bool,
+        _is_wanted: impl Fn(&[[usize; 2]]) -> bool,
     ) {
     }
 }
 
-/// A band and those coded before it.
+/// A rectangle of a band, in positions.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(super) struct BandArea {
+    pub(super) left: usize,
+    pub(super) top: usize,
+    pub(super) width: usize,
+    pub(super) height: usize,
+}
+
+/// The part of a band that one stream holds. Positions are counted from its left upper corner.
+#[derive(Clone, Copy)]
+pub(super) struct BandPart<'a> {
+    mask: &'a Mask,
+    pub(super) area: BandArea,
+}
+
+impl<'a> BandPart<'a> {
+    pub(super) fn new(mask: &'a Mask, area: BandArea) -> Self {
+        BandPart { mask, area }
+    }
+    /// A band as a whole.
+    pub(super) fn whole(mask: &'a Mask) -> Self {
+        BandPart { mask, area: BandArea { left: 0, top: 0, width: mask.width, height: mask.height } }
+    }
+    /// A row of the mask.
+    #[inline(always)]
+    pub(super) fn row(&self, y: usize) -> &'a [bool] {
+        &self.mask.row(self.area.top + y)[self.area.left..][..self.area.width]
+    }
+    /// Index of a position in the band.
+    #[inline(always)]
+    pub(super) fn index_in_band(&self, x: usize, y: usize) -> usize {
+        (self.area.top + y) * self.mask.width + self.area.left + x
+    }
+}
+
+/// A part of a band and those coded before it.
 #[derive(Clone, Copy)]
 pub(super) struct CodedBands<'a, T> {
     pub(super) here: &'a CodedBand<T>,
     /// The band of this orientation one level coarser.
-    pub(super) parent: Option<&'a CodedBand<T>>,
+    pub(super) parent: Option<ParentBand<'a, T>>,
     /// Those of this level.
     pub(super) siblings: &'a [CodedBand<T>],
 }
 
-/// A band during coding: magnitudes of coded values and of the prediction, with a margin of two columns and rows before the first
+/// The part of the coarser band that lies above a part of a band.
+pub(super) struct ParentBand<'a, T> {
+    band: &'a CodedBand<T>,
+    /// Index of what lies above the first position.
+    first: usize,
+}
+
+impl<T> Clone for ParentBand<'_, T> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<T> Copy for ParentBand<'_, T> {}
+
+impl<'a, T: Copy + Default> ParentBand<'a, T> {
+    /// `band`, in which `(x, y)` lies above the first position.
+    pub(super) fn new(band: &'a CodedBand<T>, [x, y]: [usize; 2]) -> Self {
+        ParentBand { band, first: band.index(x, y) }
+    }
+    /// What lies above a position.
+    #[inline(always)]
+    pub(super) fn above(&self, x: usize, y: usize) -> T {
+        self.band.values[self.first + y / 2 * self.band.stride + x / 2]
+    }
+    /// `count` positions of the coarser band from `(x, y)`, counted there from what lies above the first position.
+    pub(super) fn coarse(&self, x: usize, y: usize, count: usize) -> &'a [T] {
+        let at = self.first + y * self.band.stride + x;
+        self.band.values.get(at..at + count).unwrap_or_default()
+    }
+}
+
+/// A part of a band during coding: magnitudes of coded values and of the prediction, with a margin of two columns and rows before the first
 /// and of as many behind the last as a block may reach, so that neighbours need no checks.
 pub(super) struct CodedBand<T> {
     pub(super) stride: usize,
@@ -82,9 +150,9 @@ pub(super) struct CodedBand<T> {
 }
 
 impl<T: Copy + Default> CodedBand<T> {
-    /// A band of which nothing is coded.
-    pub(super) fn new(band: &Subband, predicted: Option<&[ColourLanes]>, hint: impl Fn(&ColourLanes) -> T) -> Self {
-        let (width, height) = (band.mask.width, band.mask.height);
+    /// A part of which nothing is coded; with a prediction, it is a whole band.
+    pub(super) fn new(area: &BandArea, predicted: Option<&[ColourLanes]>, hint: impl Fn(&ColourLanes) -> T) -> Self {
+        let BandArea { width, height, .. } = *area;
         let stride = width + 2 + BLOCK;
         let empty = vec![T::default(); stride * (height + 1 + BLOCK)];
         let mut known = CodedBand { stride, values: empty, prediction_magnitudes: Vec::new() };

@@ -4,14 +4,13 @@
 //! All numbers here are part of the format (`spec/planes.md`).
 
 use super::contexts::{
-    BLOCK, BandClass, CLASSES, CodedBand, CodedBands, CoefficientCoder, ContextModel, bucket_4, bucket_8, bucket_12,
-    code_escaped, log2_bucket,
+    BLOCK, BandClass, BandPart, CLASSES, CodedBand, CodedBands, CoefficientCoder, ContextModel, bucket_4, bucket_8,
+    bucket_12, code_escaped, log2_bucket,
 };
 use crate::entropy::average::AverageModel;
 use crate::entropy::mixer::bit_cost;
 use crate::entropy::symbol::{SYMBOL_VALUES, SymbolModel, SymbolStarts, interval};
 use crate::entropy::{NumberModel, SymbolCoder};
-use crate::image::Mask;
 use crate::quantise::bands::{MAX_MAGNITUDE, Quantiser, RateDistortion, candidate_magnitudes};
 use crate::transform::shape_adaptive::ColourLanes;
 
@@ -133,7 +132,7 @@ impl ContextModel for DirectModel {
         let [north_north, ..] = rows[0] else { return DirectNeighbourhood::default() };
         let [north_west, north, north_east, ..] = rows[1] else { return DirectNeighbourhood::default() };
         let [west_west, west, ..] = rows[2] else { return DirectNeighbourhood::default() };
-        let parent = parent.map_or(0, |parent| parent.values[parent.index(x / 2, y / 2)]);
+        let parent = parent.map_or(0, |parent| parent.above(x, y));
         let siblings: u64 = siblings.iter().map(|other| other.values[at]).sum();
         let near = 2 * (west + north) + north_west + north_east;
         let wide = lane(3 * near + 2 * (west_west + north_north) + 3 * parent + 2 * siblings, SUM);
@@ -240,22 +239,22 @@ impl<C: SymbolCoder> CoefficientCoder<C> for DirectModel {
         &mut self,
         coder: &mut C,
         bands: &CodedBands<PackedMagnitudes>,
-        mask: &Mask,
+        part: &BandPart,
         y: usize,
         occupied: &mut [bool],
-        is_wanted: impl Fn(&[usize]) -> bool,
+        is_wanted: impl Fn(&[[usize; 2]]) -> bool,
     ) {
         if y == 0 {
             occupied.fill(false);
         }
         let mut before = false;
-        let rows = y..(y + BLOCK).min(mask.height);
+        let rows = y..(y + BLOCK).min(part.area.height);
         for (block, occupied) in occupied.iter_mut().enumerate() {
-            let columns = block * BLOCK..((block + 1) * BLOCK).min(mask.width);
-            *occupied = rows.clone().any(|y| mask.row(y)[columns.clone()].contains(&true)) && {
+            let columns = block * BLOCK..((block + 1) * BLOCK).min(part.area.width);
+            *occupied = rows.clone().any(|y| part.row(y)[columns.clone()].contains(&true)) && {
                 let wanted = !C::DECODES && {
-                    let places = rows.clone().flat_map(|y| columns.clone().map(move |x| y * mask.width + x));
-                    is_wanted(&places.filter(|&flat| mask.data[flat]).collect::<Vec<_>>())
+                    let places = rows.clone().flat_map(|y| columns.clone().map(move |x| [x, y]));
+                    is_wanted(&places.filter(|&[x, y]| part.row(y)[x]).collect::<Vec<_>>())
                 };
                 self.block.code(coder, &block_contexts(bands, [before, *occupied], block, y / BLOCK), wanted)
             };
@@ -267,13 +266,16 @@ impl<C: SymbolCoder> CoefficientCoder<C> for DirectModel {
 /// Contexts of the decision whether a block ([`BLOCK`] positions square, counted by `x` and `y`) has anything but zeros. `beside` says it
 /// of the block before it and the one above it.
 fn block_contexts(bands: &CodedBands<PackedMagnitudes>, beside: [bool; 2], x: usize, y: usize) -> [u32; 2] {
-    let total = |known: &CodedBand<PackedMagnitudes>, side: usize| -> u32 {
-        let rows = (y * side..(y + 1) * side).map(|y| known.index(x * side, y));
-        let rows = rows.filter_map(|at| known.values.get(at..at + side));
-        rows.flatten().map(|&lanes| lane(lanes, SUM)).sum()
+    let total = |values: &[PackedMagnitudes]| -> u32 { values.iter().map(|&lanes| lane(lanes, SUM)).sum() };
+    let parent = bands.parent.map_or(0, |parent| {
+        const SIDE: usize = BLOCK / 2;
+        (y * SIDE..(y + 1) * SIDE).map(|y| total(parent.coarse(x * SIDE, y, SIDE))).sum()
+    });
+    let of_sibling = |known: &CodedBand<PackedMagnitudes>| -> u32 {
+        let rows = (y * BLOCK..(y + 1) * BLOCK).map(|y| known.index(x * BLOCK, y));
+        rows.map(|at| total(known.values.get(at..at + BLOCK).unwrap_or_default())).sum()
     };
-    let parent = bands.parent.map_or(0, |parent| total(parent, BLOCK / 2));
-    let siblings: u32 = bands.siblings.iter().map(|known| total(known, BLOCK)).sum();
+    let siblings: u32 = bands.siblings.iter().map(of_sibling).sum();
     let beside = beside[0] as u32 + 2 * beside[1] as u32;
     let orientation = bands.siblings.len() as u32;
     [

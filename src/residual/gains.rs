@@ -40,6 +40,9 @@ pub(crate) struct GainModels {
     difference: [NumberModel; BUCKETS],
 }
 
+/// Gains of a band that is not predicted; not used.
+pub(super) const NONE: [[i32; BUCKETS]; 3] = [[0; BUCKETS]; 3];
+
 impl Default for GainModels {
     fn default() -> Self {
         let mut last = [[[UNITY / 2; BUCKETS]; 3]; BAND_CLASSES];

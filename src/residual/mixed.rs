@@ -70,7 +70,7 @@ impl ContextModel for MixedModel {
     fn neighbourhood(bands: &CodedBands<MagnitudeLanes>, x: usize, y: usize) -> MixedNeighbourhood {
         let CodedBands { here, parent, siblings } = bands;
         let at = here.index(x, y);
-        let parent = parent.map_or([0; 4], |parent| parent.values[parent.index(x / 2, y / 2)]);
+        let parent = parent.map_or([0; 4], |parent| parent.above(x, y));
         let mut sibling = [0i16; 4];
         for other in *siblings {
             let other = &other.values[at];

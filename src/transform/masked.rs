@@ -122,6 +122,11 @@ impl Coefficients {
     pub fn band_mut(&mut self, index: usize, length: usize) -> &mut [ColourLanes] {
         self.0[index].pixels(length)
     }
+    /// The positions of three bands from `first` on, each of `length`; as [`Coefficients::band_mut`].
+    pub fn three_bands_mut(&mut self, first: usize, length: usize) -> [&mut [ColourLanes]; 3] {
+        let mut bands = self.0.iter_mut().skip(first);
+        [(); 3].map(|()| bands.next().map_or(&mut [][..], |band| band.pixels(length)))
+    }
     /// Returns the written coefficients of a band of `length` positions.
     pub(super) fn band(&self, index: usize, length: usize) -> &[ColourLanes] {
         self.0[index].written(length)

@@ -10,6 +10,7 @@ pub(crate) use super::lifting::PixelRun;
 use super::lifting::{Synthesiser, analyse, scatter};
 use super::masked::{Coefficients, MaskedPixels, PixelScratch, RowRuns};
 use crate::image::Mask;
+use std::ops::Range;
 
 /// Most levels of a transform.
 pub(crate) const MAX_LEVELS: usize = 5;
@@ -158,6 +159,17 @@ impl WaveletPlan {
         &self.bands
     }
 
+    /// Indices of the subbands of a level, horizontal, vertical and diagonal.
+    pub fn level_bands(&self, level: usize) -> Range<usize> {
+        let first = 1 + 3 * (self.levels.len() - level);
+        first..first + 3
+    }
+
+    /// Columns of the low band after `level` levels, 0 the picture itself.
+    fn columns_after(&self, level: usize) -> usize {
+        self.levels.get(level).map_or(self.bands[0].mask.width, |level| level.width)
+    }
+
     /// Coefficients of all bands, parallel to [`WaveletPlan::bands`]; positions outside a band's mask are 0.
     /// `pixels` is row-major, of the mask's size; values outside the mask are ignored.
     pub fn forward(&self, pixels: Vec<ColourLanes>) -> Vec<Vec<ColourLanes>> {
@@ -206,21 +218,22 @@ impl WaveletPlan {
 
     /// Pixels from coefficients as [`WaveletPlan::forward`] gives them; 0 outside the mask.
     pub fn inverse(&self, coefficients: &Coefficients) -> Vec<ColourLanes> {
-        self.inverse_keeping(coefficients, 0, &mut TransformScratch::default()).0.zero_outside()
+        self.inverse_keeping(coefficients, [0, 0], &mut TransformScratch::default()).0.zero_outside()
     }
 
-    /// [`WaveletPlan::inverse`], and the low band after `kept` levels, if that is not 0; both known within their masks alone.
+    /// The low bands after `wanted` levels, 0 the picture itself, and after `kept` ones, if these are more; both known within their masks
+    /// alone. Bands of the first `wanted` levels are not read.
     pub fn inverse_keeping(
         &self,
         coefficients: &Coefficients,
-        kept: usize,
+        [wanted, kept]: [usize; 2],
         work: &mut TransformScratch,
     ) -> (MaskedPixels, Option<MaskedPixels>) {
         let band = |index: usize| coefficients.band(index, self.bands[index].mask.data.len());
         let mut low = band(0).to_vec();
         let mut keep = None;
-        for (index, level) in self.levels.iter().enumerate().rev() {
-            let first = 1 + 3 * (self.levels.len() - 1 - index);
+        for (index, level) in self.levels.iter().enumerate().skip(wanted).rev() {
+            let first = self.level_bands(index + 1).start;
             let [horizontal, vertical, diagonal] = [0, 1, 2].map(|k| band(first + k));
             let half = level.width.div_ceil(2);
             let mut pixels = work.take_buffer(index, level.width * level.height);
@@ -244,14 +257,13 @@ impl WaveletPlan {
                 line.synthesise_end(coefficients, |x, pixel| row[x] = pixel);
             }
             let low = std::mem::replace(&mut low, pixels);
-            if index + 1 == kept {
+            if index + 1 == kept && kept > wanted {
                 keep = Some(MaskedPixels::new(half, self.rows[kept].clone(), low));
             } else {
                 work.recycle(index + 1, low.into());
             }
         }
-        let width = self.levels.first().map_or(self.bands[0].mask.width, |level| level.width);
-        (MaskedPixels::new(width, self.rows[0].clone(), low), keep)
+        (MaskedPixels::new(self.columns_after(wanted), self.rows[wanted].clone(), low), keep)
     }
 }
 
@@ -367,8 +379,12 @@ mod tests {
         let plan = WaveletPlan::new(&mask);
         let coefficients = plan.forward(pixels);
         for level in 1..=plan.levels.len() {
-            let low = plan.inverse_keeping(&coefficients.clone().into(), level, &mut TransformScratch::default()).1;
-            let again = plan.forward_from(level, low.unwrap().zero_outside());
+            let coefficients_again = coefficients.clone().into();
+            let mut work = TransformScratch::default();
+            let low = plan.inverse_keeping(&coefficients_again, [0, level], &mut work).1.unwrap().zero_outside();
+            let alone = plan.inverse_keeping(&coefficients_again, [level, level], &mut work).0.zero_outside();
+            assert!(alone == low, "level {level}");
+            let again = plan.forward_from(level, low);
             assert_eq!(again.len(), 1 + 3 * (plan.levels.len() - level));
             for (a, b) in again.iter().flatten().zip(coefficients.iter().flatten()) {
                 assert!((0..4).all(|k| (a[k] - b[k]).abs() < 2e-3), "level {level}: {a:?} {b:?}");

@@ -71,7 +71,7 @@ def padded(height, width, count=3):
 
 
 def decode(coder, models, bands, step, shrink, predicted):
-    """Coefficients of all bands. `predicted` are those of the prediction, for all bands or the first ones, or None."""
+    """Coefficients of these bands, and their magnitudes. `predicted` are the prediction's, for all bands or the first ones, or None."""
     if predicted is not None:
         for g in sorted({gain_class(b) for b in bands[: len(predicted)]}):
             for row in models.last[g]:
@@ -80,10 +80,39 @@ def decode(coder, models, bands, step, shrink, predicted):
     results, magnitudes = [], []
     for index in range(len(bands)):
         prediction = predicted[index] if predicted is not None and index < len(predicted) else None
-        decoder = models.kind(coder, models, bands, index, step, shrink, prediction, magnitudes)
+        band = bands[index]
+        parent = (magnitudes[index - 3], 0, 0) if band.kind != "low" and index > 3 else None
+        count = {"vertical": 1, "diagonal": 2}.get(band.kind, 0)
+        siblings = [magnitudes[index - 1 - k] for k in range(count)]
+        decoder = models.kind(coder, models, band, step, shrink, prediction, parent, siblings)
         results.append(decoder.decode())
         magnitudes.append(decoder.M)
-    return results
+    return results, magnitudes
+
+
+class Part:
+    """What a tile holds of a band."""
+
+    def __init__(self, band, x, y, side):
+        self.kind, self.level, self.mask = band.kind, band.level, band.mask[y : y + side, x : x + side]
+
+
+def decode_tile(coder, bands, results, place, above, step, shrink):
+    """A tile at (x, y) of a side: three bands into `results`. `above` and what is returned are models, magnitudes of the three bands (none
+    if there are none) and where these begin."""
+    x, y, side = place
+    models, coarser, (left, top) = above
+    models = models.copy()
+    if not any(Part(band, x, y, side).mask.any() for band in bands):
+        return models, [], (x, y)
+    magnitudes = []
+    for k, band in enumerate(bands):
+        parent = (coarser[k], x // 2 - left, y // 2 - top) if len(coarser) == 3 else None
+        part = Part(band, x, y, side)
+        decoder = models.kind(coder, models, part, step, shrink, None, parent, magnitudes[::-1])
+        results[k][y : y + side, x : x + side] = decoder.decode()
+        magnitudes.append(decoder.M)
+    return models, magnitudes, (x, y)
 
 
 class Around:
@@ -99,7 +128,7 @@ class Around:
         self.near = 2 * (self.W + self.N) + self.NW + self.NE
         self.hint = H[y + 2][x + 2]
         self.hints = H[y + 2][x + 1] + H[y + 2][x + 3] + H[y + 1][x + 2] + H[y + 3][x + 2]
-        self.parent = band.parent[c][y // 2 + 2][x // 2 + 2] if band.parent else 0
+        self.parent = band.coarse(c, x // 2, y // 2)
         self.siblings = sum(s[c][y + 2][x + 2] for s in band.siblings)
         self.wide = 3 * self.near + 2 * self.far + 3 * self.parent + 2 * self.siblings
 
@@ -109,9 +138,8 @@ class BandDecoder:
 
     fields = 3
 
-    def __init__(self, coder, models, bands, index, step, shrink, predicted, magnitudes):
-        self.coder, self.models, self.band = coder, models, bands[index]
-        band = self.band
+    def __init__(self, coder, models, band, step, shrink, predicted, parent, siblings):
+        self.coder, self.models, self.band = coder, models, band
         self.low = band.kind == "low"
         self.T = step * LEVEL_STEPS[4 if self.low else band.level - 1]
         self.u = single(1) / self.T
@@ -124,9 +152,16 @@ class BandDecoder:
         self.predicted = predicted
         if predicted is not None:
             self.set_hints()
-        self.parent = magnitudes[index - 3] if not self.low and index > 3 else None
-        count = {"vertical": 1, "diagonal": 2}.get(band.kind, 0)
-        self.siblings = [magnitudes[index - 1 - k] for k in range(count)]
+        self.parent, self.siblings = parent, siblings
+
+    def coarse(self, field, x, y):
+        """Magnitude in the coarser band, counted from what lies above the first place; 0 beyond the band and without one."""
+        if self.parent is None:
+            return 0
+        magnitudes, left, top = self.parent
+        rows = magnitudes[field]
+        x, y = x + left + 2, y + top + 2
+        return rows[y][x] if y < len(rows) and x < len(rows[y]) else 0
 
     def decode(self):
         for y, row in enumerate(self.band.mask):
@@ -255,7 +290,7 @@ class Near:
         self.near = 2 * (row[x + 1] + above[x + 2]) + above[x + 1] + above[x + 3]
         self.far = row[x] + M[y][x + 2]
         self.hint = band.hints[field][y + 2][x + 2]
-        self.parent = band.parent[field][y // 2 + 2][x // 2 + 2] if band.parent else 0
+        self.parent = band.coarse(field, x // 2, y // 2)
 
 
 def square(grid, side, x, y):
@@ -293,7 +328,7 @@ class DirectBand(BandDecoder):
             self.coded[block] = before
 
     def block(self, x, y, beside):
-        parent = square(self.parent[3], 2, x, y) if self.parent else 0
+        parent = sum(self.coarse(3, 2 * x + i, 2 * y + j) for i in range(2) for j in range(2))
         siblings = sum(square(s[3], 4, x, y) for s in self.siblings)
         o = len(self.siblings)
         contexts = [(4 * o + beside) * 12 + c12(parent), ((3 * beside + o) * 8 + c8(siblings)) * 4 + few(parent)]

@@ -45,7 +45,7 @@ def decode(data):
     coder, t, shrink = Range(data[at:]), roots(), [single(0.08), single(0.02)]
     for size, sharpness, floor, step in heads:
         transform = Transform(np.ones((size, size), bool))
-        bands = decode_coefficients(coder, Models(), transform.bands, single(step), shrink, None)
+        bands, _ = decode_coefficients(coder, Models(), transform.bands, single(step), shrink, None)
         v = np.floor(transform.inverse(bands) + single(0.5)).astype(np.int64)
         a, b, c = v[..., 0], v[..., 1], v[..., 2]
         integers = np.stack([a + b, a, a + c], -1).clip(0, 3072)

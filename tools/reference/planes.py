@@ -34,20 +34,33 @@ class Step:
     pass
 
 
+class Tile:
+    """A tile of a level at (x, y) of its grid; `streams` are its components'."""
+
+    def __init__(self, level, x, y, streams):
+        self.level, self.x, self.y, self.streams = level, x, y, streams
+
+
 class Head:
     """Section 1."""
 
     def __init__(self, data, views, components):
         length, checksum = struct.unpack("<II", data[:8])
         head = data[8 : 8 + length]
-        if zlib.crc32(head) != checksum or head[1] != components:
+        if zlib.crc32(head) != checksum:
             raise Damaged("head of PLAN")
         self.masks, self.level, self.direct = head[0] & 1, head[0] >> 1 & 3, head[0] >> 3 & 1
-        if self.level > 2 or head[0] > 15:
+        at, self.tile_side = 1, None
+        if self.level:
+            at, self.tile_side = 2, 1 << head[1]
+            if not 4 <= head[1] <= 12:
+                raise Damaged("head of PLAN")
+        if head[0] > 15 or head[at] != components:
             raise Damaged("head of PLAN")
-        self.components = [Component(head[2 + 25 * k : 27 + 25 * k]) for k in range(components)]
-        count, at = varint(head, 2 + 25 * components)
-        if count != views:
+        at += 1
+        self.components = [Component(head[at + 25 * k : at + 25 + 25 * k]) for k in range(components)]
+        count, at = varint(head, at + 25 * components)
+        if count != len(views):
             raise Damaged("steps of PLAN")
         self.steps, offset = [], 8 + length
         for index in range(count):
@@ -61,14 +74,29 @@ class Head:
                 back, at = varint(head, at)
                 step.references.append((index - back, head[at]))
                 at += 1
-            step.streams, start = [], offset
-            for _ in range(components + 1):
-                size, at = varint(head, at)
-                step.streams.append(data[offset : offset + size])
-                offset += size
-            if zlib.crc32(data[start:offset]) != struct.unpack("<I", head[at : at + 4])[0]:
-                raise Damaged("streams of a view")
-            at += 4
+
+            def streams(count, always):
+                nonlocal at, offset
+                found, start = [], offset
+                for _ in range(count):
+                    size, at = varint(head, at)
+                    found.append(data[offset : offset + size])
+                    offset += size
+                if always or offset > start:
+                    if zlib.crc32(data[start:offset]) != struct.unpack("<I", head[at : at + 4])[0]:
+                        raise Damaged("streams of a view")
+                    at += 4
+                return found
+
+            step.streams = streams(components + 1, True)
+            camera = views[step.view].camera
+            levels = min(self.level, geometry.level_count(camera.width, camera.height))
+            step.tiles = []
+            for level in range(levels, 0, -1):
+                columns, rows = (-(-size // (self.tile_side << level)) for size in (camera.width, camera.height))
+                for y in range(rows):
+                    for x in range(columns):
+                        step.tiles.append(Tile(level, x, y, streams(components, False)))
             self.steps.append(step)
         if offset != len(data) or at != length:
             raise Damaged("length of PLAN")
@@ -133,13 +161,13 @@ class Planes:
     """The pictures of a section; steps are decoded when they are asked for."""
 
     def __init__(self, data, views, positions, triangles):
-        from coefficients import Models, decode
+        from coefficients import Models, decode, decode_tile
 
-        self.decode_coefficients, self.Models = decode, Models
+        self.decode_coefficients, self.decode_tile, self.Models = decode, decode_tile, Models
         self.views, self.triangles = views, triangles
         self.positions = np.array(positions, np.float64).reshape(-1, 3)
         self.normals = geometry.vertex_normals(self.positions, triangles)
-        self.head = Head(data, len(views.views), len(views.components))
+        self.head = Head(data, views.views, len(views.components))
         self.done = {}
 
     def view(self, view):
@@ -182,12 +210,32 @@ class Planes:
                 sources = [(r.filled[k], f, share) for (r, share), f in zip(references, found)]
                 predicted = transform.forward(geometry.predict(low, sources, component.shaded), level)
             step_size = component.step * single(step.scale / 64)
-            coder = (States if self.head.direct else Range)(step.streams[k + 1])
-            bands = self.decode_coefficients(
-                coder, models, transform.bands, step_size, component.shrink, predicted
+            start = States if self.head.direct else Range
+            coder = start(step.streams[k + 1])
+            base = len(transform.bands) - 3 * level
+            bands, magnitudes = self.decode_coefficients(
+                coder, models, transform.bands[:base], step_size, component.shrink, predicted
             )
             if not coder.ends_rightly():
                 raise Damaged("end of a component's stream")
+            for band in transform.bands[base:]:
+                bands.append(np.zeros(band.mask.shape + (3,), single))
+            done = {}
+            for tile in step.tiles:
+                above = done.get((tile.level + 1, tile.x // 2, tile.y // 2), (models, magnitudes[-3:], (0, 0)))
+                first = len(bands) - 3 * tile.level
+                coder = start(tile.streams[k])
+                done[tile.level, tile.x, tile.y] = self.decode_tile(
+                    coder,
+                    transform.bands[first : first + 3],
+                    bands[first : first + 3],
+                    (tile.x * self.head.tile_side, tile.y * self.head.tile_side, self.head.tile_side),
+                    above,
+                    step_size,
+                    component.shrink,
+                )
+                if not coder.ends_rightly():
+                    raise Damaged("end of a tile's stream")
             lows = transform.lows(bands)
             filled, known = lows[level].copy(), low.copy()
             geometry.fill(known, filled, 4)

@@ -180,7 +180,7 @@ def surface(data, charts):
     atlas.offsets = [(a * density, b * density) for a, b in charts.offsets]
     transform, coder = Transform(atlas.mask()), Range(data[7:])
     shrink = [single(0.08), single(0.02)]
-    bands = decode_coefficients(coder, Models(), transform.bands, single(1), shrink, None)
+    bands, _ = decode_coefficients(coder, Models(), transform.bands, single(1), shrink, None)
     image = (transform.inverse(bands)[..., 0].astype(single) * single(step)).astype(float)
     image[~atlas.mask()] = 0
     triangles = [tuple(int(v) for v in t) for t in charts.triangles]
@@ -250,7 +250,7 @@ def decode(data, charts):
     transform, coder, maps = Transform(mask), Range(data[begin:]), {}
     shrink = [single(0.08), single(0.02)]
     for name, step in zip(names, steps):
-        bands = decode_coefficients(coder, Models(), transform.bands, single(step), shrink, None)
+        bands, _ = decode_coefficients(coder, Models(), transform.bands, single(step), shrink, None)
         levels = np.floor(transform.inverse(bands) + single(0.5))
         levels[~mask] = 0
         if name == "sigma":

@@ -75,7 +75,7 @@ def coefficients(case):
     direct = case["modelling"] == "direct"
     coder = (States if direct else Range)(bytes.fromhex(case["stream"]))
     step, shrink = singles(case["step"])[0], list(singles(case["shrink"]))
-    found = decode_coefficients(coder, Models(direct), transform.bands, step, shrink, predicted)
+    found, _ = decode_coefficients(coder, Models(direct), transform.bands, step, shrink, predicted)
     assert coder.ends_rightly()
     assert bits(transform.inverse(found)[used]) == bits(singles(case["picture"]))
 

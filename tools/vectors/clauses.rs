@@ -10,7 +10,7 @@ use tsuya::internals::entropy::{
 };
 use tsuya::internals::quantise::{Quantiser, RateDistortion};
 use tsuya::internals::residual::MaskModels;
-use tsuya::internals::residual::coefficients::{CoefficientModels, Modelling};
+use tsuya::internals::residual::coefficients::{CoefficientModels, Modelling, PictureTask, Tiling};
 use tsuya::internals::transform::{ColourLanes, WaveletPlan};
 use tsuya::{brdf::Brdf, internals};
 
@@ -166,18 +166,24 @@ fn planes() -> Vec<Value> {
         for with in [false, true] {
             let quantiser = Quantiser { step: 0.03, shrink: [0.125, 0.0625] };
             let prediction = with.then(|| plan.forward(predicted.clone()));
-            let (stream, decoded) = internals::residual::coefficients::encode(
+            let tiling = Tiling::default();
+            let task = PictureTask {
+                plan: &plan,
+                quantiser: &quantiser,
+                predicted: prediction.as_deref(),
+                tiling: &tiling,
+                finest_level: 0,
+            };
+            let (streams, decoded) = internals::residual::coefficients::encode(
                 &mut CoefficientModels::new(modelling),
-                &plan,
-                &quantiser,
-                prediction.as_deref(),
+                &task,
                 &plan.forward(target.clone()),
                 RateDistortion { lambda: 0.1 },
             );
             cases.push(json!({
                 "clause": "6 and 7", "modelling": name, "mask": rows(&mask),
                 "step": singles([quantiser.step]), "shrink": singles(quantiser.shrink),
-                "predicted": with.then(|| in_mask(&predicted, &mask)), "stream": hex(&stream),
+                "predicted": with.then(|| in_mask(&predicted, &mask)), "stream": hex(&streams.base),
                 "picture": in_mask(&plan.inverse(&decoded), &mask),
             }));
         }

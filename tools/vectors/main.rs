@@ -42,6 +42,7 @@ fn captures() -> Vec<(&'static str, &'static str, usize, EncodeOptions)> {
         ("ring-small", "sample-spot", 3, tuned(DecodeSpeed::Normal, 30.0)),
         ("ring-fast", "sample-spot", 3, tuned(DecodeSpeed::Fast, 30.0)),
         ("ring-fastest", "sample-spot", 3, tuned(DecodeSpeed::Fastest, 30.0)),
+        ("ring-tiles", "sample-spot", 3, EncodeOptions { tile_side: 16, ..tuned(DecodeSpeed::Fastest, 30.0) }),
         ("ring-palette", "sample-spot", 2, palette),
         ("ring-paper", "sample-spot", 2, paper(1.0)),
         ("dome-small", "dome", 3, tuned(DecodeSpeed::Normal, 40.0)),

@@ -6,11 +6,11 @@ use arbitrary::{Result, Unstructured};
 use tsuya::Photograph;
 use tsuya::internals::MaskedPhotographs;
 use tsuya::internals::predictive::{
-    CodedEntry, ComponentCoding, MAX_REFERENCES, MaskCoding, OrderEntry, PREFIX_BYTES, PlaneCoding, PlaneEncoder,
-    PlaneHeader, PlaneQuality,
+    CodedEntry, CodedTile, ComponentCoding, MAX_REFERENCES, MaskCoding, OrderEntry, PREFIX_BYTES, PlaneCoding,
+    PlaneEncoder, PlaneHeader, PlaneQuality,
 };
 use tsuya::internals::residual::coefficients::Modelling;
-use tsuya::{DecodeSpeed, internals};
+use tsuya::{Camera, DecodeSpeed, View, internals};
 
 /// Photographs of the object, changed here and there.
 fn photographs(u: &mut Unstructured, object: &Object) -> Result<Vec<Photograph>> {
@@ -43,6 +43,7 @@ pub fn planes(u: &mut Unstructured, object: &Object) -> Result<Vec<u8>> {
         step: positive(u)?.clamp(0.002, 0.5),
         lambda: positive(u)?.min(0.5),
         decode_speed: *u.choose(&[DecodeSpeed::Normal, DecodeSpeed::Fast, DecodeSpeed::Fastest])?,
+        tile_side_log2: u.int_in_range(4..=12)?,
         ..PlaneQuality::default()
     };
     let covered = internals::surface::coverage(mesh, views);
@@ -59,12 +60,9 @@ pub fn planes(u: &mut Unstructured, object: &Object) -> Result<Vec<u8>> {
 
 fn decode_planes(bytes: &[u8], object: &Object) -> tsuya::Result<Vec<Option<Photograph>>> {
     let budget = budget();
-    let header = PlaneHeader::parse(bytes, object.all_views().len(), object.components().len(), &budget)?;
+    let header = PlaneHeader::parse(bytes, object.all_views(), object.components().len(), &budget)?;
     let body = &bytes[PREFIX_BYTES + PlaneHeader::head_bytes(bytes)? as usize..];
-    let read = |step: &CodedEntry| {
-        let length: usize = step.lengths.iter().map(|&l| l as usize).sum();
-        Ok(body.get(step.offset as usize..).and_then(|rest| rest.get(..length)).map(<[u8]>::to_vec))
-    };
+    let read = |range: std::ops::Range<u64>| Ok(body.get(range.start as usize..range.end as usize).map(<[u8]>::to_vec));
     internals::predictive::decode(
         &header,
         &object.mesh.0,
@@ -78,7 +76,7 @@ fn decode_planes(bytes: &[u8], object: &Object) -> tsuya::Result<Vec<Option<Phot
 /// Reads a section `PLAN` that may be damaged, its checksums put right.
 pub fn read_planes(bytes: &[u8], object: &Object) {
     let mut bytes = bytes.to_vec();
-    crate::repair::repair_planes(&mut bytes);
+    crate::repair::repair_planes(&mut bytes, object.all_views());
     let _ = decode_planes(&bytes, object);
 }
 
@@ -126,9 +124,15 @@ pub fn header(u: &mut Unstructured) -> Result<PlaneHeader> {
     }
     let masks = if u.arbitrary()? { MaskCoding::Coded } else { MaskCoding::Coverage };
     let modelling = if u.arbitrary()? { Modelling::Direct } else { Modelling::Mixed };
-    let coding = PlaneCoding { components, masks, prediction_level: u.int_in_range(0..=2)?, modelling };
+    let prediction_level = u.int_in_range(0..=3)?;
+    // Without tiles their side is not stored.
+    let tile_side_log2 = if prediction_level > 0 { u.int_in_range(4..=12)? } else { 8 };
+    let coding = PlaneCoding { components, masks, prediction_level, modelling, tile_side_log2 };
     let views: usize = u.int_in_range(1..=5)?;
     let first = u.int_in_range(0..=views - 1)?;
+    let camera = Camera { width: u.int_in_range(1..=300)?, height: u.int_in_range(1..=300)?, ..Camera::default() };
+    let all: Vec<View> = (0..views).map(|k| View { name: k.to_string(), camera, light: None }).collect();
+    let grid = coding.tile_grid(&camera);
     let mut offset = 0;
     let mut steps: Vec<CodedEntry> = Vec::new();
     for index in 0..views {
@@ -145,13 +149,20 @@ pub fn header(u: &mut Unstructured) -> Result<PlaneHeader> {
         let lengths = (0..=count).map(|_| u.int_in_range(0..=most)).collect::<Result<Vec<u32>>>()?;
         let step = OrderEntry { view: (index + first) % views, references, parent };
         let scale = u.int_in_range(1..=255)?;
-        let length: u64 = lengths.iter().map(|&l| l as u64).sum();
-        steps.push(CodedEntry { entry: step, scale, lengths, checksum: u.arbitrary()?, offset });
-        offset += length;
+        let mut tiles = Vec::new();
+        for level in grid.tile_levels() {
+            let lengths = (0..count).map(|_| u.int_in_range(0..=200)).collect::<Result<Vec<u32>>>()?;
+            let is_empty = lengths.iter().all(|&length| length == 0);
+            let checksum = if is_empty { 0 } else { u.arbitrary()? };
+            tiles.push(CodedTile { level: level as u8, lengths, checksum });
+        }
+        let coded = CodedEntry { entry: step, scale, lengths, checksum: u.arbitrary()?, tiles, offset };
+        offset += coded.stream_bytes();
+        steps.push(coded);
     }
     let header = PlaneHeader { coding, entries: steps };
     let bytes = header.to_bytes();
-    let again = PlaneHeader::parse(&bytes, views, count, &budget()).expect("our own head");
+    let again = PlaneHeader::parse(&bytes, &all, count, &budget()).expect("our own head");
     assert!(again == header, "the head comes back another");
     Ok(header)
 }
