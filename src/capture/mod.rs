@@ -33,7 +33,7 @@ mod transforms;
 mod view_names;
 mod white;
 
-pub use agreement::{Agreement, Cause, agreement};
+pub use agreement::{Agreement, Cause, Misplaced, agreement};
 pub use align::{Alignment, Correspondence, align, apply_pose, read_correspondences};
 #[cfg(feature = "ar")]
 pub use calibration::{Calibration, read_calibration};
@@ -110,7 +110,8 @@ pub struct CaptureReadOptions {
     /// `true` if the masks show the background, not the object.
     pub invert_masks: bool,
     /// Takes mesh, cameras and masks as they are, whether they agree or not, and the mesh's winding. Default: a mesh that is wound inwards is
-    /// turned, and an error where the mesh's silhouette and the masks have nothing to do with each other, see [`agreement`].
+    /// turned, and an error where the mesh's silhouette and the masks have nothing to do with each other or photographs are not those of their
+    /// cameras, see [`agreement`].
     pub unchecked: bool,
     /// Limits of everything that is read, together.
     pub limits: Limits,

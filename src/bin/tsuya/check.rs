@@ -1,4 +1,4 @@
-//! `tsuya check`: whether a capture's mesh, cameras and masks belong together.
+//! `tsuya check`: whether a capture's mesh, cameras, masks and photographs belong together.
 
 use crate::values::CaptureArguments;
 use crate::{Failed, output, progress};
@@ -8,9 +8,9 @@ use serde_json::json;
 use std::path::PathBuf;
 use tsuya::capture::{CaptureReadOptions, agreement};
 
-/// Reads a capture and checks that its mesh, cameras and masks agree; writes nothing.
+/// Reads a capture and checks that its mesh, cameras, masks and photographs agree; writes nothing.
 ///
-/// Exit code 4 where mesh and masks have nothing to do with each other.
+/// Exit code 4 where they have nothing to do with each other.
 #[derive(Args)]
 pub struct Check {
     /// The capture: a folder, its transforms.json, a COLMAP model, or the cameras of another program.
@@ -36,6 +36,7 @@ impl Check {
                 "triangles": capture.mesh.triangles.len(),
                 "agrees": !found.is_refused(),
                 "agreement": found,
+                "faults": found.sentences(),
                 "warnings": capture.warnings,
             }))?;
         } else {
@@ -47,10 +48,19 @@ impl Check {
             output::print(&format!("silhouette against masks, intersection over union: {iou}\n"))?;
             output::print(&format!("masks covered by the mesh: {}\n", share(found.mask_coverage)))?;
             output::print(&format!("fronts of triangles, of the mesh as it is seen: {}\n", share(found.front_facing)))?;
+            let number = |value: Option<f64>| value.map_or("-".into(), |value| format!("{value:.2}"));
+            let (given, permuted) = (number(found.photo_consistency), number(found.permuted_consistency));
+            output::print(&format!(
+                "neighbouring photographs on the mesh, correlation: {given}, by chance {permuted}\n"
+            ))?;
+            output::print(&format!(
+                "nearest camera, distance over the mesh's size: {}\n",
+                number(found.nearest_camera)
+            ))?;
             found.sentences().iter().try_for_each(|sentence| output::print(&format!("{sentence}\n")))?;
         }
         match found.is_refused() {
-            true => Err(Failed("mesh, cameras and masks of the capture do not agree".into()).into()),
+            true => Err(Failed("mesh, cameras, masks and photographs of the capture do not agree".into()).into()),
             false => Ok(()),
         }
     }

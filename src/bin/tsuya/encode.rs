@@ -286,6 +286,12 @@ pub fn decibel(db: Option<f64>) -> String {
     db.map_or_else(|| "-".into(), |db| format!("{db:.2}"))
 }
 
+/// On what share of the masks a PSNR is measured.
+pub fn covered(share: f64) -> String {
+    let percent = 100.0 * share;
+    format!("on the {percent:.1} % of the masks that the mesh covers; {:.1} % are lost", 100.0 - percent)
+}
+
 fn table(encoded: &EncodedFile, seconds: f64) -> String {
     let mut text = String::from("section      bytes\n");
     for (tag, bytes) in &encoded.sections {
@@ -293,15 +299,16 @@ fn table(encoded: &EncodedFile, seconds: f64) -> String {
     }
     let _ = writeln!(text, "file    {:10}   {seconds:.1} s", encoded.bytes.len());
     let psnr = &encoded.image_psnr;
+    let share = covered(encoded.coverage);
     let _ = match psnr.diffuse.or(psnr.specular) {
         Some(_) => writeln!(
             text,
-            "image PSNR: diffuse {} dB, specular {} dB, sum {} dB",
+            "image PSNR: diffuse {} dB, specular {} dB, sum {} dB, {share}",
             decibel(psnr.diffuse),
             decibel(psnr.specular),
             decibel(psnr.sum)
         ),
-        None => writeln!(text, "image PSNR: {} dB", decibel(psnr.sum)),
+        None => writeln!(text, "image PSNR: {} dB, {share}", decibel(psnr.sum)),
     };
     for (component, error) in encoded.sample_psnr.iter().flatten() {
         let name = format!("{component:?}").to_lowercase();
@@ -313,6 +320,5 @@ fn table(encoded: &EncodedFile, seconds: f64) -> String {
     if encoded.reader_memory.is_some() {
         let _ = writeln!(text, "decoded again: every photograph is as stated");
     }
-    let _ = writeln!(text, "the mesh covers {:.1} % of the masks", 100.0 * encoded.coverage);
     text
 }

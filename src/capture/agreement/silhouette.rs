@@ -1,5 +1,6 @@
 //! Silhouettes of a mesh against masks, in small versions of a capture's views.
 
+use super::contrast::{Contrast, contrast};
 use crate::capture::CaptureFrame;
 use crate::mesh::Mesh;
 use crate::surface::raster::{NO_TRIANGLE, check_work, rasterise};
@@ -16,6 +17,8 @@ pub(super) struct SmallView {
     pub(super) camera: Camera,
     /// `None` where the photograph has no mask, or one that cuts nothing out.
     pub(super) mask: Option<Vec<bool>>,
+    /// Of the photograph with the specular reflection blocked, where there is one.
+    pub(super) contrast: Contrast,
 }
 
 impl SmallView {
@@ -35,7 +38,12 @@ impl SmallView {
             (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).map(|(x, y)| at(x, y)).collect::<Vec<bool>>()
         });
         let tells = |mask: &Vec<bool>| (mask.iter().filter(|&&shown| shown).count() as f64) < FULL * mask.len() as f64;
-        SmallView { camera: small, mask: mask.filter(tells) }
+        let photograph = frame.cross.as_ref().unwrap_or(&frame.photograph);
+        SmallView {
+            camera: small,
+            mask: mask.filter(tells),
+            contrast: contrast(photograph, width as usize, height as usize),
+        }
     }
 }
 
