@@ -22,6 +22,8 @@ pub struct ReflectionGeometry {
     pub alpha: f32,
     /// Angle between the half vector and either direction, radians.
     pub difference: f32,
+    /// Cosine of `difference`.
+    pub cos_difference: f32,
 }
 
 impl ReflectionGeometry {
@@ -39,6 +41,7 @@ impl ReflectionGeometry {
             cos_half: cos_half.clamp(-1.0, 1.0) as f32,
             alpha: cos_half.clamp(-1.0, 1.0).acos() as f32,
             difference: (0.5 * length).clamp(0.0, 1.0).acos() as f32,
+            cos_difference: (0.5 * length).clamp(0.0, 1.0) as f32,
         }
     }
 }

@@ -3,24 +3,111 @@
 use super::brdf_table::SpecularTable;
 use super::environment_light::level_of;
 use super::material::{Material, SpecularPart};
+use crate::reflectance::lobes::{self, LOBES, MEAN_TRANSMISSION, grazing_share, transmission};
 use glam::Vec3;
 
 /// Reflectance at one point.
 pub struct ShadingParameters<'a> {
     /// Diffuse albedo, red, green, blue.
     pub albedo: [f32; 3],
-    /// Factor of the specular part.
-    pub specular_scale: [f32; 3],
-    /// Specular part with its prepared taps.
-    pub specular: Option<&'a PreparedSpecular>,
+    /// Whether diffuse light enters and leaves through a dielectric surface, which reflects a part of it.
+    pub is_layered: bool,
+    /// Specular parts, summed.
+    pub highlights: Highlights<'a>,
 }
 
-impl<'a> ShadingParameters<'a> {
-    /// Returns albedo and specular scale as vectors, and the specular part if it reflects anything.
+/// A specular part and its factor.
+#[derive(Clone, Copy)]
+pub struct Highlight<'a> {
+    /// Factor of its radiance, red, green, blue.
+    pub scale: [f32; 3],
+    /// The part with its prepared taps.
+    pub part: &'a PreparedSpecular,
+}
+
+/// Specular parts of a point, [`Highlights::MAX`] at most.
+#[derive(Clone, Copy, Default)]
+pub struct Highlights<'a> {
+    list: [Option<Highlight<'a>>; LOBES],
+    count: usize,
+    /// How much more all of them reflect at grazing incidence; 0 where they hold that themselves.
+    grazing_gain: [f32; 3],
+}
+
+impl<'a> Highlights<'a> {
+    /// Parts at most.
+    pub const MAX: usize = LOBES;
+
+    /// Adds a part; one that reflects nothing, or is one too many, is left out.
     #[inline]
-    pub(super) fn parts(&self) -> (Vec3, Vec3, Option<&'a PreparedSpecular>) {
-        let scale = Vec3::from_array(self.specular_scale);
-        (Vec3::from_array(self.albedo), scale, self.specular.filter(|_| scale.max_element() > 0.0))
+    pub fn push(&mut self, scale: [f32; 3], part: &'a PreparedSpecular) {
+        if self.count < Self::MAX && scale.iter().any(|&s| s > 0.0) {
+            self.list[self.count] = Some(Highlight { scale, part });
+            self.count += 1;
+        }
+    }
+
+    /// Returns the lobes of weights that are above 0, and their Fresnel term.
+    #[inline]
+    pub(super) fn of_lobes(weights: &[[f32; 3]; LOBES], lobes: &'a [PreparedSpecular]) -> Self {
+        let mut list = Highlights { grazing_gain: lobes::grazing_gain(weights), ..Self::default() };
+        weights.iter().zip(lobes).for_each(|(&scale, part)| list.push(scale, part));
+        list
+    }
+
+    /// Factor of all parts at a cosine between the half vector and either direction.
+    #[inline]
+    pub(super) fn fresnel(&self, cos_difference: f32) -> Vec3 {
+        1.0 + Vec3::from_array(self.grazing_gain) * grazing_share(cos_difference)
+    }
+
+    /// Returns the list of at most one part.
+    #[inline]
+    pub fn single(scale: [f32; 3], part: Option<&'a PreparedSpecular>) -> Self {
+        let mut list = Self::default();
+        if let Some(part) = part {
+            list.push(scale, part);
+        }
+        list
+    }
+
+    /// The parts, with their factors as vectors.
+    #[inline]
+    pub(super) fn iter(&self) -> impl Iterator<Item = (Vec3, &'a PreparedSpecular)> {
+        self.list[..self.count].iter().flatten().map(|h| (Vec3::from_array(h.scale), h.part))
+    }
+
+    /// The sum of all factors.
+    #[inline]
+    pub(super) fn scale(&self) -> Vec3 {
+        self.iter().map(|(scale, _)| scale).sum()
+    }
+}
+
+impl ShadingParameters<'_> {
+    /// Radiance of diffuse reflection: `all_around` is the irradiance of light from all around, `directed` that of single directions, of
+    /// which each was multiplied with [`Self::entering`]; `cos_view` the cosine between normal and view.
+    #[inline]
+    pub(super) fn diffuse(&self, all_around: Vec3, directed: Vec3, cos_view: f32) -> Vec3 {
+        let albedo = Vec3::from_array(self.albedo) / std::f32::consts::PI;
+        if !self.is_layered {
+            return albedo * (all_around + directed);
+        }
+        albedo * (all_around * MEAN_TRANSMISSION + directed) * transmission(cos_view as f64).0 as f32
+    }
+
+    /// Share of light from all around that is reflected at all, nearly: only where the highlights' factors are reflectances do they count.
+    #[cfg(feature = "encode")]
+    pub(super) fn hemispherical(&self) -> Vec3 {
+        let albedo = Vec3::from_array(self.albedo);
+        let layered = || albedo * (MEAN_TRANSMISSION * MEAN_TRANSMISSION) + self.highlights.scale();
+        if self.is_layered { layered().min(Vec3::ONE) } else { albedo }
+    }
+
+    /// Share of a single direction's light, by its cosine to the normal, that reaches what reflects diffusely.
+    #[inline]
+    pub(super) fn entering(&self, cos_light: f32) -> f32 {
+        if self.is_layered { transmission(cos_light as f64).0 as f32 } else { 1.0 }
     }
 }
 
@@ -81,8 +168,16 @@ impl UniformMaterial {
     }
 }
 
+impl UniformMaterial {
+    /// The specular part and its factor.
+    pub(super) fn specular(&self) -> ([f32; 3], Option<&PreparedSpecular>) {
+        (self.scale, self.prepared.as_ref())
+    }
+}
+
 impl ShadingModel for UniformMaterial {
     fn parameters_at(&self, _: usize, _: [f32; 3], _: [f32; 3]) -> ShadingParameters<'_> {
-        ShadingParameters { albedo: self.albedo, specular_scale: self.scale, specular: self.prepared.as_ref() }
+        let highlights = Highlights::single(self.scale, self.prepared.as_ref());
+        ShadingParameters { albedo: self.albedo, is_layered: false, highlights }
     }
 }

@@ -54,6 +54,16 @@ impl<'a> EnvironmentScene<'a> {
         Ok(EnvironmentScene { object, options, evaluator })
     }
 
+    /// Adds the light that the object sends to itself, by its reflectance: one bounce, all reflection taken as diffuse, of light that the
+    /// visibility lets through. Nothing without shadows, and with [`EvaluatorKind::SphericalGaussian`].
+    #[cfg(feature = "encode")]
+    pub fn with_interreflection(mut self, shading: &dyn ShadingModel) -> Self {
+        if self.options.shadows {
+            self.evaluator.add_interreflection(shading);
+        }
+        self
+    }
+
     /// Renders one image.
     ///
     /// # Errors
@@ -62,8 +72,7 @@ impl<'a> EnvironmentScene<'a> {
     pub fn render(&self, camera: &Camera, shading: &dyn ShadingModel) -> Result<EnvironmentRender> {
         let view = SampledView::new(self.object, camera, self.options.samples)?;
         Ok(shade_samples(self.object, &view, |point: &ShadingPoint, _| {
-            let parameters = shading.parameters_at(point.triangle, point.weights.to_array(), point.position.to_array());
-            self.evaluator.radiance(point, &parameters)
+            self.evaluator.radiance(point, &point.reflectance(shading))
         }))
     }
 }

@@ -1,6 +1,8 @@
 //! Summing the light of an environment at surface points: what the still and the real-time renderer ask of either evaluator.
 
-use super::appearance::{PreparedSpecular, ShadingParameters};
+#[cfg(feature = "encode")]
+use super::appearance::ShadingModel;
+use super::appearance::{Highlights, ShadingParameters};
 use super::environment_light::DistantLight;
 use super::scene::ShadingPoint;
 use super::shadow::ShadowMap;
@@ -15,9 +17,12 @@ pub(super) trait Evaluator: Send + Sync {
     /// Returns the irradiance at every sample of the surface, without [`Self::distant_lights`].
     fn sample_irradiance(&self) -> Cow<'_, [Vec3]>;
 
-    /// Returns the specular radiance towards the camera over the factor of the specular part, without [`Self::distant_lights`], by the
-    /// material's table where it has one.
-    fn tabulated_specular(&self, point: &ShadingPoint, prepared: &PreparedSpecular) -> Vec3;
+    /// Returns the specular radiance towards the camera, without [`Self::distant_lights`], by the parts' tables where they have one.
+    fn tabulated_specular(&self, point: &ShadingPoint, highlights: &Highlights) -> Vec3;
+
+    /// Adds the light that the object sends to itself.
+    #[cfg(feature = "encode")]
+    fn add_interreflection(&mut self, shading: &dyn ShadingModel);
 
     /// Returns the compact sources that are summed apart from the rest; none where the rest has all light.
     fn distant_lights(&self) -> &[ShadowedLight];

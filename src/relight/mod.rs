@@ -16,6 +16,8 @@ mod filtered;
 mod ground;
 mod hold_out;
 #[cfg(feature = "encode")]
+mod interreflection;
+#[cfg(feature = "encode")]
 pub(crate) mod job;
 mod material;
 mod models;
@@ -31,7 +33,7 @@ mod shadow;
 mod spherical_gaussian;
 mod textures;
 
-pub use appearance::{PreparedSpecular, ShadingModel, ShadingParameters, UniformMaterial};
+pub use appearance::{Highlight, Highlights, PreparedSpecular, ShadingModel, ShadingParameters, UniformMaterial};
 pub use asset_renderer::AssetRenderer;
 pub use cameras::{look_at, orbit};
 pub use detail::add_detail;

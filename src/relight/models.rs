@@ -3,6 +3,7 @@
 use crate::brdf::Brdf;
 use crate::brdf::HalfDifference;
 use crate::reflectance::geometry::MIN_COS_VIEW;
+use crate::reflectance::lobes::{self, LobeCosines};
 use crate::reflectance::palette::PaletteTables;
 use std::sync::Arc;
 
@@ -22,6 +23,25 @@ impl Brdf for TorranceSparrow {
         let sum: [f64; 3] = std::array::from_fn(|k| incoming[k] + outgoing[k]);
         let alpha = sum[0].hypot(sum[1]).atan2(sum[2]) / self.sigma;
         [(-0.5 * alpha * alpha).exp() / (view.max(MIN_COS_VIEW as f64) * light.max(1e-3)); 3]
+    }
+}
+
+/// A GGX lobe of fixed roughness and the weight 1: see [`crate::reflectance::lobes`].
+#[derive(Debug, Clone, Copy)]
+pub(super) struct GgxLobe {
+    /// Number of the lobe, below [`lobes::LOBES`].
+    pub(super) lobe: usize,
+}
+
+impl Brdf for GgxLobe {
+    fn evaluate(&self, incoming: [f64; 3], outgoing: [f64; 3]) -> [f64; 3] {
+        let (light, view) = (incoming[2], outgoing[2]);
+        if light <= 0.0 || view <= 0.0 {
+            return [0.0; 3];
+        }
+        let half = glam::DVec3::from_array(incoming) + glam::DVec3::from_array(outgoing);
+        let cosines = LobeCosines { light, view, half: half.z / half.length() };
+        [lobes::lobe_values(&cosines)[self.lobe] / light; 3]
     }
 }
 

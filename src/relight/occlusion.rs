@@ -1,6 +1,5 @@
 //! Signed spherical distances of all samples of a mesh, ready to be read in any direction.
 
-use super::octahedral_map::to_square;
 use crate::sphere::octahedral;
 use crate::sphere::octahedral::wrap;
 use crate::surface::samples::SurfaceSamples;
@@ -70,17 +69,19 @@ impl Occlusion {
         self.side
     }
 
-    /// Distance of a cell of a sample, radians.
+    /// Distance of a cell between three samples, radians; a single one has the share 1 and comes first.
     #[inline]
-    pub(super) fn cell_distance(&self, place: usize, x: usize, y: usize) -> f32 {
+    pub(super) fn cell_distance(&self, places: [u32; 3], shares: Vec3, [x, y]: [usize; 2]) -> f32 {
         let pitch = self.side + 2;
-        self.bytes[place * pitch * pitch + (y + 1) * pitch + x + 1] as f32 * (MAX_DISTANCE / 127.0)
-    }
-
-    /// Distance of a sample in a direction, radians.
-    #[inline]
-    pub(super) fn place_distance(&self, place: usize, square: Vec2) -> f32 {
-        self.between_cells(square)(place) * (MAX_DISTANCE / 127.0)
+        let at = (y + 1) * pitch + x + 1;
+        let [a, b, c] = places.map(|place| place as usize * pitch * pitch + at);
+        let first = self.bytes[a] as f32;
+        let between = if shares.x == 1.0 {
+            first
+        } else {
+            shares.x * first + shares.y * self.bytes[b] as f32 + shares.z * self.bytes[c] as f32
+        };
+        between * (MAX_DISTANCE / 127.0)
     }
 
     /// Distance in a direction between three samples, radians.
@@ -105,11 +106,6 @@ impl Occlusion {
             let [a, b, c, d] = [upper[0], upper[1], lower[0], lower[1]].map(f32::from);
             (a + (b - a) * s) * (1.0 - t) + (c + (d - c) * s) * t
         }
-    }
-
-    /// Returns the signed distance of a direction, radians, interpolated between three samples.
-    pub(super) fn distance_towards(&self, places: [u32; 3], shares: Vec3, direction: Vec3) -> f32 {
-        self.interpolated_distance(places, shares, to_square(direction))
     }
 }
 

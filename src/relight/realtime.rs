@@ -4,7 +4,7 @@
 //! prefiltered maps is summed at one of four pixels and interpolated between like normals; the diffuse light of spherical Gaussians is summed
 //! at the samples of the surface and interpolated between them; samples of a pixel are shaded together where they show one piece of surface.
 
-use super::appearance::{PreparedSpecular, ShadingModel};
+use super::appearance::{ShadingModel, ShadingParameters};
 use super::environment::EnvironmentScene;
 use super::evaluator::ShadowedLight;
 use super::filtered::evaluate_brdf;
@@ -16,7 +16,6 @@ use crate::parallel::{for_each_chunk, for_each_chunk_pair};
 use crate::surface::raster::check_work;
 use crate::views::Camera;
 use glam::Vec3;
-use std::f32::consts::PI;
 
 /// Radiance below which a distant light's reflection is left out; 1 is white.
 const FAINT: f32 = 1e-4;
@@ -85,6 +84,8 @@ impl Fragment {
 /// Surface point that an image shows.
 struct VisiblePoint {
     point: ShadingPoint,
+    /// The triangle that is drawn there.
+    triangle: usize,
     /// Whether the triangle's back is seen.
     turned: bool,
 }
@@ -239,16 +240,17 @@ impl RealtimeScene<'_> {
         let geometric = self.faces[triangle].normal;
         let turned = geometric.dot(outgoing) < 0.0;
         let geometric = if turned { -geometric } else { geometric };
-        let (places, shares) = self.scene.object.around(triangle, corners, weights);
-        let point = ShadingPoint { position, normal, geometric, outgoing, triangle, weights, places, shares };
-        (normal.dot(outgoing) > 0.0).then_some(VisiblePoint { point, turned })
+        let sites = self.scene.object.sites(triangle, weights, position);
+        let point = ShadingPoint { position, normal, geometric, outgoing, sites };
+        (normal.dot(outgoing) > 0.0).then_some(VisiblePoint { point, triangle, turned })
     }
 
     /// Specular radiance without the distant lights; `None` where there is no specular part.
     fn reflected(&self, point: &ShadingPoint, shading: &dyn ShadingModel) -> Option<Vec3> {
-        let parameters = shading.parameters_at(point.triangle, point.weights.to_array(), point.position.to_array());
-        let (.., specular) = parameters.parts();
-        Some(self.scene.evaluator.tabulated_specular(point, specular?))
+        let highlights = point.reflectance(shading).highlights;
+        let sum = highlights.scale();
+        let shine = || self.scene.evaluator.tabulated_specular(point, &highlights);
+        (sum.max_element() > 0.0).then(|| shine() / sum.max(Vec3::splat(1e-20)))
     }
 
     #[inline]
@@ -260,28 +262,22 @@ impl RealtimeScene<'_> {
         [x, y]: [usize; 2],
     ) -> Vec3 {
         let point = &spot.point;
-        let parameters = look.parameters_at(point.triangle, point.weights.to_array(), point.position.to_array());
-        let (albedo, specular_scale, specular) = parameters.parts();
-        let [a, b, c] = point.places.map(|place| self.irradiance[place as usize]);
-        let mut irradiance = a * point.shares.x + b * point.shares.y + c * point.shares.z;
-        let mut shine = specular.and_then(|_| coarse.between(x, y, point.normal)).unwrap_or(Vec3::ZERO);
-        self.distant(spot, specular, specular_scale.max_element(), &mut irradiance, &mut shine);
-        albedo * irradiance / PI + specular_scale * shine
+        let parameters = point.reflectance(look);
+        let irradiance = point.between_samples(&self.irradiance);
+        let scale = parameters.highlights.scale();
+        let reflected = if scale.max_element() > 0.0 { coarse.between(x, y, point.normal) } else { None };
+        let mut shine = scale * reflected.unwrap_or(Vec3::ZERO);
+        let directed = self.distant(spot, &parameters, &mut shine);
+        parameters.diffuse(irradiance, directed, point.normal.dot(point.outgoing)) + shine
     }
 
-    /// Adds the distant lights.
+    /// Returns the distant lights' irradiance that enters, and adds their highlights.
     #[inline]
-    fn distant(
-        &self,
-        spot: &VisiblePoint,
-        specular: Option<&PreparedSpecular>,
-        most: f32,
-        irradiance: &mut Vec3,
-        shine: &mut Vec3,
-    ) {
+    fn distant(&self, spot: &VisiblePoint, parameters: &ShadingParameters, shine: &mut Vec3) -> Vec3 {
+        let mut directed = Vec3::ZERO;
         let lights = self.scene.evaluator.distant_lights();
         let point = &spot.point;
-        let face = &self.faces[point.triangle];
+        let face = &self.faces[spot.triangle];
         // From behind every light is tried.
         let (lit, mut left) = if spot.turned {
             (0, u64::MAX.checked_shr(64 - lights.len() as u32).unwrap_or(0))
@@ -312,22 +308,26 @@ impl RealtimeScene<'_> {
                 }
             }
             let arriving = Vec3::from_array(light.irradiance) * (cosine * reach);
-            *irradiance += arriving;
-            let Some(prepared) = specular else { continue };
-            let Some(gloss) = &prepared.table else {
-                let frame = point.basis().transpose();
-                *shine += arriving * evaluate_brdf(prepared, frame * direction, frame * point.outgoing);
-                continue;
-            };
-            let sum = direction + point.outgoing;
-            let length = sum.length().max(1e-6);
+            directed += arriving * parameters.entering(cosine);
+            let length = (direction + point.outgoing).length().max(1e-6);
             let cos_half = (cosine + cos_outgoing) / length;
             let sine = (1.0 - cos_half * cos_half).max(0.0).sqrt();
-            let value = gloss.distribution(sine) / (cosine * cos_outgoing).max(1e-6);
-            if value * arriving.max_element() * most * gloss.max_remainder() > FAINT {
-                *shine += arriving * value * gloss.remainder(sine, 0.5 * length, cosine - cos_outgoing);
+            let fresnel = parameters.highlights.fresnel(0.5 * length);
+            for (scale, part) in parameters.highlights.iter() {
+                let scale = fresnel * scale;
+                let Some(gloss) = &part.table else {
+                    let frame = point.basis().transpose();
+                    *shine += scale * arriving * evaluate_brdf(part, frame * direction, frame * point.outgoing);
+                    continue;
+                };
+                let value = gloss.distribution(sine) / (cosine * cos_outgoing).max(1e-6);
+                if value * arriving.max_element() * scale.max_element() * gloss.max_remainder() > FAINT {
+                    let remainder = gloss.remainder(sine, 0.5 * length, cosine - cos_outgoing);
+                    *shine += scale * arriving * value * remainder;
+                }
             }
         }
+        directed
     }
 }
 

@@ -1,14 +1,14 @@
 //! Direct light of an environment by brute force: rays drawn from the light and from the specular lobes, shadows cast exactly. The
 //! yardstick of the evaluators; the same every time.
 
-use super::appearance::{ShadingModel, ShadingParameters};
+use super::appearance::{PreparedSpecular, ShadingModel, ShadingParameters};
+use super::filtered::evaluate_brdf;
 use super::scene::{EnvironmentRender, RenderObject, SampledView, ShadingPoint, shade_samples};
 use crate::error::{Error, Result};
 use crate::lighting::EnvironmentMap;
 use crate::surface::occluders::Occluders;
 use crate::views::Camera;
 use glam::Vec3;
-use std::f32::consts::PI;
 
 /// Options of [`reference()`].
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -46,7 +46,7 @@ pub fn reference(
     let light = LightSampler::new(environment);
     let drawn = SampledView::new(object, camera, options.samples)?;
     Ok(shade_samples(object, &drawn, |point, number| {
-        let appearance = look.parameters_at(point.triangle, point.weights.to_array(), point.position.to_array());
+        let appearance = point.reflectance(look);
         let free = |direction: Vec3| {
             // Opaque from within: what shines on the far side of the triangle is blocked by the object itself.
             point.geometric.dot(direction) > 0.0
@@ -66,22 +66,18 @@ fn radiance(
 ) -> [Vec3; 2] {
     let frame = point.basis();
     let outgoing = frame.transpose() * point.outgoing;
-    let (albedo, specular_scale, specular) = appearance.parts();
-    let from_lobes = if specular.is_some() { options.rays / 2 } else { 0 };
-    let reflectance = |incoming: Vec3| {
-        let mut f = Vec3::ZERO;
-        if let Some(prepared) = specular {
-            let value = prepared.specular.brdf.evaluate(incoming.as_dvec3().to_array(), outgoing.as_dvec3().to_array());
-            f += specular_scale * Vec3::from_array(value.map(|x| x as f32));
-        }
-        f
+    let highlights = appearance.highlights;
+    let parts = highlights.iter().count();
+    let from_lobes = if parts > 0 { options.rays / 2 } else { 0 };
+    let reflectance = |incoming: Vec3| -> Vec3 {
+        let sum: Vec3 = highlights.iter().map(|(scale, part)| scale * evaluate_brdf(part, incoming, outgoing)).sum();
+        sum * highlights.fresnel(0.5 * (incoming + outgoing).length())
     };
-    let density_of_lobes = |half: Vec3| match specular {
-        Some(prepared) => {
-            let density = prepared.specular.density(half.as_dvec3().to_array()) as f32;
-            density / (4.0 * half.dot(outgoing)).max(1e-6)
-        }
-        None => 0.0,
+    // Rays are drawn from the parts in turn.
+    let density_of_lobes = |half: Vec3| {
+        let density = |part: &PreparedSpecular| part.specular.density(half.as_dvec3().to_array()) as f32;
+        let sum: f32 = highlights.iter().map(|(_, part)| density(part)).sum();
+        sum / parts.max(1) as f32 / (4.0 * half.dot(outgoing)).max(1e-6)
     };
     let start = scattered(number);
     let mut sum = [Vec3::ZERO; 2];
@@ -90,7 +86,7 @@ fn radiance(
         if density > 0.0 && (!options.shadows || free(world)) {
             let radiance = Vec3::from_array(light.environment.radiance(world.as_dvec3().to_array()));
             let arriving = radiance * (incoming.z / density);
-            sum[0] += albedo / PI * arriving;
+            sum[0] += appearance.diffuse(Vec3::ZERO, arriving * appearance.entering(incoming.z), outgoing.z);
             sum[1] += reflectance(incoming) * arriving;
         }
     };
@@ -102,9 +98,9 @@ fn radiance(
         }
     }
     for k in 0..from_lobes {
-        let Some(prepared) = specular else { break };
-        let [u, v] = place([start[1], start[0]], k);
-        let half = prepared.specular.sample([u as f64, v as f64]).as_vec3();
+        let Some((_, part)) = highlights.iter().nth(k % parts) else { break };
+        let [u, v] = place([start[1], start[0]], k / parts);
+        let half = part.specular.sample([u as f64, v as f64]).as_vec3();
         let incoming = 2.0 * half.dot(outgoing) * half - outgoing;
         if incoming.z > 0.0 && half.dot(outgoing) > 0.0 {
             let world = frame * incoming;

@@ -1,10 +1,13 @@
 //! An object under light from all around: what every evaluator shares.
 
+use super::appearance::{ShadingModel, ShadingParameters};
 use super::multisample::VisibilityBuffer;
 use super::occlusion::Occlusion;
+use crate::asset::Asset;
 use crate::error::{Error, Result};
 use crate::image::{Grid, RgbImage};
 use crate::mesh::Mesh;
+use crate::surface::displacement::DisplacedMesh;
 use crate::surface::raster::{check_work, vertex_normals};
 use crate::views::Camera;
 use glam::{Mat3, Vec3};
@@ -39,11 +42,16 @@ impl Default for EnvironmentOptions {
     }
 }
 
-/// A mesh with what its shadows need.
+/// A mesh, or a finer surface on one, with what its shadows need.
 pub struct RenderObject<'a> {
+    /// What is drawn.
     pub(super) mesh: &'a Mesh,
-    /// Unit normals of the samples, those of the vertices first.
+    /// The surface that is drawn, and the mesh that it lies on.
+    surface: Option<(&'a DisplacedMesh, &'a Mesh)>,
+    /// Unit normals of the samples at which irradiance is summed, those of the vertices first.
     pub(super) normals: Vec<Vec3>,
+    /// Around each sample the places whose visibility is known, and their shares; empty where the samples are the places.
+    around_samples: Vec<([u32; 3], Vec3)>,
     pub(super) occlusion: Option<&'a Occlusion>,
 }
 
@@ -68,21 +76,137 @@ impl<'a> RenderObject<'a> {
             let sum = (0..3).fold(Vec3::ZERO, |sum, k| sum + corners[k] * weights[k] as f32);
             normals.push(sum.normalize_or(Vec3::Z));
         }
-        Ok(RenderObject { mesh, normals, occlusion })
+        Ok(RenderObject { mesh, surface: None, normals, around_samples: Vec::new(), occlusion })
     }
 
-    /// The object's mesh.
+    /// Prepares a finer surface on a mesh; `occlusion` is known at samples of the mesh, irradiance is summed at the surface's vertices.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Parameter`] if the surface or the visibility belongs to another mesh.
+    pub fn with_surface(mesh: &'a Mesh, surface: &'a DisplacedMesh, occlusion: Option<&'a Occlusion>) -> Result<Self> {
+        if !surface.is_of(mesh) {
+            return Err(Error::parameter("the surface belongs to another mesh: its triangles differ"));
+        }
+        // Checks the mesh and the visibility.
+        let base = RenderObject::new(mesh, occlusion)?;
+        let fine = surface.mesh();
+        let normals = surface.normals().iter().map(|n| Vec3::from_array(n.map(|x| x as f32))).collect();
+        let mut around_samples = Vec::new();
+        if occlusion.is_some() {
+            around_samples.resize(fine.positions.len(), ([0; 3], Vec3::ZERO));
+            for (triangle, corners) in fine.triangles.iter().enumerate() {
+                for (k, &vertex) in corners.iter().enumerate() {
+                    let corner = std::array::from_fn(|i| if i == k { 1.0 } else { 0.0 });
+                    let (triangle, weights) = surface.coarser(triangle, corner);
+                    let weights = Vec3::from_array(weights.map(|w| w as f32));
+                    around_samples[vertex as usize] = base.around(triangle, mesh.triangles[triangle], weights);
+                }
+            }
+        }
+        Ok(RenderObject { mesh: fine, surface: Some((surface, mesh)), normals, around_samples, occlusion })
+    }
+
+    /// Prepares what a file shows: its surface where it has one, its mesh otherwise.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`Self::new`] and [`Self::with_surface`].
+    pub fn of_asset(asset: &'a Asset, occlusion: Option<&'a Occlusion>) -> Result<Self> {
+        match &asset.surface {
+            Some(surface) => Self::with_surface(&asset.mesh, surface, occlusion),
+            None => Self::new(&asset.mesh, occlusion),
+        }
+    }
+
+    /// The mesh that is drawn.
     pub fn mesh(&self) -> &'a Mesh {
         self.mesh
     }
 
-    /// The samples around a point of a triangle and their shares, by its corners and their weights.
+    /// The mesh with visibility and reflectance maps: what is drawn, or what the surface that is drawn lies on.
+    pub(super) fn base(&self) -> &'a Mesh {
+        self.surface.map_or(self.mesh, |(_, base)| base)
+    }
+
+    /// The places whose visibility is known, or the vertices where it is not.
+    #[cfg(feature = "encode")]
+    pub(super) fn places(&self) -> Vec<Place> {
+        let base = self.base();
+        let normals: Vec<Vec3> =
+            vertex_normals(base).into_iter().map(|n| Vec3::from_array(n.map(|x| x as f32))).collect();
+        let at = |triangle: usize, weights: [f64; 3]| {
+            let corners = base.triangles[triangle];
+            let sum = |value: &dyn Fn(usize) -> Vec3| -> Vec3 {
+                (0..3).map(|k| value(corners[k] as usize) * weights[k] as f32).sum()
+            };
+            let normal = sum(&|v| normals[v]).normalize_or(Vec3::Z);
+            Place { position: sum(&|v| Vec3::from_array(base.positions[v])), normal }
+        };
+        let vertices = base.positions.iter().zip(&normals);
+        let vertices = vertices.map(|(&p, &normal)| Place { position: Vec3::from_array(p), normal });
+        let inner = self.occlusion.iter().flat_map(|o| o.places().inner());
+        vertices.chain(inner.map(|(triangle, weights)| at(triangle, weights))).collect()
+    }
+
+    /// The places whose visibility is known around a sample, and their shares.
     #[inline]
-    pub(super) fn around(&self, triangle: usize, corners: [u32; 3], weights: Vec3) -> ([u32; 3], Vec3) {
+    pub(super) fn around_sample(&self, sample: usize) -> ([u32; 3], Vec3) {
+        self.around_samples.get(sample).copied().unwrap_or(([sample as u32; 3], Vec3::X))
+    }
+
+    /// The places around a point of a triangle of the mesh with visibility, and their shares, by its corners and their weights.
+    #[inline]
+    fn around(&self, triangle: usize, corners: [u32; 3], weights: Vec3) -> ([u32; 3], Vec3) {
         let Some(occlusion) = self.occlusion else { return (corners, weights) };
         let (places, shares) = occlusion.places().interpolation(triangle, corners, weights.to_array());
         (places, Vec3::from_array(shares))
     }
+
+    /// The point of the mesh under a point of a triangle that is drawn, the places around it, and the samples around it.
+    #[inline]
+    pub(super) fn sites(&self, triangle: usize, weights: Vec3, position: Vec3) -> Sites {
+        let Some((surface, base)) = self.surface else {
+            let around = self.around(triangle, self.mesh.triangles[triangle], weights);
+            return Sites { on_mesh: MeshPoint { triangle, weights, position }, places: around, samples: around };
+        };
+        let samples = (self.mesh.triangles[triangle], weights);
+        let (triangle, weights) = surface.coarser(triangle, weights.to_array().map(f64::from));
+        let weights = Vec3::from_array(weights.map(|w| w as f32));
+        let corners = base.triangles[triangle];
+        let [p, q, r] = corners.map(|v| Vec3::from_array(base.positions[v as usize]));
+        let position = p * weights.x + q * weights.y + r * weights.z;
+        Sites {
+            on_mesh: MeshPoint { triangle, weights, position },
+            places: self.around(triangle, corners, weights),
+            samples,
+        }
+    }
+}
+
+/// A place whose visibility is known.
+#[cfg(feature = "encode")]
+pub(super) struct Place {
+    pub position: Vec3,
+    pub normal: Vec3,
+}
+
+/// A point of a mesh: triangle, weights of its corners, position.
+#[derive(Clone, Copy)]
+pub(super) struct MeshPoint {
+    pub triangle: usize,
+    pub weights: Vec3,
+    pub position: Vec3,
+}
+
+/// Where reflectance, visibility and irradiance of a point are known.
+pub(super) struct Sites {
+    /// The point of the mesh that the reflectance maps lie on.
+    pub on_mesh: MeshPoint,
+    /// The places whose visibility is known around it, and their shares.
+    pub places: ([u32; 3], Vec3),
+    /// The samples at which irradiance is summed around it, and their shares.
+    pub samples: ([u32; 3], Vec3),
 }
 
 /// Surface point that an image shows.
@@ -94,15 +218,40 @@ pub(super) struct ShadingPoint {
     pub geometric: Vec3,
     /// Unit vector to the camera.
     pub outgoing: Vec3,
-    pub triangle: usize,
-    /// Barycentric weights of the triangle's corners.
-    pub weights: Vec3,
-    /// Surface samples around it, at which visibility and irradiance are known, and the weight of each.
-    pub places: [u32; 3],
-    pub shares: Vec3,
+    pub sites: Sites,
 }
 
 impl ShadingPoint {
+    /// Returns the reflectance at the point.
+    #[inline]
+    pub(super) fn reflectance<'m>(&self, model: &'m dyn ShadingModel) -> ShadingParameters<'m> {
+        let MeshPoint { triangle, weights, position } = self.sites.on_mesh;
+        model.parameters_at(triangle, weights.to_array(), position.to_array())
+    }
+
+    /// Value between the places with visibility around the point.
+    #[inline]
+    pub(super) fn between_places(&self, values: &[Vec3]) -> Vec3 {
+        let (places, shares) = self.sites.places;
+        let [a, b, c] = places.map(|place| values[place as usize]);
+        a * shares.x + b * shares.y + c * shares.z
+    }
+
+    /// Value between the samples of the surface around the point.
+    #[inline]
+    pub(super) fn between_samples(&self, values: &[Vec3]) -> Vec3 {
+        let (samples, shares) = self.sites.samples;
+        let [a, b, c] = samples.map(|sample| values[sample as usize]);
+        a * shares.x + b * shares.y + c * shares.z
+    }
+
+    /// Signed distance of what is visible in a direction, by its place on the octahedral square.
+    #[inline]
+    pub(super) fn distance(&self, occlusion: &Occlusion, square: glam::Vec2) -> f32 {
+        let (places, shares) = self.sites.places;
+        occlusion.interpolated_distance(places, shares, square)
+    }
+
     /// Tangent frame of the shading normal, see [`crate::sphere::gaussian::tangents`].
     #[inline]
     pub(crate) fn basis(&self) -> Mat3 {
@@ -207,6 +356,5 @@ fn surface_point(object: &RenderObject, raster: &VisibilityBuffer, index: usize,
     let outgoing = (centre - position).normalize_or(Vec3::Z);
     let geometric = (q - p).cross(r - p).normalize_or(normal);
     let geometric = if geometric.dot(outgoing) < 0.0 { -geometric } else { geometric };
-    let (places, shares) = object.around(triangle, corners, weights);
-    ShadingPoint { position, normal, geometric, outgoing, triangle, weights, places, shares }
+    ShadingPoint { position, normal, geometric, outgoing, sites: object.sites(triangle, weights, position) }
 }

@@ -4,6 +4,7 @@ use super::job::JobMaterial;
 use super::*;
 use crate::lighting::{self, EnvironmentMap};
 use crate::mesh::Mesh;
+use crate::surface::displacement::DisplacedMesh;
 use crate::surface::samples::SurfaceSamples;
 use crate::visibility::bake::{BakeOptions, bake};
 use std::sync::Arc;
@@ -138,6 +139,79 @@ fn places_between_the_vertices_give_large_triangles_their_shadows() {
     println!("places, against brute force, motion against stills: {vertices:?} {places:?}");
     assert!(vertices.0 == mesh.positions.len() && (1000..=3000).contains(&places.0));
     assert!(places.1 > 33.0 && places.1 > vertices.1 + 6.0 && places.2 > 40.0);
+}
+
+/// The lower half of a ball of radius 1, open at the top.
+fn bowl() -> Mesh {
+    let (rings, sectors) = (24, 48);
+    let mut mesh = Mesh { positions: vec![[0.0, -1.0, 0.0]], triangles: Vec::new() };
+    for ring in 1..=rings {
+        let theta = ring as f32 / rings as f32 * std::f32::consts::FRAC_PI_2;
+        mesh.positions.extend((0..sectors).map(|k| {
+            let (s, c) = (k as f32 / sectors as f32 * std::f32::consts::TAU).sin_cos();
+            [theta.sin() * c, -theta.cos(), theta.sin() * s]
+        }));
+    }
+    let at =
+        |ring: usize, sector: usize| if ring == 0 { 0 } else { (1 + (ring - 1) * sectors + sector % sectors) as u32 };
+    for (ring, sector) in (0..rings).flat_map(|r| (0..sectors).map(move |s| (r, s))) {
+        let [a, b, c, d] = [at(ring, sector), at(ring + 1, sector), at(ring + 1, sector + 1), at(ring, sector + 1)];
+        mesh.triangles.push([a, c, b]);
+        if ring > 0 {
+            mesh.triangles.push([a, d, c]);
+        }
+    }
+    mesh
+}
+
+/// Every point of half a ball sees its other points and the sky by the same half of its irradiance, whatever its place.
+#[test]
+fn a_bowl_lights_itself() {
+    let mesh = bowl();
+    let baked = bake(&mesh, &BakeOptions { terms: [16, 16], ..BakeOptions::default() }).unwrap();
+    let occlusion = Occlusion::from_visibility(&baked.visibility);
+    let object = RenderObject::new(&mesh, Some(&occlusion)).unwrap();
+    let environment = EnvironmentMap::from_fn(64, |_| [1.0; 3]);
+    let surround = Arc::new(PreparedEnvironment::new(&environment, &PreparedEnvironmentOptions::default()));
+    let camera = look_at([0.0, 3.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 1.0], 30.0, 33, 33);
+    let look = UniformMaterial::new(material(r#"{"model": "lambert", "diffuse": 0.8}"#), 1);
+    let scene = || EnvironmentScene::new(&object, surround.clone(), None, EnvironmentOptions::default()).unwrap();
+    let bounced = scene().with_interreflection(&look);
+    let middle = |image: &RgbImage| (0..121).map(|k| image.value_at(11 + k % 11, 11 + k / 11)[0]).sum::<f32>() / 121.0;
+    let alone = middle(&scene().render(&camera, &look).unwrap().image);
+    let both = middle(&bounced.render(&camera, &look).unwrap().image);
+    let moving = middle(&RealtimeRenderer::new(bounced).render(&camera, &look).unwrap().image);
+    assert!((alone - 0.4).abs() < 0.02, "{alone}");
+    assert!((both - alone - 0.8 * 0.5 * alone).abs() < 0.01, "{alone} {both}");
+    assert!((moving - both).abs() < 0.01, "{moving} {both}");
+}
+
+#[test]
+fn a_surface_is_drawn_in_place_of_its_mesh() {
+    let mesh = ball_over_plate(16);
+    let wave = |_: usize, _: usize, [x, y, z]: [f64; 3]| 0.02 * (17.0 * x + 13.0 * y + 11.0 * z).sin();
+    let surface = DisplacedMesh::new(&mesh, 2, wave).unwrap();
+    let baked = bake(&mesh, &BakeOptions { terms: [16, 16], ..BakeOptions::default() }).unwrap();
+    let occlusion = Occlusion::from_visibility(&baked.visibility);
+    let environment = EnvironmentMap::from_fn(128, |d| [0.2 + (20.0 * (d[1] - 1.0)).exp() as f32 * 8.0; 3]);
+    let surround = Arc::new(PreparedEnvironment::new(&environment, &PreparedEnvironmentOptions::default()));
+    let camera = look_at([1.0, 3.0, 6.0], [0.0, 0.8, 0.0], [0.0, 1.0, 0.0], 90.0, 96, 72);
+    let look = UniformMaterial::new(material(GLOSSY), 24);
+    let image = |object: &RenderObject, shadows: bool| {
+        let options = EnvironmentOptions { shadows, ..EnvironmentOptions::default() };
+        let scene = EnvironmentScene::new(object, surround.clone(), None, options).unwrap();
+        scene.render(&camera, &look).unwrap().image
+    };
+    let drawn = RenderObject::with_surface(&mesh, &surface, Some(&occlusion)).unwrap();
+    // Without shadows it is no more than a finer mesh.
+    assert_eq!(image(&drawn, false), image(&RenderObject::new(surface.mesh(), None).unwrap(), false));
+    let exact = reference(&drawn, &environment, &camera, &look, &ReferenceOptions::default()).unwrap().image;
+    let flat = RenderObject::new(&mesh, Some(&occlusion)).unwrap();
+    let (with, without) = (psnr(&image(&drawn, true), &exact), psnr(&image(&flat, true), &exact));
+    println!("against brute force: {with} with the surface, {without} with its mesh");
+    assert!(with > 33.0 && with > without + 6.0, "{with} {without}");
+    let other = ball_over_plate(4);
+    assert!(RenderObject::with_surface(&other, &surface, None).is_err(), "surface of another mesh");
 }
 
 #[test]

@@ -1,7 +1,9 @@
 //! Spherical Gaussians throughout (Sonoda 2011, equations 13 and 15): the light's lobes for diffuse reflection, the material's lobes
 //! against prefiltered maps for specular reflection.
 
-use super::appearance::{PreparedSpecular, ShadingParameters};
+#[cfg(feature = "encode")]
+use super::appearance::ShadingModel;
+use super::appearance::{Highlights, PreparedSpecular, ShadingParameters};
 use super::environment_light::{PreparedEnvironment, exp, level_of, log2};
 use super::evaluator::{Evaluator, ShadowedLight};
 use super::occlusion::Occlusion;
@@ -71,8 +73,7 @@ impl<'a> SgEvaluator<'a> {
             let smooth = single(prepared.specular.brdf.evaluate(axis, outgoing)) / distribution.max(1e-30) as f32;
             let world = SphericalGaussian { axis: (basis * single(axis)).as_dvec3().to_array(), ..lobe };
             let product = cosine.product(&world);
-            let distance =
-                occlusion.map(|o| o.distance_towards(point.places, point.shares, single(product.axis)) as f64);
+            let distance = occlusion.map(|o| point.distance(o, to_square(single(product.axis))) as f64);
             let shadowed = match distance {
                 Some(distance) => product.shadowed_wang(distance),
                 None => product,
@@ -82,31 +83,9 @@ impl<'a> SgEvaluator<'a> {
         }
         shine
     }
-}
-
-impl Evaluator for SgEvaluator<'_> {
-    fn radiance(&self, point: &ShadingPoint, parameters: &ShadingParameters) -> [Vec3; 2] {
-        let occlusion = self.occlusion();
-        let distance =
-            |axis: Vec3| occlusion.map(|occlusion| occlusion.distance_towards(point.places, point.shares, axis));
-        let irradiance: Vec3 = self.lobes().map(|lobe| lobe.irradiance(point.normal, distance)).sum();
-        let (albedo, specular_scale, specular) = parameters.parts();
-        let shine = specular.map_or(Vec3::ZERO, |prepared| self.specular(point, prepared));
-        [albedo * irradiance / PI, specular_scale * shine]
-    }
-
-    fn sample_irradiance(&self) -> Cow<'_, [Vec3]> {
-        let normals = &self.object.normals;
-        let lobes: Vec<SgLobe> = self.lobes().collect();
-        let occlusion = self.occlusion();
-        Cow::Owned(crate::parallel::map(normals.len(), |place| {
-            let distance = |axis: Vec3| occlusion.map(|occlusion| occlusion.place_distance(place, to_square(axis)));
-            lobes.iter().map(|lobe| lobe.irradiance(normals[place], distance)).sum()
-        }))
-    }
 
     /// Takes what is smooth beside the distribution at the mirror direction, and lobes as round.
-    fn tabulated_specular(&self, point: &ShadingPoint, prepared: &PreparedSpecular) -> Vec3 {
+    fn tabulated(&self, point: &ShadingPoint, prepared: &PreparedSpecular) -> Vec3 {
         let Some(table) = &prepared.table else { return self.specular(point, prepared) };
         let occlusion = self.occlusion();
         let cosine = point.normal.dot(point.outgoing).max(1e-4);
@@ -124,7 +103,7 @@ impl Evaluator for SgEvaluator<'_> {
             let square = to_square(axis);
             let log = log2(sharpness) * LN_2;
             let visible = occlusion.map_or(1.0, |o| {
-                let distance = o.interpolated_distance(point.places, point.shares, square);
+                let distance = point.distance(o, square);
                 half_space_share_wang(log, distance) / half_space_share_wang(log, 0.5 * PI)
             });
             let scale = amplitude * cosine_amplitude * exponent.exp() * whole * visible;
@@ -132,6 +111,37 @@ impl Evaluator for SgEvaluator<'_> {
         }
         sum * smooth
     }
+}
+
+impl Evaluator for SgEvaluator<'_> {
+    fn radiance(&self, point: &ShadingPoint, parameters: &ShadingParameters) -> [Vec3; 2] {
+        let occlusion = self.occlusion();
+        let distance = |axis: Vec3| occlusion.map(|occlusion| point.distance(occlusion, to_square(axis)));
+        let irradiance: Vec3 = self.lobes().map(|lobe| lobe.irradiance(point.normal, distance)).sum();
+        let shine: Vec3 = parameters.highlights.iter().map(|(scale, part)| scale * self.specular(point, part)).sum();
+        let shine = shine * parameters.highlights.fresnel(point.normal.dot(point.outgoing).max(0.0));
+        [parameters.diffuse(irradiance, Vec3::ZERO, point.normal.dot(point.outgoing)), shine]
+    }
+
+    fn sample_irradiance(&self) -> Cow<'_, [Vec3]> {
+        let normals = &self.object.normals;
+        let lobes: Vec<SgLobe> = self.lobes().collect();
+        let occlusion = self.occlusion();
+        Cow::Owned(crate::parallel::map(normals.len(), |place| {
+            let (places, shares) = self.object.around_sample(place);
+            let distance = |axis: Vec3| occlusion.map(|o| o.interpolated_distance(places, shares, to_square(axis)));
+            lobes.iter().map(|lobe| lobe.irradiance(normals[place], distance)).sum()
+        }))
+    }
+
+    fn tabulated_specular(&self, point: &ShadingPoint, highlights: &Highlights) -> Vec3 {
+        let sum: Vec3 = highlights.iter().map(|(scale, part)| scale * self.tabulated(point, part)).sum();
+        sum * highlights.fresnel(point.normal.dot(point.outgoing).max(1e-4))
+    }
+
+    /// Its diffuse light is summed at each point: what the object sends would have to be, too.
+    #[cfg(feature = "encode")]
+    fn add_interreflection(&mut self, _: &dyn ShadingModel) {}
 
     fn distant_lights(&self) -> &[ShadowedLight] {
         &[]

@@ -1,13 +1,13 @@
 //! Materials that vary over the surface: a file's reflectance maps, and parameters driven by images.
 
-use super::appearance::{PreparedSpecular, ShadingModel, ShadingParameters, UniformMaterial};
+use super::appearance::{Highlights, PreparedSpecular, ShadingModel, ShadingParameters, UniformMaterial};
 use super::material::{Material, SpecularPart};
-use super::models::{PaletteHighlight, TorranceSparrow};
+use super::models::{GgxLobe, PaletteHighlight, TorranceSparrow};
 use crate::asset::Asset;
 use crate::brdf::Brdf;
 use crate::error::{Error, Result};
 use crate::image::Grid;
-use crate::reflectance::lobes::MEAN_LAYER_FACTOR;
+use crate::reflectance::lobes::LOBES;
 use crate::reflectance::maps::ReflectanceMaps;
 use crate::reflectance::palette::PaletteTables;
 use crate::reflectance::torrance_sparrow::SIGMA_RANGE;
@@ -51,6 +51,8 @@ pub struct AssetShading<'a> {
     charts: &'a Charts,
     maps: &'a ReflectanceMaps,
     range: Option<SpecularRange>,
+    /// Those of maps with lobes, which then have no range.
+    lobes: Vec<PreparedSpecular>,
 }
 
 impl<'a> AssetShading<'a> {
@@ -76,7 +78,10 @@ impl<'a> AssetShading<'a> {
             return Err(Error::parameter("mesh, charts and reflectance maps do not belong together"));
         }
         let (least, most) = SIGMA_RANGE;
-        let shiny = !maps.specular.data.is_empty() && !maps.sigma.data.is_empty();
+        let has_lobes = !maps.lobes.is_empty();
+        let lobes = (0..if has_lobes { LOBES } else { 0 }).map(|lobe| Box::new(GgxLobe { lobe }));
+        let lobes = lobes.map(|lobe| PreparedSpecular::new(SpecularPart::new(lobe), taps)).collect();
+        let shiny = !has_lobes && !maps.specular.data.is_empty() && !maps.sigma.data.is_empty();
         let palette = Arc::new(PaletteTables::new(&maps.palette));
         let part = |sigma: f64| -> Result<Box<dyn Brdf + Send>> {
             if maps.palette.is_empty() {
@@ -85,7 +90,7 @@ impl<'a> AssetShading<'a> {
             Ok(Box::new(PaletteHighlight { palette: palette.clone(), sigma: sigma as f32 }))
         };
         let range = if shiny { Some(SpecularRange::new([least as f64, most as f64], taps, part)?) } else { None };
-        Ok(AssetShading { charts, maps, range })
+        Ok(AssetShading { charts, maps, range, lobes })
     }
 }
 
@@ -93,16 +98,15 @@ impl ShadingModel for AssetShading<'_> {
     fn parameters_at(&self, triangle: usize, _: [f32; 3], position: [f32; 3]) -> ShadingParameters<'_> {
         let at = atlas_position(self.charts, triangle, DVec3::from_array(position.map(f64::from)));
         // K_d is radiance over irradiance.
-        let layer = if self.maps.lobes.is_empty() { 1.0 } else { MEAN_LAYER_FACTOR };
-        let albedo = sample_colour(&self.maps.diffuse, at).map(|c| c as f32 * std::f32::consts::PI * layer);
-        match &self.range {
-            Some(range) => ShadingParameters {
-                albedo,
-                specular_scale: sample_colour(&self.maps.specular, at).map(|c| c as f32),
-                specular: range.at(sample_number(&self.maps.sigma, at)),
-            },
-            None => ShadingParameters { albedo, specular_scale: [0.0; 3], specular: None },
+        let albedo = sample_colour(&self.maps.diffuse, at).map(|c| c as f32 * std::f32::consts::PI);
+        let mut highlights = Highlights::default();
+        if let Some(range) = &self.range {
+            let scale = sample_colour(&self.maps.specular, at).map(|c| c as f32);
+            highlights = Highlights::single(scale, range.at(sample_number(&self.maps.sigma, at)));
+        } else if !self.lobes.is_empty() {
+            highlights = Highlights::of_lobes(&self.maps.lobe_weights(at), &self.lobes);
         }
+        ShadingParameters { albedo, is_layered: !self.lobes.is_empty(), highlights }
     }
 }
 
@@ -189,6 +193,7 @@ impl TexturedShading {
 impl ShadingModel for TexturedShading {
     fn parameters_at(&self, triangle: usize, weights: [f32; 3], position: [f32; 3]) -> ShadingParameters<'_> {
         let base = self.base.parameters_at(triangle, weights, position);
+        let (scale, prepared) = self.base.specular();
         let corners = self.textures.coordinates[triangle];
         let [a, b, c] = weights;
         let at = std::array::from_fn(|k| a * corners[0][k] + b * corners[1][k] + c * corners[2][k]);
@@ -196,12 +201,12 @@ impl ShadingModel for TexturedShading {
         let rough = || self.textures.roughness.as_ref().map(|t| t.read(at)[0] as f64);
         let specular = match &self.range {
             Some(range) => rough().and_then(|r| range.at(r)),
-            None => base.specular,
+            None => prepared,
         };
         ShadingParameters {
             albedo: read(&self.textures.diffuse, base.albedo),
-            specular_scale: read(&self.textures.specular, base.specular_scale),
-            specular,
+            is_layered: false,
+            highlights: Highlights::single(read(&self.textures.specular, scale), specular),
         }
     }
 }
@@ -226,8 +231,8 @@ mod tests {
         let (left, right) =
             (look.parameters_at(0, [1.0, 0.0, 0.0], [0.0; 3]), look.parameters_at(0, [0.0, 1.0, 0.0], [0.0; 3]));
         assert!((left.albedo[0] - 0.1).abs() < 1e-6 && (right.albedo[0] - 0.5).abs() < 1e-6);
-        let width = |a: &ShadingParameters| a.specular.unwrap().specular.lobes[0].sharpness[0];
+        let width = |a: &ShadingParameters| a.highlights.iter().next().unwrap().1.specular.lobes[0].sharpness[0];
         assert!(width(&left) > 15.0 * width(&right), "{} {}", width(&left), width(&right));
-        assert_eq!(left.specular_scale[0], 0.3);
+        assert_eq!(left.highlights.scale().x, 0.3);
     }
 }

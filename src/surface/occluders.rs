@@ -71,6 +71,26 @@ impl Occluders {
             if t > bias { t } else { f32::INFINITY }
         })
     }
+    /// Returns the triangle that a ray from a surface point meets first, and the weights of its corners there; not the point's own
+    /// surroundings.
+    pub(crate) fn first_hit_from(&self, point: [f32; 3], direction: [f32; 3]) -> Option<(u32, [f64; 3])> {
+        if self.triangles.is_empty() {
+            return None;
+        }
+        let bias = self.bias as f32;
+        let mut hit = RayHit::none();
+        let found = self.hierarchy.ray_traverse(Ray::new_inf(point.into(), direction.into()), &mut hit, |ray, id| {
+            let t = self.triangles[id].intersect(ray);
+            if t > bias { t } else { f32::INFINITY }
+        });
+        if !found {
+            return None;
+        }
+        let t = &self.triangles[hit.primitive_id as usize];
+        let corners = [t.v0, t.v1, t.v2].map(|p| p.to_array().map(f64::from));
+        let (barycentric, _) = intersect(corners, point.map(f64::from), direction.map(f64::from));
+        Some((self.hierarchy.primitive_indices[hit.primitive_id as usize], barycentric))
+    }
     /// Returns the first intersection of the ray through an image position.
     pub(crate) fn first_hit(&self, camera: &Camera, pixel: [f64; 2]) -> Option<SurfaceHit> {
         if self.triangles.is_empty() {

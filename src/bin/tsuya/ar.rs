@@ -141,7 +141,7 @@ impl Ar {
         let shading = AssetShading::new(asset, options.taps)?;
         let renderer = if still { Some(AssetRenderer::new(asset)?) } else { None };
         let object = ArObject {
-            object: RenderObject::new(&asset.mesh, Some(&occlusion))?,
+            object: RenderObject::of_asset(asset, Some(&occlusion))?,
             shading: &shading,
             placement,
             detail: renderer.as_ref().map(|renderer| (renderer, &**asset)),

@@ -40,6 +40,13 @@ impl JobAsset {
         }
     }
 
+    fn render_object<'a>(&'a self, occlusion: Option<&'a Occlusion>) -> Result<RenderObject<'a>> {
+        Ok(match self {
+            JobAsset::Asset(asset) => RenderObject::of_asset(asset, occlusion)?,
+            JobAsset::Mesh { mesh, .. } => RenderObject::new(mesh, occlusion)?,
+        })
+    }
+
     fn shading_model(&self, taps: usize) -> Result<Box<dyn ShadingModel + '_>> {
         Ok(match self {
             JobAsset::Asset(asset) => Box::new(AssetShading::new(asset, taps)?),
@@ -125,7 +132,6 @@ pub fn pictures(
         ..EnvironmentOptions::default()
     };
     let look = subject.shading_model(options.taps)?;
-    let mesh = subject.mesh();
     let asset = match subject {
         JobAsset::Asset(asset) if quality.detail => Some(&**asset),
         _ => None,
@@ -138,7 +144,7 @@ pub fn pictures(
         done(k, relit)
     };
     if quality.evaluator == JobEvaluator::Reference {
-        let object = RenderObject::new(mesh, None)?;
+        let object = subject.render_object(None)?;
         let options = ReferenceOptions { samples: quality.samples, shadows: quality.shadows, ..Default::default() };
         for (k, camera) in cameras.iter().enumerate() {
             finish(k, reference(&object, &light.environment, camera, &*look, &options)?)?;
@@ -146,7 +152,7 @@ pub fn pictures(
         return Ok(());
     }
     let occlusion = if quality.shadows { Some(occlusion(subject)?) } else { None };
-    let object = RenderObject::new(mesh, occlusion.as_ref())?;
+    let object = subject.render_object(occlusion.as_ref())?;
     let environment = &light.environment;
     let prepared = PreparedEnvironment::new(environment, &PreparedEnvironmentOptions::default());
     let light = (options.evaluator == EvaluatorKind::SphericalGaussian).then(|| match &light.stored {
@@ -157,6 +163,7 @@ pub fn pictures(
         },
     });
     let scene = EnvironmentScene::new(&object, Arc::new(prepared), light.map(Arc::new), options)?;
+    let scene = if matches!(subject, JobAsset::Asset(_)) { scene.with_interreflection(&*look) } else { scene };
     for (k, camera) in cameras.iter().enumerate() {
         finish(k, scene.render(camera, &*look)?)?;
     }

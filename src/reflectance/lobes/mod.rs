@@ -61,10 +61,29 @@ pub(crate) fn evaluate(weights: &[[f32; 3]; LOBES], geometry: &ReflectionGeometr
         return [0.0; 3];
     }
     let values = lobe_values(&LobeCosines::from(geometry));
+    let (gain, share) = (grazing_gain(weights), grazing_share(geometry.cos_difference));
     std::array::from_fn(|c| {
         let sum: f64 = (0..LOBES).map(|k| weights[k][c] as f64 * values[k]).sum();
-        (sum * geometry.irradiance[c] as f64) as f32
+        (sum * (1.0 + gain[c] as f64 * share as f64) * geometry.irradiance[c] as f64) as f32
     })
+}
+
+/// How much more than along the normal a surface reflects at grazing incidence: of Schlick's Fresnel term `F0 + (1 - F0) s`, with the sum of
+/// the weights for `F0`, what stands before `s` over `F0`. As `F0` at least that of a dielectric surface is taken.
+pub(crate) fn grazing_gain(weights: &[[f32; 3]; LOBES]) -> [f32; 3] {
+    std::array::from_fn(|c| {
+        let sum = (0..LOBES).fold(0.0, |sum, k| sum + weights[k][c]);
+        let normal = if sum > NORMAL_REFLECTANCE as f32 { sum } else { NORMAL_REFLECTANCE as f32 };
+        if normal < 1.0 { 1.0 / normal - 1.0 } else { 0.0 }
+    })
+}
+
+/// The share `s = (1 - cos)^5` of Schlick's Fresnel term, by the cosine between the half vector and either direction.
+#[inline(always)]
+pub(crate) fn grazing_share(cos_difference: f32) -> f32 {
+    let x = 1.0 - cos_difference;
+    let squared = x * x;
+    squared * squared * x
 }
 
 /// Factor of Lambert's model for light that enters and leaves a diffuse layer through its surface.
@@ -72,8 +91,8 @@ pub(crate) fn layer_factor(geometry: &ReflectionGeometry) -> f32 {
     (transmission(geometry.cos_light as f64).0 * transmission(geometry.cos_view as f64).0) as f32
 }
 
-/// Mean of [`layer_factor`] over light from all around, seen at 45 degrees: for what does not follow single directions.
-pub(crate) const MEAN_LAYER_FACTOR: f32 = 0.876;
+/// Share of an even light from all around that passes the surface: the mean of [`transmission`], weighted by the cosine.
+pub(crate) const MEAN_TRANSMISSION: f32 = 0.9142857;
 
 /// Returns the lobe of Torrance and Sparrow with the weights' energy and mean width, for what takes one lobe only.
 pub(crate) fn single_lobe(weights: &[[f32; 3]; LOBES]) -> TorranceSparrowLobe {
@@ -114,6 +133,20 @@ pub(crate) fn weighted_lobes(cosines: &LobeCosines, weights: &[f32; LOBES]) -> (
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn grazing_light_is_reflected_whole() {
+        let mut weights = [[0.0f32; 3]; LOBES];
+        weights[1] = [0.02, 0.3, 0.9];
+        weights[3] = [0.03, 0.2, 0.6];
+        let gain = grazing_gain(&weights);
+        for (gain, expected) in gain.into_iter().zip([1.0 / 0.05, 1.0 / 0.5, 1.0]) {
+            assert!((1.0 + gain * grazing_share(0.0) - expected).abs() < 1e-5 * expected && grazing_share(1.0) == 0.0);
+        }
+        // Schlick's term in between, and no more than a dielectric's where hardly anything was seen.
+        assert!((1.0 + gain[0] * grazing_share(0.5) - (0.05 + 0.95 / 32.0) / 0.05).abs() < 1e-4);
+        assert!((grazing_gain(&[[0.0; 3]; LOBES])[0] - 24.0).abs() < 1e-4);
+    }
 
     #[test]
     fn derivatives_are_those_of_the_values() {
