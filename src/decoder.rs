@@ -9,7 +9,9 @@ use crate::container::{Container, metadata};
 use crate::error::{Error, Result};
 use crate::limits::Limits;
 use crate::predictive::decode::PlaneDecoder;
+use crate::predictive::low_camera;
 use crate::predictive::workspace::photograph_bytes;
+use crate::transform::shape_adaptive::level_count;
 use crate::views::codec::ViewsSection;
 use crate::views::{Photograph, View};
 use std::io::{Read, Seek};
@@ -62,6 +64,9 @@ pub struct DecodeOptions {
     pub limits: Limits,
     /// Photographs to decode.
     pub selection: ViewSelection,
+    /// How often the photographs' size is halved, 0 to 5 (profile `predictive` only): nothing is read or decoded of the finer levels. The
+    /// cameras of the views are those of the smaller photographs.
+    pub reduction: u8,
 }
 
 /// Decodes a file in memory.
@@ -76,12 +81,12 @@ pub fn decode(bytes: &[u8], options: &DecodeOptions) -> Result<Asset> {
 /// [`Error::Format`] if a section is damaged or missing, [`Error::Unsupported`] for codings of later versions,
 /// [`Error::Limits`] if the memory budget is exceeded, [`Error::Parameter`] if a selected view does not exist.
 pub fn decode_from<R: Read + Seek>(file: &mut Container<R>, options: &DecodeOptions) -> Result<Asset> {
-    let mut asset = decode_model(file, options)?;
+    let (mut asset, views) = decode_model(file, options)?;
     let mut photographs = std::mem::take(&mut asset.photographs);
     for (_, view) in asset.views.iter().enumerate().filter(|(index, _)| options.selection.includes(*index)) {
         file.budget().charge("decoded photographs", photograph_bytes(&view.camera, asset.components.len()))?;
     }
-    decode_photographs(file, &asset, options, |_, given| {
+    decode_photographs(file, (&asset, &views), options, |_, given| {
         given.into_iter().for_each(|(view, photograph)| photographs[view] = Some(photograph));
         Ok(())
     })?;
@@ -98,8 +103,8 @@ pub fn decode_each<R: Read + Seek>(
     options: &DecodeOptions,
     done: impl FnMut(&Asset, Vec<(usize, Photograph)>) -> Result<()>,
 ) -> Result<Asset> {
-    let asset = decode_model(file, options)?;
-    decode_photographs(file, &asset, options, done)?;
+    let (asset, views) = decode_model(file, options)?;
+    decode_photographs(file, (&asset, &views), options, done)?;
     Ok(asset)
 }
 
@@ -110,8 +115,8 @@ pub fn read_views<R: Read + Seek>(file: &mut Container<R>) -> Result<Vec<View>> 
     Ok(file.drive(stages::views)?.views)
 }
 
-/// Decodes everything but the photographs.
-fn decode_model<R: Read + Seek>(file: &mut Container<R>, options: &DecodeOptions) -> Result<Asset> {
+/// Decodes everything but the photographs, with the views as they were captured; those of the asset are of the photographs' decoded size.
+fn decode_model<R: Read + Seek>(file: &mut Container<R>, options: &DecodeOptions) -> Result<(Asset, Vec<View>)> {
     // 6. Container: metadata.
     let metadata = file.drive(stages::metadata)?;
     // 3. Views, which all other stages need, like the mesh.
@@ -119,6 +124,8 @@ fn decode_model<R: Read + Seek>(file: &mut Container<R>, options: &DecodeOptions
     // 2. Mesh, as the encoder's later stages saw it.
     let mesh = file.drive(stages::mesh)?;
     options.selection.check(views.len())?;
+    let captured = views;
+    let views = reduced_views(&captured, options)?;
     // 5. The reflectance that was fitted to the photographs, on the atlas.
     let charts = file.drive(|file| stages::charts(file, mesh.as_ref()))?;
     let surface = file.drive(|file| stages::displacement(file, mesh.as_ref(), charts.as_ref()))?;
@@ -128,7 +135,7 @@ fn decode_model<R: Read + Seek>(file: &mut Container<R>, options: &DecodeOptions
     let light = file.drive(stages::light)?;
     let materials = file.drive(stages::materials)?;
     let (metadata, mesh, photographs) = (metadata.0, mesh.unwrap_or_default(), vec![None; views.len()]);
-    Ok(Asset {
+    let asset = Asset {
         metadata,
         mesh,
         charts,
@@ -141,13 +148,44 @@ fn decode_model<R: Read + Seek>(file: &mut Container<R>, options: &DecodeOptions
         materials,
         visibility,
         light,
-    })
+    };
+    Ok((asset, captured))
+}
+
+/// Views with the cameras of photographs whose size is halved as often as the options say.
+/// # Errors
+/// [`Error::Parameter`] if a selected photograph is too small for that.
+fn reduced_views(views: &[View], options: &DecodeOptions) -> Result<Vec<View>> {
+    let levels = options.reduction as usize;
+    for (_, view) in views.iter().enumerate().filter(|(index, _)| options.selection.includes(*index)) {
+        check_reduction(view, levels)?;
+    }
+    let reduced = |view: &View| View { camera: low_camera(&view.camera, levels), ..view.clone() };
+    Ok(if levels == 0 { views.to_vec() } else { views.iter().map(reduced).collect() })
+}
+
+fn check_reduction(view: &View, levels: usize) -> Result<()> {
+    let View { name, camera, .. } = view;
+    let most = level_count(camera.width as usize, camera.height as usize);
+    if levels > most {
+        let size = format!("{} x {} pixels", camera.width, camera.height);
+        return Err(Error::parameter(format!(
+            "option `reduction` is {levels}: view {name} of {size} can be halved {most} times at most"
+        )));
+    }
+    Ok(())
+}
+
+fn reduction_of_wavelet_texture() -> Error {
+    Error::parameter(
+        "option `reduction` goes with profile predictive: profile wavelet-texture has no levels to leave out",
+    )
 }
 
 /// Decodes the selected photographs that the file has not lost.
 fn decode_photographs<R: Read + Seek>(
     file: &mut Container<R>,
-    asset: &Asset,
+    (asset, views): (&Asset, &[View]),
     options: &DecodeOptions,
     mut done: impl FnMut(&Asset, Vec<(usize, Photograph)>) -> Result<()>,
 ) -> Result<()> {
@@ -157,18 +195,20 @@ fn decode_photographs<R: Read + Seek>(
     let budget = file.budget();
     let lost = metadata::lost_views(&asset.metadata);
     let wanted = |view: usize| options.selection.includes(view) && !lost.contains(&view);
-    let Asset { mesh, components, views, .. } = asset;
+    let Asset { mesh, components, .. } = asset;
     // 5. Photographs, as the profile coded them, with 4. the pixels that were coded. Each keeps 1. the components of reflection.
     match file.drive(|file| stages::photograph_coding(file, views, components.len()))? {
         PhotographCoding::None => {}
         PhotographCoding::Predictive(planes) => {
             let decoder = PlaneDecoder::new(&planes.header, mesh, views, asset.white);
+            let decoder = decoder.reduced_by(options.reduction as usize);
             let read = |streams: Range<u64>| {
                 let range = planes.streams + streams.start..planes.streams + streams.end;
                 file.drive(|file| file.take(range.clone())).map(Some)
             };
             decoder.for_each_view(wanted, read, &budget, |given| done(asset, given))?;
         }
+        PhotographCoding::WaveletTexture if options.reduction > 0 => return Err(reduction_of_wavelet_texture()),
         PhotographCoding::WaveletTexture => {
             let decoded = file.drive(|file| stages::wavelet_texture(file, mesh, components, views.len()))?;
             for (index, view) in views.iter().enumerate().filter(|(index, _)| wanted(*index)) {

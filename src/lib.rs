@@ -19,7 +19,7 @@
 //! let limits = Limits { memory_bytes: 256 << 20, ..Limits::default() };
 //! let mut file = Container::open_path(path, limits)?;
 //! // Only the bytes are read that view 1 needs.
-//! let options = DecodeOptions { limits, selection: ViewSelection::Views(vec![1]) };
+//! let options = DecodeOptions { limits, selection: ViewSelection::Views(vec![1]), ..Default::default() };
 //! let asset = decode_from(&mut file, &options)?;
 //! let photograph = asset.photographs[1].as_ref().expect("the view that was selected");
 //! // One image of linear radiance for each component: diffuse and specular.

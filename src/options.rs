@@ -34,9 +34,13 @@ pub enum EncodeTarget {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum DecodeSpeed {
+    /// By the size of the photographs: up to 1.5 megapixels the smallest file, above that as [`DecodeSpeed::Fast`] with predictions of at most
+    /// 0.4 megapixels or an eighth of the size.
+    #[serde(alias = "auto")]
+    #[default]
+    Automatic,
     /// The smallest file.
     #[serde(alias = "small")]
-    #[default]
     Normal,
     /// About a fifth larger, a view in about a third of the time: predictions at half the size, and one or two symbols for a position's
     /// colours in place of up to a dozen mixed decisions.
@@ -62,7 +66,8 @@ pub struct EncodeOptions {
     /// Bits of a mesh coordinate on the longest side, 8 to 20. By default as many as move no vertex by more than an eighth
     /// of a pixel.
     pub position_bits: Option<u8>,
-    /// Texels of the reflectance atlas for one pixel of the photographs, each way.
+    /// Texels of the reflectance atlas for one pixel of the photographs, each way; fewer where the atlas would have more than about 4
+    /// million.
     pub atlas_density: f64,
     /// Model that highlights are fitted with (profile `predictive` only).
     #[cfg(feature = "encode")]

@@ -107,6 +107,32 @@ fn agree(capture: Capture, coverage: f64) {
             assert_same(&first.photographs, &photographs, &what);
         }
         check_error(capture.clone(), &first, &encoded, &what);
+        check_reductions(&encoded.bytes, &first, profile, &what);
+    }
+}
+
+/// Smaller photographs are the same in every way, or refused where one is too small.
+fn check_reductions(bytes: &[u8], asset: &Asset, profile: Profile, what: &str) {
+    for reduction in [1, 3] {
+        let what = format!("{what}, halved {reduction} times");
+        let options = DecodeOptions { reduction, ..Default::default() };
+        let least = asset.views.iter().map(|view| view.camera.width.min(view.camera.height)).min().unwrap();
+        if profile == Profile::WaveletTexture || least >> reduction < 4 {
+            assert!(matches!(decode(bytes, &options), Err(tsuya::Error::Parameter(_))), "{what}");
+            continue;
+        }
+        let [first, other] =
+            [1, 3].map(|threads| with_threads(threads, || decode(bytes, &options).unwrap().photographs));
+        assert_same(&first, &other, &what);
+        let mut file = IncrementalDecoder::new(Some(bytes.len() as u64), true, Limits::default());
+        file.set_reduction(reduction);
+        let mut fetched = 0;
+        let one_by_one = view_by_view(&mut file, Random(7).order(first.len()), |file, wanted| {
+            fetched += wanted.iter().map(|range| range.end - range.start).sum::<u64>();
+            wanted.iter().try_for_each(|range| file.feed(range.start, &bytes[range.start as usize..range.end as usize]))
+        });
+        assert_same(&first, &one_by_one, &what);
+        assert!(fetched < bytes.len() as u64, "{what}");
     }
 }
 

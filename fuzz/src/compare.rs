@@ -11,7 +11,7 @@ use tsuya::{Error, Limits, Result};
 
 /// Decodes in every way and compares; the whole asset where it decodes.
 pub fn decode_in_every_way(bytes: &[u8], limits: Limits) -> Result<Asset> {
-    let options = |selection| DecodeOptions { limits, selection };
+    let options = |selection| DecodeOptions { limits, selection, ..Default::default() };
     let whole = decode(bytes, &options(ViewSelection::All));
     let views = whole.as_ref().map_or(4, |asset| asset.views.len());
     // What was decoded before must not matter: one view alone, and all from the last to the first.

@@ -36,6 +36,7 @@ pub struct IncrementalDecoder {
     mesh: Option<Option<Arc<Mesh>>>,
     charts: Option<Option<Arc<Charts>>>,
     photographs: Option<PhotographDecoder>,
+    reduction: u8,
 }
 
 /// Everything that precedes the photographs' streams.
@@ -117,7 +118,7 @@ impl IncrementalDecoder {
     /// Creates a decoder of a file of which nothing is there yet; see [`IncrementalReader::new`].
     pub fn new(length: Option<u64>, is_seekable: bool, limits: Limits) -> Self {
         let file = IncrementalReader::new(length, is_seekable, limits);
-        IncrementalDecoder { file, header: None, mesh: None, charts: None, photographs: None }
+        IncrementalDecoder { file, header: None, mesh: None, charts: None, photographs: None, reduction: 0 }
     }
 
     /// Feeds bytes of the file.
@@ -129,6 +130,13 @@ impl IncrementalDecoder {
     /// Sets the length of a file that was begun without one.
     pub fn set_length(&mut self, length: u64) {
         self.file.set_length(length);
+    }
+    /// Halves the size of the views that are decoded from now on so often; see [`DecodeOptions::reduction`](super::DecodeOptions::reduction).
+    /// Nothing that was decoded before is kept.
+    pub fn set_reduction(&mut self, reduction: u8) {
+        if reduction != self.reduction {
+            (self.reduction, self.photographs) = (reduction, None);
+        }
     }
     /// Sections known so far, and whether these are all.
     pub fn sections(&self) -> (&[Section], bool) {
@@ -240,7 +248,10 @@ impl IncrementalDecoder {
                     capture.white,
                     budget,
                 );
-                PhotographDecoder::Predictive(Box::new(decoder))
+                PhotographDecoder::Predictive(Box::new(decoder.reduced_by(self.reduction as usize)))
+            }
+            (PhotographCoding::WaveletTexture, _) if self.reduction > 0 => {
+                return Err(super::reduction_of_wavelet_texture());
             }
             (PhotographCoding::WaveletTexture, Some(mesh)) => {
                 let (components, views) = (&capture.components, capture.views.len());
@@ -267,6 +278,7 @@ impl IncrementalDecoder {
             let count = header.capture.views.len();
             return Err(Error::parameter(format!("view {index} does not exist: the file has {count} views")));
         };
+        super::check_reduction(view, self.reduction as usize)?;
         let status = match &mut self.photographs {
             None | Some(PhotographDecoder::None) => ViewStatus::Absent,
             Some(PhotographDecoder::WaveletTexture(decoded, mesh)) => {

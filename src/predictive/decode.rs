@@ -3,14 +3,16 @@
 use super::header::PlaneHeader;
 use super::picture::{self, ViewPart, ViewStreams, ViewTask};
 use super::workspace::{ParallelBudget, PlaneWorkspaces, photograph_bytes};
-use super::{DecodedView, PredictionScene, order, run_waves};
+use super::{DecodedView, PredictionScene, low_camera, order, run_waves};
 use crate::container::Tag;
 use crate::error::{Error, Result};
 use crate::image::{Mask, RgbImage};
 use crate::limits::{Budget, Reservation};
 use crate::mesh::Mesh;
+use crate::parallel;
 use crate::surface::raster;
 use crate::transform::signal;
+use crate::transform::synthesis::{STRIP_ROWS, StripScratch};
 use crate::views::{Photograph, View};
 use glam::Vec4;
 use std::borrow::Cow;
@@ -23,6 +25,8 @@ pub(crate) struct PlaneDecoder<'a> {
     pub(super) header: Cow<'a, PlaneHeader>,
     pub(super) scene: PredictionScene<'a>,
     white: [f64; 3],
+    /// Levels of the transform that photographs leave out.
+    reduction: usize,
     pub(super) workspaces: PlaneWorkspaces,
 }
 
@@ -39,7 +43,12 @@ impl<'a> PlaneDecoder<'a> {
         white: [f64; 3],
     ) -> Self {
         let scene = PredictionScene::new(mesh, views);
-        PlaneDecoder { header, scene, white, workspaces: PlaneWorkspaces::default() }
+        PlaneDecoder { header, scene, white, reduction: 0, workspaces: PlaneWorkspaces::default() }
+    }
+
+    /// Leaves out the first `levels` levels of the photographs, which halves their size so often.
+    pub(crate) fn reduced_by(self, levels: usize) -> Self {
+        PlaneDecoder { reduction: levels, ..self }
     }
 
     /// Returns a decoded view as radiance.
@@ -49,7 +58,8 @@ impl<'a> PlaneDecoder<'a> {
 
     /// Levels whose streams are not needed of a view, whether its photograph is wanted or only what others are predicted from.
     pub(crate) fn finest_level(&self, is_photograph: bool) -> usize {
-        ViewPart::new(true, is_photograph).finest_level(self.header.coding.prediction_level as usize)
+        let part = ViewPart { is_reference: true, is_photograph, reduction: self.reduction };
+        part.finest_level(self.header.coding.prediction_level as usize)
     }
 
     /// Compares the checksums of an entry's streams, which may end before those of the last levels, and checks that drawing its view is
@@ -77,7 +87,8 @@ impl<'a> PlaneDecoder<'a> {
         budget: &'b Budget,
     ) -> Result<(Option<(T, Reservation<'b>)>, DecodedView)> {
         let coded = &self.header.entries[index];
-        let (scene, coding, part) = (&self.scene, &self.header.coding, ViewPart::new(is_reference, take.is_some()));
+        let (scene, coding) = (&self.scene, &self.header.coding);
+        let part = ViewPart { is_reference, is_photograph: take.is_some(), reduction: self.reduction };
         let parts = ViewStreams::cut(coded, part.finest_level(coding.prediction_level as usize), streams);
         let parts = parts.ok_or_else(|| {
             Error::format(Tag::PLANES, coded.offset, "a view's streams are shorter than the head says")
@@ -86,8 +97,8 @@ impl<'a> PlaneDecoder<'a> {
         let mut view = picture::decode(&task, &parts, coded.offset, &self.workspaces, budget)?;
         let taken = match take {
             Some(take) => {
-                let camera = &self.scene.views[coded.entry.view].camera;
-                let bytes = photograph_bytes(camera, coding.components.len());
+                let camera = low_camera(&self.scene.views[coded.entry.view].camera, self.reduction);
+                let bytes = photograph_bytes(&camera, coding.components.len());
                 let reservation = budget.reserve("a decoded photograph", bytes)?;
                 Some((take(self.radiance(&view)), reservation))
             }
@@ -186,14 +197,32 @@ impl<'a> DecodedPhotograph<'a> {
     /// Calls `visit` for each row of the window that holds the mask, with the index of its first pixel in the image: a
     /// component's radiance with 1 as fourth channel, 0 outside the mask.
     pub fn for_each_row(&self, component: usize, mut visit: impl FnMut(usize, &[[f32; 4]])) {
-        let (Some(coding), window) = (self.header.coding.components.get(component), self.view.window) else { return };
+        let (window, columns) = (self.view.window, self.mask().width);
+        let mut strip = StripScratch::default();
+        for first in (0..window.height).step_by(STRIP_ROWS) {
+            let rows = first..window.height.min(first + STRIP_ROWS);
+            self.for_each_row_within(component, rows, &mut strip, |y, row| {
+                visit((window.top + y) * columns + window.left, row);
+            });
+        }
+    }
+
+    /// As [`DecodedPhotograph::for_each_row`], for some rows of the window, by their numbers.
+    fn for_each_row_within(
+        &self,
+        component: usize,
+        rows: Range<usize>,
+        strip: &mut StripScratch,
+        mut visit: impl FnMut(usize, &[[f32; 4]]),
+    ) {
+        let Some(coding) = self.header.coding.components.get(component) else { return };
         let colours = coding.colour_transform();
         let white = Vec4::new(self.white[0], self.white[1], self.white[2], 0.0);
-        let columns = self.mask().width;
-        let mut visit = |y: usize, row: &[[f32; 4]]| visit((window.top + y) * columns + window.left, row);
-        let mut radiance = vec![[0.0; 4]; window.width];
-        let mut line = 0;
-        self.view.for_each_run(component, |(run, pixels)| {
+        // A low band is larger by the gain of the low pass along rows and columns, for each level.
+        let scale = 1.0 / (1u32 << self.view.reduction) as f32;
+        let mut radiance = vec![[0.0; 4]; self.view.window.width];
+        let mut line = rows.start;
+        self.view.for_each_run(component, rows.clone(), strip, |(run, pixels)| {
             // Rows before the run's are complete.
             while line < run.line as usize {
                 visit(line, &radiance);
@@ -201,11 +230,11 @@ impl<'a> DecodedPhotograph<'a> {
                 line += 1;
             }
             for (radiance, pixel) in radiance[run.start as usize..].iter_mut().zip(pixels) {
-                let signal = colours.unrotate(Vec4::from_array(*pixel));
+                let signal = colours.unrotate(Vec4::from_array(*pixel) * scale);
                 *radiance = (signal::inverse(signal, white, coding.signed) + Vec4::W).to_array();
             }
         });
-        while line < window.height {
+        while line < rows.end {
             visit(line, &radiance);
             radiance.fill([0.0; 4]);
             line += 1;
@@ -214,11 +243,17 @@ impl<'a> DecodedPhotograph<'a> {
 
     /// Returns all components.
     pub fn photograph(&self) -> Photograph {
-        let mask = self.mask();
+        let (mask, window) = (self.mask(), self.view.window);
         let image = |component: usize| {
             let mut image = RgbImage::filled(mask.width, mask.height, [0.0; 3]);
-            self.for_each_row(component, |first, row| {
-                image.data[first..].iter_mut().zip(row).for_each(|(colour, [r, g, b, _])| *colour = [*r, *g, *b]);
+            let rows = window.top * mask.width..(window.top + window.height) * mask.width;
+            parallel::for_each_chunk(&mut image.data[rows], STRIP_ROWS * mask.width, |k, part| {
+                let first = k * STRIP_ROWS;
+                let rows = first..window.height.min(first + STRIP_ROWS);
+                self.for_each_row_within(component, rows, &mut StripScratch::default(), |y, row| {
+                    let at = (y - first) * mask.width + window.left;
+                    part[at..].iter_mut().zip(row).for_each(|(colour, [r, g, b, _])| *colour = [*r, *g, *b]);
+                });
             });
             image
         };

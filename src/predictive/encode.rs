@@ -115,6 +115,24 @@ impl Default for PlaneQuality {
     }
 }
 
+/// Largest view that is coded by mixed modelling, and largest picture that is predicted of larger ones, where the encoder is free to choose.
+const MAX_MIXED_PIXELS: u64 = 1_500_000;
+const MAX_PREDICTED_PIXELS: u64 = 400_000;
+
+/// Prediction level and modelling; `pixels` are those of the largest view.
+fn mode(decode_speed: DecodeSpeed, pixels: u64) -> (u8, Modelling) {
+    match decode_speed {
+        DecodeSpeed::Automatic if pixels <= MAX_MIXED_PIXELS => (0, Modelling::Mixed),
+        DecodeSpeed::Automatic => {
+            let level = (1..3).find(|level| pixels >> (2 * level) <= MAX_PREDICTED_PIXELS);
+            (level.unwrap_or(3), Modelling::Direct)
+        }
+        DecodeSpeed::Normal => (0, Modelling::Mixed),
+        DecodeSpeed::Fast => (1, Modelling::Direct),
+        DecodeSpeed::Fastest => (2, Modelling::Direct),
+    }
+}
+
 /// Reconstruction offsets, see [`ComponentCoding::shrink`].
 const SHRINK: [u8; 2] = [20, 6];
 
@@ -147,11 +165,8 @@ impl<'a> PlaneEncoder<'a> {
 
     /// Codes all views.
     pub fn encode(&self, quality: &PlaneQuality) -> Result<EncodedPlanes> {
-        let (prediction_level, modelling) = match quality.decode_speed {
-            DecodeSpeed::Normal => (0, Modelling::Mixed),
-            DecodeSpeed::Fast => (1, Modelling::Direct),
-            DecodeSpeed::Fastest => (2, Modelling::Direct),
-        };
+        let largest = self.views.iter().map(|view| view.camera.width as u64 * view.camera.height as u64).max();
+        let (prediction_level, modelling) = mode(quality.decode_speed, largest.unwrap_or(0));
         // What the mesh covers is drawn at the size of the prediction.
         let masks = if prediction_level == 0 { self.masks } else { MaskCoding::Coded };
         let components = self.component_codings(quality);
@@ -184,7 +199,7 @@ impl<'a> PlaneEncoder<'a> {
                     })
                     .collect()
             };
-            let part = ViewPart::new(is_reference, true);
+            let part = ViewPart { is_reference, is_photograph: true, reduction: 0 };
             let task = ViewTask { scene: &scene, entry, scale, coding: &header.coding, decoded, part };
             let (streams, view) = picture::encode(&task, &target.mask, quality.lambda, plane)?;
             let photograph = DecodedPhotograph::new(&header, self.white, &view).photograph();
@@ -223,5 +238,25 @@ impl<'a> PlaneEncoder<'a> {
                 }
             })
             .collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_mode_follows_the_size_of_the_photographs() {
+        let automatic = |pixels: u64| mode(DecodeSpeed::Automatic, pixels);
+        assert_eq!([0, 1_500_000].map(automatic), [(0, Modelling::Mixed); 2]);
+        let direct = [1_500_001, 1_600_003, 1_600_004, 6_400_000, 6_400_016, 60_000_000].map(automatic);
+        assert_eq!(direct, [1, 1, 2, 2, 3, 3].map(|level| (level, Modelling::Direct)));
+        assert_eq!(mode(DecodeSpeed::Normal, 60_000_000), (0, Modelling::Mixed));
+    }
+
+    #[test]
+    fn sides_of_tiles_are_powers_of_two_in_their_range() {
+        assert_eq!([16, 256, 4096].map(|side| tile_side_log2(side).ok()), [Some(4), Some(8), Some(12)]);
+        assert!([0, 8, 100, 8192].into_iter().all(|side| tile_side_log2(side).is_err()));
     }
 }

@@ -36,9 +36,11 @@ use crate::views::{Camera, View};
 
 use crate::transform::masked::MaskedPixels;
 use crate::transform::shape_adaptive::{ColourLanes, PixelRun, WaveletPlan, level_count};
+use crate::transform::synthesis::{HalfPicture, StripScratch};
 use glam::Vec4;
 use order::OrderEntry;
 use std::borrow::Cow;
+use std::ops::Range;
 use workspace::ParallelBudget;
 
 /// Coding of one component's pictures.
@@ -185,15 +187,37 @@ pub(crate) struct ViewModels {
 /// A decoded view.
 #[derive(Debug)]
 pub(crate) struct DecodedView {
+    /// Transform of the mask in the window.
+    plan: WaveletPlan,
+    /// Pixels that show the object, at the photograph's size.
     mask: Mask,
-    /// The part of the picture that the signals hold.
+    /// The part of the photograph that the signals hold.
     window: Window,
+    /// Levels of the transform that the photograph leaves out; 0 at its full size.
+    reduction: usize,
     /// Levels of the transform above the picture that later views are predicted from.
     level: usize,
-    /// Per component. Empty if the references of full size hold them, or where only the references were decoded.
-    signals: Vec<MaskedPixels>,
+    /// Per component. Empty if the references of the photograph's size hold them, or where only the references were decoded.
+    signals: Vec<DecodedSignal>,
     /// For views that later ones are predicted from.
     reference: Option<DecodedReference>,
+}
+
+/// A component of a decoded photograph.
+#[derive(Debug)]
+enum DecodedSignal {
+    Whole(MaskedPixels),
+    /// Of which the last level of the transform is undone when it is read.
+    Half(HalfPicture),
+}
+
+impl DecodedSignal {
+    fn bytes(&self) -> u64 {
+        match self {
+            DecodedSignal::Whole(pixels) => pixels.bytes(),
+            DecodedSignal::Half(half) => half.bytes(),
+        }
+    }
 }
 
 /// Data of a decoded view for those predicted from it.
@@ -206,27 +230,35 @@ struct DecodedReference {
 }
 
 impl DecodedView {
-    /// Calls `visit` for the mask's runs, row by row, with a component's signal.
-    fn for_each_run(&self, component: usize, visit: impl FnMut((&PixelRun, &[ColourLanes]))) {
+    /// Calls `visit` for the mask's runs in a range of the window's rows, row by row, with a component's signal.
+    fn for_each_run(
+        &self,
+        component: usize,
+        rows: Range<usize>,
+        strip: &mut StripScratch,
+        visit: impl FnMut((&PixelRun, &[ColourLanes])),
+    ) {
         match (self.signals.get(component), &self.reference) {
-            (Some(signal), _) => signal.runs().for_each(visit),
-            (None, Some(reference)) if self.level == 0 => {
-                reference.pictures.get(component).into_iter().flat_map(ReferenceImage::runs).for_each(visit);
+            (Some(DecodedSignal::Whole(signal)), _) => signal.runs(&rows).for_each(visit),
+            (Some(DecodedSignal::Half(half)), _) => half.for_each_run(&self.plan, rows, strip, visit),
+            (None, Some(reference)) if self.level == self.reduction => {
+                let picture = reference.pictures.get(component);
+                picture.into_iter().flat_map(|picture| picture.runs(&rows)).for_each(visit);
             }
             _ => {}
         }
     }
     /// Bytes of memory of the view.
     fn bytes(&self) -> u64 {
-        let signals: u64 = self.signals.iter().map(MaskedPixels::bytes).sum();
+        let signals: u64 = self.signals.iter().map(DecodedSignal::bytes).sum();
         let reference = self.reference.as_ref().map_or(0, |DecodedReference { seen, pictures, .. }| {
             seen.bytes() + pictures.iter().map(|picture| picture.bytes() + workspace::MODEL_BYTES).sum::<u64>()
         });
-        self.mask.data.len() as u64 + signals + reference
+        self.mask.data.len() as u64 + self.plan.bytes() + signals + reference
     }
-    /// Whether the signals have not been evicted.
+    /// Whether the photograph can be had.
     fn has_signals(&self) -> bool {
-        self.level == 0 || !self.signals.is_empty()
+        self.level == self.reduction || !self.signals.is_empty()
     }
 }
 
@@ -263,7 +295,7 @@ impl<'a> PredictionScene<'a> {
 }
 
 /// The camera of the low band after some levels: its pixel `k` stands where pixel `2^levels k` of the picture does.
-fn low_camera(camera: &Camera, levels: usize) -> Camera {
+pub(crate) fn low_camera(camera: &Camera, levels: usize) -> Camera {
     if levels == 0 {
         return *camera;
     }

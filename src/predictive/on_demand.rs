@@ -54,6 +54,11 @@ impl<'a> ViewDecoder<'a> {
         }
     }
 
+    /// Leaves out the first `levels` levels of the photographs.
+    pub(crate) fn reduced_by(self, levels: usize) -> Self {
+        ViewDecoder { planes: self.planes.reduced_by(levels), ..self }
+    }
+
     /// Returns the entries that must be decoded for `view`, in coding order, its own last; none if it is kept. Its references
     /// are not evicted before this is called for another view.
     /// # Errors

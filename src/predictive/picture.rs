@@ -5,9 +5,10 @@ use super::header::CodedEntry;
 use super::header::CodedTile;
 use super::order::OrderEntry;
 use super::workspace::PlaneSignal;
-use super::workspace::{PlaneWorkspace, PlaneWorkspaces, coding_bytes, drawing_bytes};
+use super::workspace::{PlaneWorkspace, PlaneWorkspaces, ViewSize};
 use super::{
-    DecodedReference, DecodedView, MaskCoding, PlaneCoding, PredictionScene, PreparedView, Reprojections, ViewModels,
+    DecodedReference, DecodedSignal, DecodedView, MaskCoding, PlaneCoding, PredictionScene, PreparedView,
+    Reprojections, ViewModels,
 };
 use crate::container::Tag;
 use crate::entropy::{BitCoder, RangeDecoder};
@@ -23,9 +24,9 @@ use crate::residual::mask;
 use crate::residual::tiles::TileGrid;
 use crate::surface::reproject::ReferenceView;
 use crate::surface::warp::{ReferenceImage, predict};
-use crate::transform::masked::MaskedPixels;
-#[cfg(feature = "encode")]
+use crate::transform::masked::{Coefficients, MaskedPixels};
 use crate::transform::shape_adaptive::TransformScratch;
+use crate::transform::synthesis::HalfPicture;
 use crate::transform::window::Window;
 
 /// One view's streams.
@@ -87,33 +88,52 @@ impl<'s> ViewStreams<&'s [u8]> {
 
 /// What is decoded of a view.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum ViewPart {
-    /// What later views are predicted from.
-    Reference,
-    /// The photograph.
-    Photograph,
-    /// Both.
-    Both,
+pub(crate) struct ViewPart {
+    /// Whether a later view is predicted from it.
+    pub is_reference: bool,
+    /// Whether its photograph is wanted.
+    pub is_photograph: bool,
+    /// Levels of the transform that photographs leave out; 0 at their full size.
+    pub reduction: usize,
 }
 
 impl ViewPart {
-    pub(crate) fn is_reference(self) -> bool {
-        self != ViewPart::Photograph
-    }
-    pub(crate) fn is_photograph(self) -> bool {
-        self != ViewPart::Reference
-    }
-    /// The part from whether a later view is predicted from it, and whether its photograph is wanted.
-    pub(crate) fn new(is_reference: bool, is_photograph: bool) -> Self {
-        match (is_reference, is_photograph) {
-            (true, true) => ViewPart::Both,
-            (false, true) => ViewPart::Photograph,
-            (_, false) => ViewPart::Reference,
-        }
-    }
     /// Levels of the transform that are left out; `level` is that of the pictures that later views are predicted from.
     pub(super) fn finest_level(self, level: usize) -> usize {
-        if self.is_photograph() { 0 } else { level }
+        match (self.is_photograph, self.is_reference) {
+            (true, true) => self.reduction.min(level),
+            (true, false) => self.reduction,
+            (false, _) => level,
+        }
+    }
+}
+
+/// One component of a view from its coefficients: the photograph's signal, if that is not the picture that later views are predicted from, and
+/// that picture. `coefficients` may be taken.
+fn signals(
+    view: &PreparedView,
+    part: ViewPart,
+    coefficients: &mut Coefficients,
+    work: &mut TransformScratch,
+) -> (Option<DecodedSignal>, Option<MaskedPixels>) {
+    let (plan, level) = (&view.plan, view.level);
+    let mut inverse = |wanted: usize, kept: usize| plan.inverse_keeping(coefficients, [wanted, kept], work);
+    match part.is_photograph.then_some(part.reduction) {
+        Some(0) if level > 0 => {
+            let (low, kept) = inverse(1, level);
+            let kept = part.is_reference.then(|| kept.unwrap_or_else(|| low.clone()));
+            let half = HalfPicture { low, coefficients: std::mem::take(coefficients) };
+            (Some(DecodedSignal::Half(half)), kept)
+        }
+        Some(reduction) if !part.is_reference => (Some(DecodedSignal::Whole(inverse(reduction, reduction).0)), None),
+        Some(reduction) if reduction != level => {
+            let (fine, coarse) = inverse(reduction.min(level), reduction.max(level));
+            match (reduction < level, coarse) {
+                (true, coarse) => (Some(DecodedSignal::Whole(fine)), coarse),
+                (false, coarse) => (coarse.map(DecodedSignal::Whole), Some(fine)),
+            }
+        }
+        _ => (None, Some(inverse(level, level).0)),
     }
 }
 
@@ -134,25 +154,25 @@ pub(super) struct ViewTask<'a> {
     pub part: ViewPart,
 }
 
-/// Codes a view; returns its streams, and the view as the decoder has it. `signals` returns a component's signal in a window;
+/// Codes a view; returns its streams, and the view as the decoder has it. `target` returns a component's signal in a window;
 /// `lambda` is the value of a bit in squared steps.
 #[cfg(feature = "encode")]
 pub(crate) fn encode(
     task: &ViewTask,
     wanted_mask: &Mask,
     lambda: f32,
-    signals: impl Fn(&Window, usize) -> PlaneSignal + Sync + Send,
+    target: impl Fn(&Window, usize) -> PlaneSignal + Sync + Send,
 ) -> Result<(ViewStreams<Vec<u8>>, DecodedView)> {
     let mut coder = crate::entropy::RangeEncoder::new();
     let (view, mask_models, ()) = prepare_view(task, &mut coder, Some(wanted_mask), |_| Ok(()))?;
     let mask = coder.finish();
     let parts = code_components(task, &view, |index, predicted, mut models| {
         let quantiser = task.coding.components[index].quantiser(task.scale);
-        let target = view.plan.forward(signals(&view.window, index));
+        let target = view.plan.forward(target(&view.window, index));
         let trade_off = RateDistortion { lambda };
         let picture = view.picture_task(&quantiser, predicted, 0);
-        let (stream, decoded) = coefficients::encode(&mut models, &picture, &target, trade_off);
-        (models, (stream, view.plan.inverse_keeping(&decoded, [0, view.level], &mut TransformScratch::default())))
+        let (stream, mut decoded) = coefficients::encode(&mut models, &picture, &target, trade_off);
+        (models, (stream, signals(&view, task.part, &mut decoded, &mut TransformScratch::default())))
     });
     let (components, parts): (Vec<_>, Vec<_>) = parts.into_iter().unzip();
     let (streams, signals): (Vec<_>, Vec<_>) = parts.into_iter().unzip();
@@ -176,9 +196,12 @@ pub(crate) fn decode(
         let message = format!("view {name}: the stream of {what} does not end with what it tells: the file is damaged");
         Error::format(Tag::PLANES, offset, message)
     };
-    let _drawn = budget.reserve("a view being drawn", drawing_bytes(&captured.camera))?;
-    let admit =
-        |window: &Window| budget.reserve("a view being decoded", coding_bytes(window.pixel_count(), task.coding));
+    let size = ViewSize::new(&captured.camera, task.coding);
+    let _drawn = budget.reserve("a view being drawn", size.drawing_bytes())?;
+    let admit = |window: &Window| {
+        let size = size.within(window);
+        budget.reserve("a view being decoded", size.coding_bytes(task.part.is_photograph))
+    };
     let mut coder = RangeDecoder::new(streams.mask);
     let (view, mask_models, _coded) = prepare_view(task, &mut coder, None, admit)?;
     if !coder.ends_as_written(0) {
@@ -191,7 +214,7 @@ pub(crate) fn decode(
             let finest_level = task.part.finest_level(view.level);
             let picture = view.picture_task(&quantiser, predicted, finest_level);
             *coefficients = coefficients::decode(&streams.components[index], &mut models, &picture, scratch)?;
-            Some((models, view.plan.inverse_keeping(coefficients, [finest_level, view.level], transform)))
+            Some((models, signals(&view, task.part, coefficients, transform)))
         })
     });
     let parts: Option<Vec<_>> = parts.into_iter().collect();
@@ -246,18 +269,27 @@ fn code_components<T: Send>(
 
 fn decoded_view(
     view: PreparedView,
-    signals: Vec<(MaskedPixels, Option<MaskedPixels>)>,
+    signals: Vec<(Option<DecodedSignal>, Option<MaskedPixels>)>,
     models: ViewModels,
     part: ViewPart,
 ) -> DecodedView {
-    let (size, window, level) = (view.low_size(), view.window.low_band(view.level), view.level);
-    let PreparedView { mask, window: whole, geometry, .. } = view;
-    let (mut signals, lows): (Vec<_>, Vec<_>) = signals.into_iter().unzip();
-    let reference = part.is_reference().then(|| {
-        let is_whole = part.finest_level(level) == level;
-        let pictures = if is_whole { std::mem::take(&mut signals) } else { lows.into_iter().flatten().collect() };
-        let pictures = pictures.into_iter().map(|pixels| ReferenceImage::new(pixels, size, window)).collect();
-        DecodedReference { seen: ReferenceView::new(geometry), pictures, models }
+    let (size, low_window, level) = (view.low_size(), view.window.low_band(view.level), view.level);
+    let PreparedView { mut mask, mut window, plan, geometry, .. } = view;
+    let (signals, pictures): (Vec<_>, Vec<_>) = signals.into_iter().unzip();
+    let reference = part.is_reference.then(|| {
+        let pictures = pictures.into_iter().flatten().map(|pixels| ReferenceImage::new(pixels, size, low_window));
+        DecodedReference { pictures: pictures.collect(), seen: ReferenceView::new(geometry), models }
     });
-    DecodedView { mask, window: whole, level, signals, reference }
+    let reduction = part.reduction;
+    if reduction > 0 {
+        let inside = plan.low_mask(reduction);
+        let [width, height] = [mask.width, mask.height].map(|size| size.div_ceil(1 << reduction));
+        window = window.low_band(reduction);
+        mask = Mask::filled(width, height, false);
+        for y in 0..inside.height {
+            let row = (window.top + y) * width + window.left;
+            mask.data[row..row + inside.width].copy_from_slice(inside.row(y));
+        }
+    }
+    DecodedView { plan, mask, window, reduction, level, signals: signals.into_iter().flatten().collect(), reference }
 }

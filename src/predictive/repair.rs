@@ -196,7 +196,7 @@ impl PlaneRepairer<'_> {
         let nothing = Mask::filled(camera.width as usize, camera.height as usize, false);
         let black = |window: &crate::transform::window::Window, _| vec![[0.0; 4]; window.width * window.height];
         let (scene, coding) = (&self.scene, &self.coding);
-        let part = ViewPart::Photograph;
+        let part = ViewPart { is_reference: false, is_photograph: true, reduction: 0 };
         let task = ViewTask { scene, entry: &step, scale: PLAIN_SCALE, coding, decoded: &[], part };
         let (streams, _) = picture::encode(&task, &nothing, 1.0, black)?;
         Ok(streams.into_entry(step, PLAIN_SCALE, &coding.tile_grid(camera)))

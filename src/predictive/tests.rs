@@ -1,6 +1,6 @@
 //! Round trips and hostile streams on a small synthetic scene.
 
-use super::decode::{DecodedPhotograph, decode};
+use super::decode::{DecodedPhotograph, PlaneDecoder, decode};
 use super::encode::{EncodedPlanes, PlaneEncoder, PlaneQuality};
 use super::header::{PREFIX_BYTES, PlaneHeader};
 use crate::image::{Mask, RgbImage};
@@ -134,6 +134,53 @@ fn check_round_trip_with(quality: PlaneQuality) {
         header.entries[index].stream_bytes_above(level) as usize
     });
     assert_eq!(some, needed.sum::<usize>());
+}
+
+/// A photograph of a fraction of its size is about the means of its pixels, and of the streams only those of coarser levels are read.
+#[test]
+fn smaller_photographs_take_the_coarser_levels_alone() {
+    let (mesh, views, photographs) = scene(5);
+    for decode_speed in [DecodeSpeed::Normal, DecodeSpeed::Fast, DecodeSpeed::Fastest] {
+        let quality = PlaneQuality { step: 0.01, decode_speed, tile_side_log2: 4, ..PlaneQuality::default() };
+        let coded = encode((&mesh, &views, &photographs), false, &quality);
+        let budget = Budget::new(Limits::default());
+        let header = PlaneHeader::parse(&coded.bytes, &views, 2, &budget).unwrap();
+        let body = &coded.bytes[PREFIX_BYTES + PlaneHeader::head_bytes(&coded.bytes).unwrap() as usize..];
+        for levels in 1..=3 {
+            let needed: u64 = header.entries.iter().map(|coded| coded.stream_bytes_above(levels)).sum();
+            let mut read = 0;
+            let decoder = PlaneDecoder::new(&header, &mesh, &views, WHITE).reduced_by(levels);
+            let next = |range: Range<u64>| {
+                read += range.end - range.start;
+                Ok(Some(body[range.start as usize..range.end as usize].to_vec()))
+            };
+            let mut errors = Vec::new();
+            let take = |given: Vec<(usize, Photograph)>| {
+                for (view, small) in given {
+                    let whole = &coded.photographs[view];
+                    let (width, side) = (72usize.div_ceil(1 << levels), 1 << levels);
+                    assert_eq!((small.mask.width, small.mask.height), (width, 60usize.div_ceil(1 << levels)));
+                    for at in (0..small.mask.data.len()).filter(|&at| small.mask.data[at]) {
+                        // Blocks that lie in the mask as a whole, around the pixel that the low band's stands on.
+                        let (x, y, reach) = (at % width * side, at / width * side, side / 2);
+                        let (x, y) = (x.saturating_sub(reach), y.saturating_sub(reach));
+                        let block = || (y..=y + side).flat_map(|y| (x..=x + side).map(move |x| (x, y)));
+                        if block().all(|(x, y)| x < 72 && y < 60 && whole.mask.data[y * 72 + x]) {
+                            let value = |pixel: [f32; 3]| pixel[1].max(0.0).sqrt();
+                            let mean: f32 = block().map(|(x, y)| value(whole.images[0].data[y * 72 + x])).sum();
+                            errors.push(value(small.images[0].data[at]) - mean / block().count() as f32);
+                        }
+                    }
+                }
+                Ok(())
+            };
+            decoder.for_each_view(|_| true, next, &budget, take).unwrap();
+            assert_eq!(read, needed, "{decode_speed:?} {levels}");
+            assert!(decode_speed == DecodeSpeed::Normal || needed < header.stream_bytes() * 9 / 10, "{needed} bytes");
+            let rms = (errors.iter().map(|error| error * error).sum::<f32>() / errors.len() as f32).sqrt();
+            assert!(errors.len() > 4 && rms < 0.12, "{decode_speed:?} {levels}: {rms} of {}", errors.len());
+        }
+    }
 }
 
 #[test]

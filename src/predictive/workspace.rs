@@ -1,11 +1,13 @@
 //! Scratch buffers reused between views (not zeroed), and the number of views that the memory budget allows side by side.
 
 use super::order::OrderEntry;
-use super::{DecodedView, PlaneCoding};
+use super::{DecodedSignal, DecodedView, PlaneCoding};
 use crate::limits::Budget;
-use crate::transform::masked::{Coefficients, MaskedPixels, PixelScratch};
+use crate::transform::masked::{Coefficients, PixelScratch};
 use crate::transform::shape_adaptive::ColourLanes;
 use crate::transform::shape_adaptive::TransformScratch;
+use crate::transform::synthesis::HalfPicture;
+use crate::transform::window::Window;
 use crate::views::{Camera, View};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
@@ -23,7 +25,9 @@ pub(crate) struct PlaneWorkspaces(Mutex<FreeWorkspaces>);
 #[derive(Debug, Default)]
 struct FreeWorkspaces {
     workspaces: Vec<PlaneWorkspace>,
-    signals: Vec<PixelScratch>,
+    /// Photographs, and low bands after level 1.
+    signals: [Vec<PixelScratch>; 2],
+    coefficients: Vec<Coefficients>,
 }
 
 impl PlaneWorkspaces {
@@ -34,7 +38,14 @@ impl PlaneWorkspaces {
     pub(crate) fn with<T>(&self, work: impl FnOnce(&mut PlaneWorkspace) -> T) -> T {
         let mut free = self.free();
         let mut workspace = free.workspaces.pop().unwrap_or_default();
-        workspace.transform.recycle(0, free.signals.pop().unwrap_or_default());
+        for (level, signals) in free.signals.iter_mut().enumerate() {
+            if let Some(signal) = signals.pop() {
+                workspace.transform.recycle(level, signal);
+            }
+        }
+        if workspace.coefficients.bytes() == 0 {
+            workspace.coefficients = free.coefficients.pop().unwrap_or_default();
+        }
         drop(free);
         let result = work(&mut workspace);
         self.free().workspaces.push(workspace);
@@ -42,53 +53,97 @@ impl PlaneWorkspaces {
     }
     /// Returns a view's signals to the pool.
     pub(crate) fn recycle(&self, view: &mut DecodedView) {
-        self.free().signals.extend(view.signals.drain(..).map(MaskedPixels::into_scratch));
+        let mut free = self.free();
+        for signal in view.signals.drain(..) {
+            match signal {
+                DecodedSignal::Whole(pixels) => free.signals[0].push(pixels.into_scratch()),
+                DecodedSignal::Half(HalfPicture { low, coefficients }) => {
+                    free.signals[1].push(low.into_scratch());
+                    free.coefficients.push(coefficients);
+                }
+            }
+        }
     }
     /// Frees the pool unless its size and `bytes` more are left of the budget.
     pub(crate) fn free_for(&self, budget: &Budget, bytes: u64) {
         let mut free = self.free();
         let workspaces = free.workspaces.iter().map(|w| w.coefficients.bytes() + w.transform.bytes());
-        let kept: u64 = workspaces.chain(free.signals.iter().map(PixelScratch::bytes)).sum();
+        let signals = free.signals.iter().flatten().map(PixelScratch::bytes);
+        let kept: u64 = workspaces.chain(signals).chain(free.coefficients.iter().map(Coefficients::bytes)).sum();
         if budget.left() < kept.saturating_add(bytes) {
             *free = FreeWorkspaces::default();
         }
     }
 }
 
-/// Bytes for each pixel of a view while it is drawn.
-const DRAWING_BYTES: u64 = 64;
+/// Bytes for each pixel of a view, and for each of its predicted picture, while it is drawn.
+const DRAWING_BYTES: [u64; 2] = [8, 64];
 /// Bytes for each pixel of a view's window, and for each of these and component, while it is decoded.
-const CODING_BYTES: [u64; 2] = [48, 152];
+const CODING_BYTES: [u64; 2] = [12, 40];
+/// Bytes for each pixel of the predicted picture's window, and for each of these and component, besides.
+const PREDICTION_BYTES: [u64; 2] = [36, 112];
 /// Adaptive state of a component.
 pub(crate) const MODEL_BYTES: u64 = 300_000;
 /// Bytes for each pixel of a photograph that is handed out: its mask, and each component.
 const PHOTOGRAPH_BYTES: [u64; 2] = [1, 12];
 
-fn pixels(camera: &Camera) -> u64 {
-    camera.width as u64 * camera.height as u64
+/// What the memory that a view takes depends on.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct ViewSize {
+    /// Pixels of the view, or of its window.
+    pixels: u64,
+    components: u64,
+    /// Levels of the transform above the predicted picture.
+    level: u64,
+    /// Models of each component that are there at once: those of the base and of the tiles that others start from.
+    models: u64,
 }
 
-/// Bytes that a view takes while it is drawn.
-pub(crate) fn drawing_bytes(camera: &Camera) -> u64 {
-    pixels(camera).saturating_mul(DRAWING_BYTES)
-}
-
-/// Bytes that a view takes while it is decoded, from the number of its window's pixels.
-pub(crate) fn coding_bytes(window_pixels: u64, coding: &PlaneCoding) -> u64 {
-    let components = coding.components.len() as u64;
-    window_pixels
-        .saturating_mul(CODING_BYTES[0] + CODING_BYTES[1] * components)
-        .saturating_add(MODEL_BYTES * components)
+impl ViewSize {
+    pub(crate) fn new(camera: &Camera, coding: &PlaneCoding) -> Self {
+        let grid = coding.tile_grid(camera);
+        ViewSize {
+            pixels: camera.width as u64 * camera.height as u64,
+            components: coding.components.len() as u64,
+            level: grid.levels() as u64,
+            models: 1
+                + (2..=grid.levels())
+                    .map(|level| grid.level_tiles(level).iter().product::<usize>() as u64)
+                    .sum::<u64>(),
+        }
+    }
+    /// The same of a window of the view.
+    pub(crate) fn within(self, window: &Window) -> Self {
+        ViewSize { pixels: window.pixel_count(), ..self }
+    }
+    fn low_pixels(&self) -> u64 {
+        self.pixels >> (2 * self.level)
+    }
+    /// Bytes that it takes while it is drawn.
+    pub(crate) fn drawing_bytes(&self) -> u64 {
+        let drawn = self.low_pixels().saturating_mul(DRAWING_BYTES[1]);
+        if self.level == 0 { drawn } else { drawn.saturating_add(self.pixels.saturating_mul(DRAWING_BYTES[0])) }
+    }
+    /// Bytes that it takes while it is decoded, `pixels` those of its window: the photograph, or only what others are predicted from.
+    pub(crate) fn coding_bytes(&self, is_photograph: bool) -> u64 {
+        let bytes =
+            |pixels: u64, [each, component]: [u64; 2]| pixels.saturating_mul(each + component * self.components);
+        let whole = bytes(self.pixels, if is_photograph { CODING_BYTES } else { [CODING_BYTES[0], 0] });
+        let models = self.models.saturating_mul(MODEL_BYTES * self.components);
+        whole.saturating_add(bytes(self.low_pixels(), PREDICTION_BYTES)).saturating_add(models)
+    }
 }
 
 /// Bytes of a photograph.
 pub(crate) fn photograph_bytes(camera: &Camera, components: usize) -> u64 {
-    pixels(camera).saturating_mul(PHOTOGRAPH_BYTES[0] + PHOTOGRAPH_BYTES[1] * components as u64)
+    let pixels = camera.width as u64 * camera.height as u64;
+    pixels.saturating_mul(PHOTOGRAPH_BYTES[0] + PHOTOGRAPH_BYTES[1] * components as u64)
 }
 
 /// Peak memory in bytes of decoding a view and handing it out; less is charged if its window is smaller than the image.
 pub(crate) fn peak_bytes(camera: &Camera, coding: &PlaneCoding) -> u64 {
-    (drawing_bytes(camera).saturating_add(coding_bytes(pixels(camera), coding)))
+    let size = ViewSize::new(camera, coding);
+    (size.drawing_bytes().saturating_add(size.coding_bytes(true)))
         .saturating_add(photograph_bytes(camera, coding.components.len()))
 }
 

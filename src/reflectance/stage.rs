@@ -25,6 +25,9 @@ pub(crate) struct ReflectanceEncoder<'a> {
     displacement_bytes: Option<Vec<u8>>,
 }
 
+/// About the most texels of the atlas, so that readers decode it within their default memory.
+const MAX_TEXELS: f64 = 4e6;
+
 impl<'a> ReflectanceEncoder<'a> {
     /// Lays out the atlas of the mesh and fits reflectance to the photographs.
     /// # Errors
@@ -42,7 +45,12 @@ impl<'a> ReflectanceEncoder<'a> {
         // More than a few texels for a pixel of all photographs together hold nothing more.
         let pixels: f64 = cameras.iter().map(|camera| f64::from(camera.width) * f64::from(camera.height)).sum();
         let per_pixel = 4.0 + 16.0 * options.atlas_density.powi(2);
-        let charts = atlas::layout_within(mesh, density, (1 << 20) as f64 + per_pixel * pixels)?;
+        let most = (1 << 20) as f64 + per_pixel * pixels;
+        let mut charts = atlas::layout_within(mesh, density, most)?;
+        let texels = charts.width as f64 * charts.height as f64;
+        if texels > MAX_TEXELS {
+            charts = atlas::layout_within(mesh, density * (MAX_TEXELS / texels).sqrt(), most)?;
+        }
         let chart_bytes = charts::encode(mesh, &charts)?;
         let raster = atlas::rasterise_atlas(mesh, &charts)?;
         let displaced =

@@ -10,6 +10,7 @@ use crate::transform::masked::{self, MaskedPixels, RowRuns};
 use crate::transform::shape_adaptive::{ColourLanes, PixelRun};
 use crate::transform::window::Window;
 use glam::Vec4;
+use std::ops::Range;
 
 /// A decoded picture in the sqrt domain, filled beyond its mask so that interpolation may read anywhere.
 #[derive(Debug, Clone)]
@@ -65,9 +66,9 @@ impl ReferenceImage {
     pub(crate) fn bytes(&self) -> u64 {
         (size_of_val(&self.pixels[..]) + size_of_val(&self.rows[..])) as u64
     }
-    /// The mask's runs with their pixels.
-    pub(crate) fn runs(&self) -> impl Iterator<Item = (&PixelRun, &[ColourLanes])> {
-        masked::runs(&self.rows, self.window.width, &self.pixels)
+    /// The mask's runs in a range of the window's lines with their pixels.
+    pub(crate) fn runs(&self, lines: &Range<usize>) -> impl Iterator<Item = (&PixelRun, &[ColourLanes])> {
+        masked::runs(masked::runs_within(&self.rows, lines), 0, self.window.width, &self.pixels)
     }
 
     /// Catmull-Rom interpolation; `position` is clamped to the picture.

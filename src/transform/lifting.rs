@@ -106,11 +106,17 @@ pub(super) fn analyse(line: &mut [ColourLanes], start: u32) {
     scale(line, if even == 0 { [LOW, HIGH] } else { [HIGH, LOW] });
 }
 
+/// Slots whose coefficients a pixel depends on before the one with which it is settled.
+pub(super) const STATE_SLOTS: isize = 4;
+
 /// The inverse of [`analyse`] for one run, as a stream of slots: the same steps backwards, subtracted.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Synthesiser {
     start: isize,
     end: isize,
+    /// Slots to be taken: all, or those that some of the pixels take.
+    first: isize,
+    behind: isize,
     /// Slot `k - 1`: the high coefficient scaled, the low one lifted once.
     high: Vec4,
     low: Vec4,
@@ -120,16 +126,31 @@ pub(super) struct Synthesiser {
 }
 
 impl Synthesiser {
-    /// For the run after `start - 1` and before `end`.
+    /// For all pixels of a run.
     pub(super) fn new(run: &PixelRun) -> Self {
-        Synthesiser { start: run.start as isize, end: (run.start + run.length) as isize, ..Default::default() }
+        Synthesiser::within(run, &(0..usize::MAX / 2))
+    }
+    /// For the pixels of a run that lie in a range, of which there is one at least. The first slots only bring the filter to where it would
+    /// be if it came from the run's start: the pixels that are settled with them are not to be used.
+    pub(super) fn within(run: &PixelRun, range: &Range<usize>) -> Self {
+        let (start, end) = (run.start as isize, (run.start + run.length) as isize);
+        // The slot with which a pixel is settled, and the slots before the first one that its state comes from.
+        let settles = |at: isize| (at + 3) / 2;
+        let first = settles(start.max(range.start as isize)) - STATE_SLOTS;
+        let behind = settles(end.min(range.end as isize) - 1) + 1;
+        Synthesiser { start, end, first: first.max(start / 2 - 2), behind, ..Default::default() }
+    }
+    /// Where the inner slots of the whole run begin and end.
+    fn inner_of_run(&self) -> [isize; 2] {
+        let first = (self.start + 1) / 2 + 2;
+        [first, first.max(self.end / 2)]
     }
     /// Slots whose coefficients, and the pixels that are settled with them, all lie in the run.
     #[inline(always)]
     pub(super) fn inner(&self) -> Range<usize> {
-        let (start, end) = (self.start as usize, self.end as usize);
-        let first = start.div_ceil(2) + 2;
-        first..first.max(end / 2)
+        let [first, end] = self.inner_of_run();
+        let first = first.max(self.first);
+        first as usize..end.min(self.behind).max(first) as usize
     }
     /// The pixels at `2 slot - 3` and `2 slot - 2`, from the coefficients of an inner slot; they are taken one after the other.
     #[inline(always)]
@@ -148,7 +169,7 @@ impl Synthesiser {
         coefficients: impl Fn(usize) -> [ColourLanes; 2],
         put: impl FnMut(usize, ColourLanes),
     ) {
-        self.near_an_end(self.start / 2 - 2..(self.inner().start as isize).min(self.behind()), coefficients, put);
+        self.near_an_end(self.first..self.inner_of_run()[0].min(self.behind), coefficients, put);
     }
     /// Synthesises the slots after the inner ones.
     pub(super) fn synthesise_end(
@@ -156,11 +177,7 @@ impl Synthesiser {
         coefficients: impl Fn(usize) -> [ColourLanes; 2],
         put: impl FnMut(usize, ColourLanes),
     ) {
-        self.near_an_end(self.inner().end as isize..self.behind(), coefficients, put);
-    }
-    /// Behind the slot with which the last pixel is settled.
-    fn behind(&self) -> isize {
-        (self.end - 1) / 2 + 3
+        self.near_an_end(self.inner_of_run()[1].max(self.first)..self.behind, coefficients, put);
     }
     fn near_an_end(
         &mut self,

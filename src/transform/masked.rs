@@ -6,6 +6,7 @@
 //! holds NaN at first, which no comparison survives.
 
 use super::lifting::{ColourLanes, PixelRun};
+use std::ops::Range;
 use std::sync::Arc;
 
 /// Whether memory that is used again is filled with NaN first, so that whatever is read of it unwritten is found.
@@ -64,9 +65,13 @@ impl MaskedPixels {
     pub(crate) fn new(width: usize, rows: RowRuns, pixels: Vec<ColourLanes>) -> Self {
         MaskedPixels { width, rows, pixels }
     }
-    /// The mask's runs with their pixels.
-    pub fn runs(&self) -> impl Iterator<Item = (&PixelRun, &[ColourLanes])> {
-        runs(&self.rows, self.width, &self.pixels)
+    /// The mask's runs in a range of lines with their pixels.
+    pub fn runs(&self, lines: &Range<usize>) -> impl Iterator<Item = (&PixelRun, &[ColourLanes])> {
+        runs(runs_within(&self.rows, lines), 0, self.width, &self.pixels)
+    }
+    /// All pixels, of which those of the mask are to be read.
+    pub(super) fn pixels(&self) -> &[ColourLanes] {
+        &self.pixels
     }
     /// Bytes of memory that its pixels take.
     pub fn bytes(&self) -> u64 {
@@ -93,14 +98,21 @@ impl MaskedPixels {
     }
 }
 
-/// Runs of a picture of `width` columns with their pixels.
+/// The runs in a range of lines, of runs in the order of their lines.
+pub(crate) fn runs_within<'a>(runs: &'a [PixelRun], lines: &Range<usize>) -> &'a [PixelRun] {
+    let [start, end] = [lines.start, lines.end].map(|line| runs.partition_point(|run| (run.line as usize) < line));
+    &runs[start..end]
+}
+
+/// Runs of a picture of `width` columns with their pixels; `pixels` begin with line `first`.
 pub(crate) fn runs<'a>(
     rows: &'a [PixelRun],
+    first: usize,
     width: usize,
     pixels: &'a [ColourLanes],
 ) -> impl Iterator<Item = (&'a PixelRun, &'a [ColourLanes])> {
     rows.iter().map(move |run| {
-        let at = run.line as usize * width + run.start as usize;
+        let at = (run.line as usize - first) * width + run.start as usize;
         (run, &pixels[at..at + run.length as usize])
     })
 }

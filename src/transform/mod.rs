@@ -6,4 +6,5 @@ mod lifting;
 pub(crate) mod masked;
 pub(crate) mod shape_adaptive;
 pub(crate) mod signal;
+pub(crate) mod synthesis;
 pub(crate) mod window;

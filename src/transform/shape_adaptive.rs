@@ -7,7 +7,7 @@
 
 pub use super::lifting::ColourLanes;
 pub(crate) use super::lifting::PixelRun;
-use super::lifting::{Synthesiser, analyse, scatter};
+use super::lifting::{analyse, scatter};
 use super::masked::{Coefficients, MaskedPixels, PixelScratch, RowRuns};
 use crate::image::Mask;
 use std::ops::Range;
@@ -42,18 +42,18 @@ pub enum Orientation {
 /// Everything about the transform that follows from the mask alone.
 #[derive(Debug, Clone)]
 pub struct WaveletPlan {
-    levels: Vec<PlanLevel>,
-    bands: Vec<Subband>,
+    pub(super) levels: Vec<PlanLevel>,
+    pub(super) bands: Vec<Subband>,
     /// Runs along rows of the picture and of the low band after each level.
-    rows: Vec<RowRuns>,
+    pub(super) rows: Vec<RowRuns>,
 }
 
 #[derive(Debug, Clone)]
-struct PlanLevel {
-    width: usize,
-    height: usize,
-    /// Columns of the low and of the high half.
-    columns: [Vec<PixelRun>; 2],
+pub(super) struct PlanLevel {
+    pub(super) width: usize,
+    pub(super) height: usize,
+    /// Columns of the low and of the high half, in the order of their starts.
+    pub(super) columns: [Vec<PixelRun>; 2],
 }
 
 /// Number of levels for a picture: the largest up to [`MAX_LEVELS`] that leaves at least 4 rows and columns.
@@ -154,6 +154,27 @@ impl WaveletPlan {
         self.rows.get(level).map_or(&[], |rows| rows)
     }
 
+    /// Bytes of memory that it takes.
+    pub fn bytes(&self) -> u64 {
+        let runs = self.levels.iter().flat_map(|level| &level.columns).map(Vec::len).sum::<usize>()
+            + self.rows.iter().map(|rows| rows.len()).sum::<usize>();
+        (self.bands.iter().map(|band| band.mask.data.len()).sum::<usize>() + runs * size_of::<PixelRun>()) as u64
+    }
+
+    /// The mask of the low band after `level` levels, 0 the picture itself.
+    pub fn low_mask(&self, level: usize) -> Mask {
+        let (width, height) = match self.levels.get(level) {
+            Some(level) => (level.width, level.height),
+            None => (self.bands[0].mask.width, self.bands[0].mask.height),
+        };
+        let mut mask = Mask::filled(width, height, false);
+        for run in self.row_runs(level) {
+            let at = run.line as usize * width + run.start as usize;
+            mask.data[at..at + run.length as usize].fill(true);
+        }
+        mask
+    }
+
     /// The subbands, coarse to fine: low, then horizontal, vertical and diagonal of each level.
     pub fn bands(&self) -> &[Subband] {
         &self.bands
@@ -235,76 +256,17 @@ impl WaveletPlan {
         for (index, level) in self.levels.iter().enumerate().skip(wanted).rev() {
             let first = self.level_bands(index + 1).start;
             let [horizontal, vertical, diagonal] = [0, 1, 2].map(|k| band(first + k));
-            let half = level.width.div_ceil(2);
             let mut pixels = work.take_buffer(index, level.width * level.height);
-            let mut sides = work.sides(half * level.height);
-            let quarters = [[&low[..], vertical], [horizontal, diagonal]];
-            for ((side, columns), quarter) in sides.iter_mut().zip(&level.columns).zip(quarters) {
-                synthesise_columns(columns, quarter, side, half);
-            }
-            for run in self.rows[index].iter() {
-                let y = run.line as usize;
-                let [low, high] = sides.each_ref().map(|side| &side[y * half..][..half]);
-                let row = &mut pixels[y * level.width..][..level.width];
-                let mut line = Synthesiser::new(run);
-                let (inner, coefficients) = (line.inner(), |slot: usize| [low[slot], high[slot]]);
-                line.synthesise_start(coefficients, |x, pixel| row[x] = pixel);
-                let pairs = row.get_mut(2 * inner.start - 3..).unwrap_or_default().as_chunks_mut::<2>().0;
-                let [low, high] = [low, high].map(|half| half.get(inner.clone()).unwrap_or_default());
-                for ((pair, low), high) in pairs.iter_mut().zip(low).zip(high) {
-                    *pair = line.next(*low, *high);
-                }
-                line.synthesise_end(coefficients, |x, pixel| row[x] = pixel);
-            }
+            let bands = [&low[..], horizontal, vertical, diagonal];
+            self.synthesise_rows(index, bands, 0..level.height, &mut work.sides, &mut pixels);
             let low = std::mem::replace(&mut low, pixels);
             if index + 1 == kept && kept > wanted {
-                keep = Some(MaskedPixels::new(half, self.rows[kept].clone(), low));
+                keep = Some(MaskedPixels::new(self.columns_after(kept), self.rows[kept].clone(), low));
             } else {
                 work.recycle(index + 1, low.into());
             }
         }
         (MaskedPixels::new(self.columns_after(wanted), self.rows[wanted].clone(), low), keep)
-    }
-}
-
-/// Undoes the transform of columns, row by row, since memory is read and written along rows. `columns` are in the order of their starts,
-/// `quarters` the low and the high coefficients, rows of `width`.
-fn synthesise_columns(columns: &[PixelRun], quarters: [&[ColourLanes]; 2], side: &mut [ColourLanes], width: usize) {
-    let coefficients = |x: usize| move |slot: usize| quarters.map(|quarter| quarter[slot * width + x]);
-    // For each column its run, and what is behind the last inner slot of it; 0 where there is no run.
-    let mut lines = vec![Synthesiser::default(); width];
-    let mut ends = vec![0; width];
-    let mut waiting = columns.iter().map(|run| (run.line as usize, Synthesiser::new(run))).peekable();
-    let mut active = 0;
-    for slot in 0.. {
-        while let Some((x, mut line)) = waiting.next_if(|(_, line)| line.inner().start == slot) {
-            line.synthesise_start(coefficients(x), |y, pixel| side[y * width + x] = pixel);
-            (lines[x], ends[x]) = (line, line.inner().end);
-            active += 1;
-        }
-        if active == 0 {
-            match waiting.peek() {
-                Some(_) => continue,
-                None => break,
-            }
-        }
-        let rest = quarters.map(|quarter| quarter.get(slot * width..).unwrap_or_default());
-        let mut settled =
-            side.get_mut((2 * slot).saturating_sub(3) * width..).unwrap_or_default().chunks_exact_mut(width);
-        let (odd, even) = (settled.next().unwrap_or_default(), settled.next().unwrap_or_default());
-        let pixels = odd.iter_mut().zip(even).zip(rest[0].iter().zip(rest[1]));
-        for ((line, end), ((odd, even), (low, high))) in lines.iter_mut().zip(&ends).zip(pixels) {
-            if slot < *end {
-                [*odd, *even] = line.next(*low, *high);
-            }
-        }
-        for x in 0..width {
-            if slot == ends[x] && slot > 0 {
-                lines[x].synthesise_end(coefficients(x), |y, pixel| side[y * width + x] = pixel);
-                ends[x] = 0;
-                active -= 1;
-            }
-        }
     }
 }
 
@@ -389,6 +351,29 @@ mod tests {
             for (a, b) in again.iter().flatten().zip(coefficients.iter().flatten()) {
                 assert!((0..4).all(|k| (a[k] - b[k]).abs() < 2e-3), "level {level}: {a:?} {b:?}");
             }
+        }
+    }
+
+    /// Strips of any rows, of masks whose runs begin and end everywhere.
+    #[test]
+    fn rows_by_themselves_are_those_of_the_whole() {
+        for (width, height, dots) in [(37, 91, 0.3), (40, 150, 0.0), (9, 64, 0.7)] {
+            let (mask, pixels) = blob(width, height, dots);
+            let plan = WaveletPlan::new(&mask);
+            let coefficients: Coefficients = plan.forward(pixels).into();
+            let whole = plan.inverse(&coefficients);
+            let low = plan.inverse_keeping(&coefficients, [1, 1], &mut TransformScratch::default()).0;
+            let half = crate::transform::synthesis::HalfPicture { low, coefficients };
+            let (mut strip, mut found) = (Default::default(), 0);
+            for rows in (1..12).flat_map(|rows| (0..height - rows).map(move |first| first..first + rows)) {
+                half.for_each_run(&plan, rows.clone(), &mut strip, |(run, pixels)| {
+                    assert!(rows.contains(&(run.line as usize)));
+                    let at = run.line as usize * width + run.start as usize;
+                    assert!(pixels == &whole[at..at + pixels.len()], "{width} x {height}, {rows:?}: {run:?}");
+                    found += pixels.len();
+                });
+            }
+            assert!(found > 10 * mask.count(), "{found}");
         }
     }
 

@@ -29,6 +29,10 @@ pub struct Decode {
     /// Only these views, by number or name, with commas between; of the others nothing is read that these don't need.
     #[arg(long, value_name = "VIEW,...", value_delimiter = ',')]
     views: Vec<String>,
+    /// Halves the size of the photographs N times, 0 to 5, profile predictive: of finer detail nothing is read or decoded.
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u8).range(0..=5))]
+    #[arg(conflicts_with_all = ["mesh_only", "section"])]
+    reduce: u8,
     /// File format of the photographs.
     #[arg(long, value_enum, default_value = "exr")]
     format: Format,
@@ -107,7 +111,7 @@ impl Decode {
         } else {
             Some(output::Folder::create(&self.output, self.force, Some(INDEX), &[&self.file])?)
         };
-        let options = DecodeOptions { selection, limits: limits() };
+        let options = DecodeOptions { selection, limits: limits(), reduction: self.reduce };
         let _busy = progress::busy("decoding");
         let mut writing = Duration::ZERO;
         let (asset, views) = match folder {

@@ -28,8 +28,11 @@ pub struct Encode {
     #[arg(long, value_enum, default_value = "predictive")]
     profile: ProfileName,
     /// Profile predictive: trades file size for decoding speed.
-    #[arg(long, alias = "decoding", value_enum, default_value = "0", value_name = "LEVEL")]
+    #[arg(long, alias = "decoding", value_enum, default_value = "auto", value_name = "LEVEL")]
     faster_decoding: FasterDecoding,
+    /// Profile predictive: side of the tiles that faster files are cut into, in coefficients; a power of two, 16 to 4096.
+    #[arg(long, default_value_t = 256, value_name = "N")]
+    tile_side: u32,
     /// Leaves every K-th view out of the file, so that compare can judge images between the captured ones.
     #[arg(long, value_name = "K")]
     hold_out: Option<usize>,
@@ -116,6 +119,9 @@ enum ProfileName {
 
 #[derive(Clone, Copy, PartialEq, ValueEnum)]
 enum FasterDecoding {
+    /// As 0 for photographs of up to 1.5 megapixels; larger ones as 1, predicted from pictures of at most 0.4 megapixels.
+    #[value(name = "auto")]
+    Automatic,
     /// The smallest file.
     #[value(name = "0", alias = "small")]
     Normal,
@@ -217,11 +223,12 @@ impl Encode {
             return Err(Error::parameter(message).into());
         }
         let decode_speed = match self.faster_decoding {
+            FasterDecoding::Automatic => DecodeSpeed::Automatic,
             FasterDecoding::Normal => DecodeSpeed::Normal,
             FasterDecoding::Fast => DecodeSpeed::Fast,
             FasterDecoding::Fastest => DecodeSpeed::Fastest,
         };
-        if decode_speed != DecodeSpeed::Normal && profile == Profile::WaveletTexture {
+        if matches!(decode_speed, DecodeSpeed::Fast | DecodeSpeed::Fastest) && profile == Profile::WaveletTexture {
             let message = "--faster-decoding goes with profile predictive: profile wavelet-texture has no predictions";
             return Err(Error::parameter(message).into());
         }
@@ -233,6 +240,7 @@ impl Encode {
             },
             profile,
             decode_speed,
+            tile_side: self.tile_side,
             target: self.target.target(),
             hold_out: self.hold_out,
             position_bits: self.position_bits,

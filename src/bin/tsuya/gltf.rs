@@ -374,7 +374,7 @@ fn check_mesh(
 }
 
 fn lightly() -> DecodeOptions {
-    DecodeOptions { selection: ViewSelection::None, limits: limits() }
+    DecodeOptions { selection: ViewSelection::None, limits: limits(), ..Default::default() }
 }
 
 fn without_photographs(path: &Path, stream: &[u8]) -> Result<Asset> {

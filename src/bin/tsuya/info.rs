@@ -23,7 +23,7 @@ pub struct Info {
 impl Info {
     pub fn run(self) -> Result<()> {
         let mut file = open_container(&self.file)?;
-        let options = DecodeOptions { selection: ViewSelection::None, limits: limits() };
+        let options = DecodeOptions { selection: ViewSelection::None, limits: limits(), ..Default::default() };
         let asset = decode_from(&mut file, &options).with_context(|| name(&self.file))?;
         let codec = |codec: SectionCodec| match codec {
             SectionCodec::None => "none",

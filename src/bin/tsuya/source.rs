@@ -69,7 +69,7 @@ pub fn open_container(path: &Path) -> Result<Container<Box<dyn Source>>> {
 /// Decodes a file.
 pub fn decode(path: &Path, selection: ViewSelection) -> Result<(Asset, u64)> {
     let mut file = open_container(path)?;
-    let options = DecodeOptions { selection, limits: limits() };
+    let options = DecodeOptions { selection, limits: limits(), ..Default::default() };
     let asset = decode_from(&mut file, &options).with_context(|| name(path))?;
     Ok((asset, file.file_bytes()))
 }
