@@ -205,6 +205,7 @@ mod tests {
             warnings: Vec::new(),
             skipped_frames: 0,
             missing_pixels: 1,
+            clipping: Default::default(),
         }
     }
 

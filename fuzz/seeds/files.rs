@@ -49,6 +49,7 @@ fn capture(mesh: Mesh, kind: Kind) -> Capture {
         warnings: Vec::new(),
         skipped_frames: 0,
         missing_pixels: 0,
+        clipping: Default::default(),
     }
 }
 

@@ -15,6 +15,7 @@ mod agreement;
 pub(crate) mod align;
 #[cfg(feature = "ar")]
 pub(crate) mod calibration;
+mod clipping;
 mod colmap;
 mod describe;
 mod description;
@@ -37,6 +38,7 @@ pub use agreement::{Agreement, Cause, Misplaced, agreement};
 pub use align::{Alignment, Correspondence, align, apply_pose, read_correspondences};
 #[cfg(feature = "ar")]
 pub use calibration::{Calibration, read_calibration};
+pub use clipping::Clipping;
 pub use describe::describe;
 pub use description::{CaptureDescription, FrameDescription, WhiteReference};
 pub use hull::{HullOptions, VisualHull, visual_hull};
@@ -77,6 +79,8 @@ pub struct Capture {
     pub skipped_frames: usize,
     /// Pixels, inside the masks where there are any, that are NaN or infinite in a photograph as stored.
     pub missing_pixels: u64,
+    /// Pixels of the object that are at the most that their files hold.
+    pub clipping: Clipping,
 }
 
 /// One photograph, or a pair through polarisers, by one camera under one light.
@@ -165,15 +169,16 @@ pub fn read_with_progress(
     check_beta(&description, beta, crossed > 0)?;
 
     let settings = FrameSettings { space, invert_masks: options.invert_masks };
-    let mut missing_pixels = 0;
+    let (mut missing_pixels, mut clipping) = (0, Clipping::default());
     let mut frames = Vec::with_capacity(described.len());
     let mut faults = Vec::new();
     for (outcome, frame) in
-        read_frames(&description.path, &described, &access, &settings, progress)?.into_iter().zip(&described)
+        read_frames(&description.path, &described, &access, &settings, &mesh, progress)?.into_iter().zip(&described)
     {
         match outcome {
-            Ok((frame, missing)) => {
+            Ok((frame, missing, clipped)) => {
                 missing_pixels += missing;
+                clipping.merge(clipped);
                 frames.push(frame);
             }
             Err(ImageFault::Unreadable(error)) => {
@@ -198,6 +203,7 @@ pub fn read_with_progress(
     if missing_pixels > 0 {
         warnings.push(format!("{missing_pixels} pixels are NaN or infinite and are taken as missing"));
     }
+    warnings.extend(clipping.warning(frames.len()));
     warnings.extend(access.remarks());
     let CaptureDescription { name, path, .. } = description;
     let mut capture = Capture {
@@ -211,6 +217,7 @@ pub fn read_with_progress(
         warnings,
         skipped_frames: skipped,
         missing_pixels,
+        clipping,
     };
     if !options.unchecked {
         agreement::settle(&path, &mut capture)?;
@@ -268,7 +275,8 @@ fn check_beta(description: &CaptureDescription, beta: Option<[f64; 3]>, crossed:
     Ok(())
 }
 
-type FrameOutcome = std::result::Result<(CaptureFrame, u64), ImageFault>;
+/// A frame, its missing and its clipped pixels.
+type FrameOutcome = std::result::Result<(CaptureFrame, u64, Clipping), ImageFault>;
 
 /// Frames that a warning names, at most.
 const MAX_NAMED: usize = 20;
@@ -279,6 +287,7 @@ fn read_frames(
     described: &[FrameDescription],
     access: &FileAccess,
     settings: &FrameSettings,
+    mesh: &Mesh,
     progress: &(dyn Fn(usize, usize) + Sync),
 ) -> Result<Vec<FrameOutcome>> {
     // What stays of each frame is known from its camera, as no picture of another size is taken.
@@ -298,7 +307,7 @@ fn read_frames(
     let at_once = (access.budget().left() / reading).max(1) as usize;
     let done = AtomicUsize::new(0);
     let one = |frame: &FrameDescription| {
-        let outcome = read_frame(frame, access, settings);
+        let outcome = read_frame(frame, access, settings, mesh);
         progress(done.fetch_add(1, Ordering::Relaxed) + 1, described.len());
         outcome
     };
@@ -309,7 +318,7 @@ fn read_frames(
     // Some need more than their size tells, such as those of many channels: alone they may have it.
     for (outcome, frame) in outcomes.iter_mut().zip(described) {
         if matches!(outcome, Err(ImageFault::Wrong(Error::InputMemory { .. }))) {
-            *outcome = read_frame(frame, access, settings);
+            *outcome = read_frame(frame, access, settings, mesh);
         }
     }
     Ok(outcomes)
@@ -321,16 +330,26 @@ struct FrameSettings {
     invert_masks: bool,
 }
 
-fn read_frame(described: &FrameDescription, access: &FileAccess, settings: &FrameSettings) -> FrameOutcome {
+fn read_frame(
+    described: &FrameDescription,
+    access: &FileAccess,
+    settings: &FrameSettings,
+    mesh: &Mesh,
+) -> FrameOutcome {
     let FrameSettings { space, invert_masks } = settings;
     let camera = &described.view.camera;
     let size = (camera.width, camera.height);
     let picture = read_radiance_image(&described.photograph, access, space, Some(size))?;
-    let mut photograph = picture.colour;
-    let mut cross = match &described.cross {
-        Some(path) => Some(read_radiance_image(path, access, space, Some(size))?.colour),
-        None => None,
-    };
+    let (mut photograph, mut clipped) = (picture.colour, picture.clipped);
+    let mut cross = None;
+    if let Some(path) = &described.cross {
+        let picture = read_radiance_image(path, access, space, Some(size))?;
+        cross = Some(picture.colour);
+        match (&mut clipped, picture.clipped) {
+            (Some(clipped), Some(other)) => clipped.data.iter_mut().zip(other.data).for_each(|(a, b)| *a |= b),
+            (clipped, other) => *clipped = clipped.take().or(other),
+        }
+    }
     let (mut mask, mask_path) = match &described.mask {
         Some(path) => (Some(read_mask(path, access, size)?), path),
         None => (picture.alpha, &described.photograph),
@@ -353,11 +372,14 @@ fn read_frame(described: &FrameDescription, access: &FileAccess, settings: &Fram
         photograph = lens.undistort_image(camera, &photograph);
         cross = cross.map(|cross| lens.undistort_image(camera, &cross));
         mask = mask.map(|mask| lens.undistort_mask(camera, &mask));
+        clipped = clipped.map(|clipped| lens.undistort_mask(camera, &clipped));
     }
     if mask.as_ref().is_some_and(|mask| mask.count() == 0) {
         return Err(ImageFault::Unreadable(Error::input(mask_path, "the mask is empty: no pixel shows the object")));
     }
-    Ok((CaptureFrame { view: described.view.clone(), photograph, cross, mask }, missing))
+    let frame = CaptureFrame { view: described.view.clone(), photograph, cross, mask };
+    let clipping = clipped.map_or(Clipping::default(), |clipped| Clipping::of_frame(&clipped, &frame, mesh));
+    Ok((frame, missing, clipping))
 }
 
 /// Projections of vertices into pictures that are tried, at most.

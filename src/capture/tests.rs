@@ -219,6 +219,41 @@ fn missing_pixels_are_counted_within_the_mask() {
 }
 
 #[test]
+fn clipped_pixels_of_the_object_are_counted() {
+    let mut small = Small::new(false);
+    // Three pixels within the mask and two without have a colour at 255; 254 is none.
+    let code = |x, y| match (x, y) {
+        (1..4, 5) | (9, 1..3) => [20, 255, 40],
+        (2, 2) => [254; 3],
+        _ => [30, 60, 90],
+    };
+    image::RgbImage::from_fn(16, 12, |x, y| image::Rgb(code(x, y))).save(small.path("0.png")).unwrap();
+    let half = image::GrayImage::from_fn(16, 12, |x, _| image::Luma([if x < 5 { 255 } else { 0 }]));
+    half.save(small.path("m.png")).unwrap();
+    small.frames[0] = format!("\"file_path\": \"0.png\", \"mask_path\": \"m.png\", \"transform_matrix\": {POSE}");
+    let capture = small.read(&CaptureReadOptions::default()).unwrap();
+    assert_eq!(capture.clipping, Clipping { pixels: 3, object_pixels: 60, photographs: 1 });
+    let said = "3 pixels in 1 of 3 photographs are at the most that their files hold, 5.00 % of the object there";
+    assert!(capture.warnings[0].starts_with(said), "{:?}", capture.warnings);
+    // Half floats end at 65504; without a mask the object is where the mesh is: the triangle's pixels right of and below the middle.
+    small.frames.truncate(1);
+    small.picture("0.exr", |x, _| if x == 9 { (65504.0, 1.0, 1.0) } else { (1.0, 65503.0, 1.0) });
+    small.frames[0] = format!("\"file_path\": \"0.exr\", \"transform_matrix\": {POSE}");
+    let clipping = small.read(&CaptureReadOptions::default()).unwrap().clipping;
+    assert_eq!(clipping, Clipping::default(), "single floats have no end within reach");
+    image::RgbImage::from_fn(16, 12, |x, _| image::Rgb([if x == 9 { 255 } else { 9 }; 3]))
+        .save(small.path("0.png"))
+        .unwrap();
+    small.frames[0] = format!("\"file_path\": \"0.png\", \"transform_matrix\": {POSE}");
+    let capture = small.read(&CaptureReadOptions::default()).unwrap();
+    let covered = crate::metrics::coverage(&capture.mesh, &capture.frames[0].view.camera);
+    let column = (0..12).filter(|&y| *covered.value_at(9, y)).count() as u64;
+    let object_pixels = covered.count() as u64;
+    assert!(column > 0 && object_pixels > column);
+    assert_eq!(capture.clipping, Clipping { pixels: column, object_pixels, photographs: 1 });
+}
+
+#[test]
 fn a_mesh_beside_the_cameras_is_an_error() {
     let small = Small::new(false);
     for (x, z) in [(0.0, 50.0), (100.0, 0.0)] {

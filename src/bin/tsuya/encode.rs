@@ -164,7 +164,7 @@ impl Encode {
         let mut options = self.options()?;
         let start = Instant::now();
         let capture = progress::read_capture(&self.capture, &self.reading.read_options()?)?;
-        let (skipped, missing) = (capture.skipped_frames, capture.missing_pixels);
+        let (skipped, missing, clipping) = (capture.skipped_frames, capture.missing_pixels, capture.clipping);
         if capture.origin != [0.0; 3] {
             options.metadata.entry("origin").or_insert_with(|| json!(capture.origin));
         }
@@ -179,6 +179,7 @@ impl Encode {
             let mut report = report(&encoded, seconds);
             report["skipped_frames"] = json!(skipped);
             report["missing_pixels"] = json!(missing);
+            report["clipping"] = json!(clipping);
             return output::print_json(&report);
         }
         let text = table(&encoded, seconds);

@@ -117,6 +117,8 @@ pub(crate) struct RadianceImage {
     pub colour: RgbImage,
     /// Pixels whose alpha is one half or more; `None` without alpha, or where all are.
     pub alpha: Option<Mask>,
+    /// Pixels of which a colour is the largest number of the file's format; `None` where there are none.
+    pub clipped: Option<Mask>,
     /// The turn that was applied.
     pub orientation: ImageOrientation,
 }
@@ -142,6 +144,7 @@ pub(crate) fn read_radiance_image(
         RadianceImage {
             colour: orientation.apply(colour),
             alpha: alpha.map(|alpha| orientation.apply(alpha)),
+            clipped: raw.clipped().map(|clipped| orientation.apply(clipped)),
             orientation,
         }
     })
@@ -270,6 +273,8 @@ struct RawImage {
     values: Vec<f32>,
     has_alpha: bool,
     display_referred: bool,
+    /// The largest number of the file's format, where that is within a photograph's reach.
+    maximum: Option<f32>,
     /// What the file says about its colours.
     colour: FileColour,
     /// The turn that the pixels still need.
@@ -281,10 +286,16 @@ impl RawImage {
     fn map<T>(&self, value: impl FnMut(&[f32; 4]) -> T) -> Grid<T> {
         Grid { width: self.width, height: self.height, data: self.values.as_chunks().0.iter().map(value).collect() }
     }
+    /// Pixels of which a colour is at the maximum, if there are any.
+    fn clipped(&self) -> Option<Mask> {
+        let maximum = self.maximum?;
+        let is_clipped = |p: &[f32; 4]| p[0] >= maximum || p[1] >= maximum || p[2] >= maximum;
+        self.values.as_chunks().0.iter().any(is_clipped).then(|| self.map(is_clipped))
+    }
 }
 
-/// Bytes that a pixel takes while it is decoded, beside the decoder's own: four floats, and the result with its mask.
-const WORKING_BYTES: u64 = 16 + 12 + 2;
+/// Bytes that a pixel takes while it is decoded, beside the decoder's own: four floats, and the result with its masks.
+const WORKING_BYTES: u64 = 16 + 12 + 3;
 
 /// Memory that a picture takes while it is read, at most: the file and what is made of it.
 pub(crate) fn reading_memory(file_bytes: u64, width: u32, height: u32) -> u64 {

@@ -107,7 +107,9 @@ pub(super) fn read_exr<'a>(
     let has_alpha = channels.alpha.is_some();
     let black = [0.0, 0.0, 0.0, if has_alpha { 0.0 } else { 1.0 }];
     let values = black.repeat(width * height);
-    let mut raw = RawImage { width, height, values, has_alpha, display_referred: false, colour, orientation };
+    let is_half = |channel: usize| header.channels.list[channel].sample_type == SampleType::F16;
+    let maximum = channels.colour.into_iter().all(is_half).then(|| f16::MAX.to_f32());
+    let mut raw = RawImage { width, height, values, has_alpha, display_referred: false, maximum, colour, orientation };
     let blocks = reader
         .filter_chunks(false, |_, tile, block| block.layer == channels.part && tile.level_index == Vec2(0, 0))
         .map_err(damaged)?;

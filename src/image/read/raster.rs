@@ -200,7 +200,8 @@ pub(super) fn read_raster<'a>(
     let has_alpha = colour_type.has_alpha();
     let (width, height) = (picture.width() as usize, picture.height() as usize);
     let values = picture.into_rgba32f().into_raw();
-    Ok((RawImage { width, height, values, has_alpha, display_referred, colour, orientation: turn }, held))
+    let maximum = display_referred.then_some(1.0);
+    Ok((RawImage { width, height, values, has_alpha, display_referred, maximum, colour, orientation: turn }, held))
 }
 
 /// Returns width and height; reads no more than the header, of `max_bytes` at most.
