@@ -205,6 +205,10 @@ fn write_material(
         // Nothing but what is seen: no viewer's light adds a reflection.
         extensions.insert("KHR_materials_specular".into(), json!({"specularFactor": 0}));
     }
+    if let Some(normal) = &fallback.normal {
+        let index = push_texture(document, normal, "normal", None)?;
+        material["normalTexture"] = json!({"index": index});
+    }
     if fallback.is_unlit {
         // Shines by itself. KHR_materials_unlit would say the same, but excludes other extensions.
         pbr = json!({"baseColorFactor": [0, 0, 0, 1], "metallicFactor": 0, "roughnessFactor": 1});

@@ -2,11 +2,13 @@
 
 use super::geometry::charts;
 use super::metallic_roughness::{Microfacets, equivalent_lobe, material};
+use super::normal_map::bake_normal_map;
 use crate::asset::Asset;
 use crate::error::{Error, Result};
 use crate::image::{Grid, from_srgb, to_srgb};
 use crate::reflectance::torrance_sparrow::SIGMA_RANGE;
 use crate::surface::atlas::{bilinear_taps, rasterise_atlas};
+use crate::surface::split::RenderMesh;
 use std::f64::consts::PI;
 
 /// Widths for which the equivalent of a lobe is computed; between them it is interpolated.
@@ -23,6 +25,8 @@ pub struct Fallback {
     pub specular_colour: Option<Grid<[u8; 3]>>,
     /// Factor of the specular colour.
     pub specular_scale: f32,
+    /// Normals of a surface finer than the mesh: tangent, up in the picture, normal, from -1 to 1. `None` where there is none.
+    pub normal: Option<Grid<[u8; 3]>>,
     /// Whether the base colour is the light that was seen, since the capture's lights are unknown: it is to be shown unlit.
     pub is_unlit: bool,
     /// A BRDF of the asset times this is one per steradian; of each colour.
@@ -41,7 +45,9 @@ pub fn bake_fallback(asset: &Asset, white_albedo: f64) -> Result<Fallback> {
         return Err(Error::Unsupported("the file has no reflectance, so there is nothing to make textures of".into()));
     };
     let maps = &*maps.without_palette();
-    let mask = rasterise_atlas(&asset.mesh, charts)?.mask();
+    let atlas = rasterise_atlas(&asset.mesh, charts)?;
+    let mask = atlas.mask();
+    let geometry = RenderMesh::with_atlas(&asset.mesh, charts);
     let texels = mask.data.len();
     if maps.diffuse.data.len() != texels || ![0, texels].contains(&maps.specular.data.len()) {
         return Err(Error::parameter("charts and reflectance maps do not belong together"));
@@ -62,6 +68,7 @@ pub fn bake_fallback(asset: &Asset, white_albedo: f64) -> Result<Fallback> {
             metallic_roughness: None,
             specular_colour: None,
             specular_scale: 0.0,
+            normal: if maps.relightable { bake_normal_map(asset, &geometry, &atlas, &mask) } else { None },
             is_unlit: !maps.relightable,
             unit,
         });
@@ -87,12 +94,24 @@ pub fn bake_fallback(asset: &Asset, white_albedo: f64) -> Result<Fallback> {
         metallic_roughness: Some(each(&|m| [255, linear(m.roughness), linear(m.metallic)])),
         specular_colour: Some(each(&|m| m.specular_colour.map(|s| to_code(s / specular_scale as f64)))),
         specular_scale,
+        normal: bake_normal_map(asset, &geometry, &atlas, &mask),
         is_unlit: false,
         unit,
     })
 }
 
 impl Fallback {
+    /// The normal at an atlas position in texels, in the mesh's tangent frame, as a viewer reads it.
+    pub(super) fn normal_at(&self, position: [f64; 2]) -> [f64; 3] {
+        let Some(map) = &self.normal else { return [0.0, 0.0, 1.0] };
+        let mut sum = glam::DVec3::ZERO;
+        for (index, weight) in bilinear_taps(map.width, map.height, position) {
+            let Some(texel) = map.data.get(index) else { continue };
+            sum += weight * glam::DVec3::from_array(texel.map(|code| code as f64 / 127.5 - 1.0));
+        }
+        sum.normalize_or(glam::DVec3::Z).to_array()
+    }
+
     /// The material at an atlas position in texels, as a viewer reads it: bilinear between linear values.
     pub fn microfacets_at(&self, position: [f64; 2]) -> Microfacets {
         let mut sums = [[0.0; 3]; 3];

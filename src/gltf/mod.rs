@@ -14,6 +14,7 @@ mod geometry;
 mod levels;
 mod look;
 mod metallic_roughness;
+mod normal_map;
 mod stream;
 
 pub use crate::input::percent_decoded as path_of;

@@ -7,10 +7,13 @@ use crate::brdf::Brdf;
 use crate::image::Grid;
 use crate::mesh::Mesh;
 use crate::reflectance::maps::ReflectanceMaps;
+use crate::surface::atlas::rasterise_atlas;
 use crate::surface::charts::{Chart, Charts};
+use crate::surface::displacement::DisplacedMesh;
 use crate::surface::split::RenderMesh;
 use crate::views::{PointLight, View};
 use crate::{Budget, Error, Limits, Result};
+use glam::{DVec3, Vec3};
 use serde_json::{Value, json};
 
 /// A box of sides 2, 1 and 1, each side a chart of its own, four times finer in the atlas than `coarse` triangles need.
@@ -320,6 +323,30 @@ fn the_fallback_reflects_what_was_fitted() {
     };
     let fallback = bake_fallback(&asset, 0.9).unwrap();
     assert!(fallback.unit.iter().all(|u| (u - 1.0).abs() < 1e-9), "{:?}", fallback.unit);
+    assert!(fallback.normal.is_none());
+    // A finer surface: a viewer that interpolates the frames of vertices finds its normals in the map.
+    let bump = |_: usize, _: usize, [x, y, z]: [f64; 3]| 0.01 * (9.0 * x).sin() * (7.0 * y + 5.0 * z).cos();
+    let surface = DisplacedMesh::new(&asset.mesh, 4, bump).unwrap();
+    let charts = asset.charts.clone().unwrap();
+    let geometry = RenderMesh::with_atlas(&asset.mesh, &charts);
+    let atlas = rasterise_atlas(&asset.mesh, &charts).unwrap();
+    let map = bake_fallback(&Asset { surface: Some(surface.clone()), ..asset.clone() }, 0.9).unwrap().normal.unwrap();
+    let (mut turned, mut worst) = (0.0f64, 0.0f64);
+    for texel in (0..map.data.len()).filter(|&texel| atlas.mask().data[texel]) {
+        let (triangle, weights) = (atlas.triangle.data[texel] as usize, atlas.weights(texel));
+        let between = |vectors: &dyn Fn(usize) -> [f32; 3]| -> DVec3 {
+            let corner = |k: usize| Vec3::from_array(vectors(geometry.triangles[triangle][k] as usize)).as_dvec3();
+            (0..3).map(|k| corner(k) * weights[k]).sum::<DVec3>().normalize()
+        };
+        let normal = between(&|v| geometry.normals[v]);
+        let tangent = between(&|v| std::array::from_fn(|c| geometry.tangents[v][c]));
+        let [x, y, z] = map.data[texel].map(|code| code as f64 / 127.5 - 1.0);
+        let found = (tangent * x - normal.cross(tangent) * y + normal * z).normalize();
+        let expected = DVec3::from_array(surface.point(triangle, weights).1);
+        turned = turned.max(expected.angle_between(normal).to_degrees());
+        worst = worst.max(expected.angle_between(found).to_degrees());
+    }
+    assert!(turned > 4.0 && worst < 1.5, "{turned} {worst}");
 }
 
 #[test]
