@@ -14,7 +14,9 @@ fuzz_target!(|bytes: &[u8]| {
         // Whatever the palette is, light stays finite and not negative, and so do the maps made Gaussian.
         for alpha in [0.0f32, 0.03, 0.4, 1.5] {
             let (irradiance, cos_light, cos_view, cos_half) = ([1.0; 3], 0.5, 0.5, alpha.cos());
-            let cosines = ReflectionGeometry { irradiance, cos_light, cos_view, cos_half, alpha, difference: 0.4 };
+            let (difference, cos_difference) = (0.4f32, 0.4f32.cos());
+            let cosines =
+                ReflectionGeometry { irradiance, cos_light, cos_view, cos_half, alpha, difference, cos_difference };
             let light = internals::reflectance::evaluate(&maps, Component::Specular, [12.0, 9.0], Some(&cosines));
             assert!(light.iter().all(|x| x.is_finite() && *x >= 0.0));
         }
