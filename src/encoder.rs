@@ -1,7 +1,7 @@
 //! From a capture to a file: the stages in the order of the data's way. [`crate::decoder`] runs them backwards.
 
 use crate::brdf::materials::{self, NamedMaterial};
-use crate::capture::Capture;
+use crate::capture::OpenCapture;
 use crate::container::metadata::{AchievedError, Metadata};
 use crate::container::{ContainerWriter, SectionCodec, Tag, metadata, thumbnail, write_file};
 use crate::error::{Error, Result};
@@ -9,11 +9,13 @@ use crate::limits::{Budget, Limits};
 use crate::mesh::codec::MeshOptions;
 use crate::metrics::{Distortion, ImagePsnr, to_display};
 use crate::options::{EncodeOptions, Profile};
+use crate::rate::CodedView;
 use crate::refine::RefinedSurface;
-use crate::separate::MaskedPhotographs;
+use crate::separate::{FramesToCode, MaskedPhotographs, SeparatedFrames};
 pub use crate::separate::{Observations, ObservedView, recombine, separate};
 use crate::surface::{atlas, raster};
-use crate::views::{Component, Photograph};
+use crate::views::codec::ViewsSection;
+use crate::views::{Camera, Component};
 pub use crate::wavelet_texture::WaveletSampleError;
 use crate::{mesh, predictive, refine, views, wavelet_texture};
 
@@ -40,27 +42,34 @@ pub struct EncodedFile {
     pub warnings: Vec<String>,
 }
 
-/// Encodes a capture.
+/// Encodes a capture, in memory or open. Of an open one the photographs in use are in memory, and few of those that others are predicted from,
+/// however many there are.
 /// # Errors
 /// [`Error::Parameter`] if an option is out of its range, the capture has no pixel of the object or the target can't be
-/// reached; [`Error::Check`] if the finished file is not decoded to what was encoded.
-pub fn encode(mut capture: Capture, options: &EncodeOptions) -> Result<EncodedFile> {
+/// reached; [`Error::Check`] if the finished file is not decoded to what was encoded; those of reading photographs.
+pub fn encode(capture: impl Into<OpenCapture>, options: &EncodeOptions) -> Result<EncodedFile> {
+    encode_open(capture.into(), options)
+}
+
+fn encode_open(mut capture: OpenCapture, options: &EncodeOptions) -> Result<EncodedFile> {
     let mut warnings = std::mem::take(&mut capture.warnings);
     // 1. Photographs as components of reflection.
-    let observations = separate(&mut capture)?.holding_out(options.hold_out)?;
+    let frames = SeparatedFrames::new(&capture, options.hold_out)?;
     // 2. Mesh: ordered and quantised. All later stages work with the mesh and the views that the decoder will have.
-    let position_bits =
-        options.position_bits.unwrap_or_else(|| atlas::position_bits(&capture.mesh, &observations.cameras()));
+    let captured = frames.views();
+    let cameras: Vec<Camera> = captured.iter().map(|view| view.camera).collect();
+    let position_bits = options.position_bits.unwrap_or_else(|| atlas::position_bits(&capture.mesh, &cameras));
     let coded_mesh = mesh::codec::encode(&capture.mesh, &MeshOptions { position_bits })?;
     let mesh = coded_mesh.mesh;
     // 3. Views: cameras and lights on lattices.
-    let views_bytes = views::codec::encode(&observations.views_section(), &mesh.positions)?;
+    let described = ViewsSection { white: capture.white, components: frames.components.clone(), views: captured };
+    let views_bytes = views::codec::encode(&described, &mesh.positions)?;
     let views = views::codec::decode(&views_bytes, &Budget::new(Limits::UNLIMITED))?;
     // 4. The surface, as far as the photographs show more of it than the mesh does.
-    let refined = refine::refined_surface(&mesh, &observations, options, &mut warnings);
+    let refined = refine::refined_surface(&mesh, &described.views, &frames, options, &mut warnings)?;
     // 5. Pixels to code.
-    let covered = raster::coverage(&mesh, &views.views);
-    let photographs = observations.into_masked(&covered, &mut warnings)?;
+    let covered = raster::coverage_runs(&mesh, &views.views);
+    let photographs = FramesToCode { frames: &frames, covered: &covered };
     // 6. Photographs at the quality that reaches the target.
     let mut sections = vec![(Tag::MESH, coded_mesh.bytes), (Tag::VIEWS, views_bytes)];
     let source = MaskedPhotographs {
@@ -71,24 +80,24 @@ pub fn encode(mut capture: Capture, options: &EncodeOptions) -> Result<EncodedFi
         covered: &covered,
         photographs: &photographs,
     };
+    let other = other_bytes(&sections);
     let (coded, figures) = match options.profile {
         Profile::Predictive => {
             let displacements = refined.as_ref().map(RefinedSurface::displacements);
-            let coded = predictive::encode_to_target(&source, other_bytes(&sections), displacements.as_ref(), options)?;
-            (coded, None)
+            (predictive::encode_to_target(&source, other, displacements.as_ref(), options, &mut warnings)?, None)
         }
         Profile::WaveletTexture => {
-            let (coded, figures) = wavelet_texture::encode_to_target(&source, other_bytes(&sections), options)?;
+            let (coded, figures) = wavelet_texture::encode_to_target(&source, other, options, &mut warnings)?;
             (coded, Some(figures))
         }
     };
     sections.extend(coded.sections);
     // 7. Container.
     let metadata = describe(&capture, options, &coded.distortion);
-    let (bytes, sections) = write_file(&metadata, &thumbnail_png(&coded.decoded, views.white)?, &sections)?;
+    let (bytes, sections) = write_file(&metadata, &thumbnail_png(&coded.views, views.white)?, &sections)?;
     // The finished file, read back.
     let reader_memory = match options.check {
-        true => Some(check::check(&bytes, &coded.decoded, &mut warnings)?),
+        true => Some(check::check(&bytes, &coded.views, &mut warnings)?),
         false => None,
     };
     let (image_psnr, coverage) = (coded.distortion.error.psnr(), coded.distortion.error.coverage());
@@ -116,7 +125,7 @@ fn other_bytes(sections: &[(Tag, Vec<u8>)]) -> u64 {
     sections.iter().map(|(_, bytes)| bytes.len() as u64 + 48).sum::<u64>() + 4096
 }
 
-fn describe(capture: &Capture, options: &EncodeOptions, distortion: &Distortion) -> Metadata {
+fn describe(capture: &OpenCapture, options: &EncodeOptions, distortion: &Distortion) -> Metadata {
     let mut described = Metadata(options.metadata.clone());
     if !capture.name.is_empty() {
         described.0.entry("title").or_insert_with(|| capture.name.clone().into());
@@ -135,9 +144,9 @@ fn describe(capture: &Capture, options: &EncodeOptions, distortion: &Distortion)
 }
 
 /// The first photograph that shows the object, as a small PNG file.
-fn thumbnail_png(photographs: &[Photograph], white: [f64; 3]) -> Result<Vec<u8>> {
-    let Some(shown) = photographs.iter().find(|photograph| photograph.mask.count() > 0) else {
+fn thumbnail_png(views: &[CodedView], white: [f64; 3]) -> Result<Vec<u8>> {
+    let Some(shown) = views.iter().find_map(|view| view.thumbnail.as_ref()) else {
         return Err(Error::parameter("no view shows the object"));
     };
-    thumbnail::write_png(&to_display(&thumbnail::reduced(&shown.sum()), white))
+    thumbnail::write_png(&to_display(shown, white))
 }

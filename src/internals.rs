@@ -5,6 +5,8 @@
 
 #[cfg(feature = "encode")]
 pub use crate::separate::MaskedPhotographs;
+#[cfg(feature = "encode")]
+pub use crate::views::source::PhotographSource;
 
 pub mod container {
     pub mod metadata {
@@ -84,6 +86,8 @@ pub mod surface {
         #[cfg(feature = "encode")]
         pub use crate::surface::displacement::{Displacements, encode};
     }
+    #[cfg(feature = "encode")]
+    pub use crate::surface::raster::coverage_runs;
     pub use crate::surface::raster::{coverage, rasterise, vertex_normals};
 }
 
@@ -109,5 +113,5 @@ pub mod wavelet_texture {
     pub use crate::wavelet_texture::encode::{fit_model, sample_errors};
     #[cfg(feature = "encode")]
     pub use crate::wavelet_texture::{EncodedWaveletTexture, WaveletOptions, encode};
-    pub use crate::wavelet_texture::{PosedPhotograph, WaveletSamples, decode};
+    pub use crate::wavelet_texture::{WaveletSamples, decode};
 }

@@ -39,6 +39,16 @@ pub(crate) fn map<T: Send>(count: usize, f: impl Fn(usize) -> T + Sync + Send) -
     all
 }
 
+/// Returns the number of items that are worked on at the same time.
+pub(crate) fn threads() -> usize {
+    #[cfg(feature = "parallel")]
+    {
+        rayon::current_num_threads()
+    }
+    #[cfg(not(feature = "parallel"))]
+    1
+}
+
 /// Runs both closures, at the same time if possible; `here` on this thread.
 #[cfg(feature = "encode")]
 pub(crate) fn join<A, B: Send>(here: impl FnOnce() -> A, elsewhere: impl FnOnce() -> B + Send) -> (A, B) {

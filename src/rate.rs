@@ -2,9 +2,9 @@
 
 use crate::container::Tag;
 use crate::error::{Error, Result};
+use crate::image::RgbImage;
 use crate::metrics::Distortion;
 use crate::options::EncodeTarget;
-use crate::views::Photograph;
 
 /// Photographs as a profile has coded them.
 #[derive(Debug)]
@@ -12,9 +12,27 @@ pub(crate) struct CodedPhotographs {
     /// The profile's sections, in file order.
     pub sections: Vec<(Tag, Vec<u8>)>,
     /// The photographs that a decoder returns, by view.
-    pub decoded: Vec<Photograph>,
+    pub views: Vec<CodedView>,
     /// Their error.
     pub distortion: Distortion,
+}
+
+/// What is kept of a photograph as a decoder returns it.
+#[derive(Debug, Clone)]
+pub(crate) struct CodedView {
+    /// Its error.
+    pub distortion: Distortion,
+    /// [`crate::views::Photograph::digest`] of it.
+    pub digest: u64,
+    /// Its sum, reduced, of the first view that shows the object.
+    pub thumbnail: Option<RgbImage>,
+}
+
+/// The error of all views together.
+pub(crate) fn total(views: &[CodedView]) -> Distortion {
+    let mut total = Distortion::default();
+    views.iter().for_each(|view| total.merge(&view.distortion));
+    total
 }
 
 /// One encoding among those that a search tries.

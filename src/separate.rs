@@ -1,12 +1,15 @@
 //! Diffuse and specular reflection out of photographs through polarisers, and back.
 
-use crate::capture::{Capture, CaptureFrame};
+use crate::capture::{Capture, CaptureFrame, OpenCapture};
+use crate::container::thumbnail;
 use crate::error::{Error, Result};
-use crate::image::{Mask, RgbImage};
+use crate::image::{Mask, MaskRuns, RgbImage};
 use crate::mesh::Mesh;
 use crate::metrics::Distortion;
-use crate::views::codec::ViewsSection;
-use crate::views::{Camera, Component, Photograph, View};
+use crate::rate::CodedView;
+use crate::views::source::{PhotographSource, open_run, open_together};
+use crate::views::{Component, Photograph, View};
+use std::borrow::Cow;
 
 /// A capture's photographs as components of reflection.
 #[derive(Debug, Clone, PartialEq)]
@@ -37,60 +40,91 @@ impl Observations {
     /// # Errors
     /// [`Error::Parameter`] if `every` is below 2.
     pub fn holding_out(mut self, every: Option<usize>) -> Result<Self> {
-        let Some(every) = every else { return Ok(self) };
-        if every < 2 {
-            return Err(Error::parameter("option `hold_out` takes 2 or more: every k-th view is left out"));
-        }
+        let kept = kept(self.views.len(), every)?;
         let mut index = 0;
         self.views.retain(|_| {
             index += 1;
-            index % every != 0
+            kept.binary_search(&(index - 1)).is_ok()
         });
         Ok(self)
     }
+}
 
-    /// The cameras of all views.
-    pub fn cameras(&self) -> Vec<Camera> {
-        self.views.iter().map(|observed| observed.view.camera).collect()
+/// The views that stay where every `every`-th one is held out.
+fn kept(views: usize, every: Option<usize>) -> Result<Vec<usize>> {
+    if every.is_some_and(|every| every < 2) {
+        return Err(Error::parameter("option `hold_out` takes 2 or more: every k-th view is left out"));
     }
+    Ok((0..views).filter(|view| every.is_none_or(|every| (view + 1) % every != 0)).collect())
+}
 
-    /// The content of section `VIEW`.
-    pub fn views_section(&self) -> ViewsSection {
-        ViewsSection {
-            white: self.white,
-            components: self.components.clone(),
-            views: self.views.iter().map(|observed| observed.view.clone()).collect(),
-        }
-    }
+/// The frames of a capture as components of reflection, each separated when it is asked for.
+#[derive(Debug)]
+pub(crate) struct SeparatedFrames<'a> {
+    capture: &'a OpenCapture,
+    /// Frames in the capture, by view.
+    frames: Vec<usize>,
+    /// As [`Observations::components`].
+    pub components: Vec<Component>,
+    beta: Option<[f64; 3]>,
+}
 
-    /// Returns the photographs with the pixels to code: those of the mask (or of `covered`, what the mesh covers, without
-    /// one) that are finite in all components; the others become 0. Views without such a pixel add a warning.
+impl<'a> SeparatedFrames<'a> {
+    /// The frames of a capture but those that are held out, see [`Observations::holding_out`].
     /// # Errors
-    /// [`Error::Parameter`] if no photograph has such a pixel.
-    pub fn into_masked(self, covered: &[Mask], warnings: &mut Vec<String>) -> Result<Vec<Photograph>> {
-        let mut empty = 0;
-        let photographs: Vec<Photograph> = (self.views.into_iter().zip(covered))
-            .map(|(mut observed, covered)| {
-                let mut mask = observed.mask.take().unwrap_or_else(|| covered.clone());
-                for (k, inside) in mask.data.iter_mut().enumerate() {
-                    if observed.images.iter().any(|image| image.data[k].iter().any(|v| !v.is_finite())) {
-                        *inside = false;
-                        observed.images.iter_mut().for_each(|image| image.data[k] = [0.0; 3]);
-                    }
-                }
-                empty += (mask.count() == 0) as usize;
-                Photograph { mask, images: observed.images }
-            })
-            .collect();
-        if empty == photographs.len() {
-            return Err(Error::parameter(
-                "no photograph shows a pixel of the object: check masks, mesh position and missing (NaN) pixels",
-            ));
+    /// As [`separate`].
+    pub(crate) fn new(capture: &'a OpenCapture, hold_out: Option<usize>) -> Result<Self> {
+        let (components, beta) = components(capture.is_polarised(), capture.beta)?;
+        Ok(SeparatedFrames { capture, frames: kept(capture.views().len(), hold_out)?, components, beta })
+    }
+
+    /// Name, camera and light of each view.
+    pub(crate) fn views(&self) -> Vec<View> {
+        self.frames.iter().map(|&frame| self.capture.views()[frame].clone()).collect()
+    }
+
+    /// Radiance of the white board.
+    pub(crate) fn white(&self) -> [f64; 3] {
+        self.capture.white
+    }
+
+    /// Opens a view.
+    pub(crate) fn observe(&self, view: usize) -> Result<ObservedView> {
+        let frame = self.capture.frame(self.frames[view])?.into_owned();
+        check_pair(&frame, self.capture.is_polarised())?;
+        Ok(separate_frame(frame, self.beta))
+    }
+
+    /// Views that may be opened side by side.
+    pub(crate) fn at_once(&self) -> usize {
+        self.capture.at_once()
+    }
+}
+
+/// Separated frames with the pixels to code: those of the mask (or of what the mesh covers, without one) that are finite in all components; the
+/// others become 0.
+#[derive(Debug)]
+pub(crate) struct FramesToCode<'a> {
+    /// The frames.
+    pub frames: &'a SeparatedFrames<'a>,
+    /// Pixels that the mesh covers, by view.
+    pub covered: &'a [MaskRuns],
+}
+
+impl PhotographSource for FramesToCode<'_> {
+    fn photograph(&self, view: usize) -> Result<Cow<'_, Photograph>> {
+        let ObservedView { mask, mut images, .. } = self.frames.observe(view)?;
+        let mut mask = mask.unwrap_or_else(|| self.covered[view].mask());
+        for (k, inside) in mask.data.iter_mut().enumerate() {
+            if images.iter().any(|image| image.data[k].iter().any(|v| !v.is_finite())) {
+                *inside = false;
+                images.iter_mut().for_each(|image| image.data[k] = [0.0; 3]);
+            }
         }
-        if empty > 0 {
-            warnings.push(format!("{empty} views show no pixel of the object"));
-        }
-        Ok(photographs)
+        Ok(Cow::Owned(Photograph { mask, images }))
+    }
+    fn at_once(&self) -> usize {
+        self.frames.at_once()
     }
 }
 
@@ -106,16 +140,52 @@ pub struct MaskedPhotographs<'a> {
     /// Radiance of the white board: the unit of `sqrt(x / white)`.
     pub white: [f64; 3],
     /// Pixels that the mesh covers, by view.
-    pub covered: &'a [Mask],
+    pub covered: &'a [MaskRuns],
     /// The photographs, by view; their masks are the pixels to code.
-    pub photographs: &'a [Photograph],
+    pub photographs: &'a dyn PhotographSource,
 }
 
-impl MaskedPhotographs<'_> {
-    /// Compares decoded photographs with these.
-    pub fn distortion(&self, decoded: &[Photograph]) -> Distortion {
-        Distortion::compare(self.photographs, decoded, self.covered, self.components, self.white)
+impl<'a> MaskedPhotographs<'a> {
+    /// Calls `visit` with each view's photograph, in order.
+    pub(crate) fn for_each(&self, mut visit: impl FnMut(usize, &Photograph) -> Result<()>) -> Result<()> {
+        for run in open_together(self.views, self.photographs.at_once()) {
+            let opened = open_run(self.photographs, &run)?;
+            run.zip(&opened).try_for_each(|(view, photograph)| visit(view, photograph))?;
+        }
+        Ok(())
     }
+
+    /// Returns what is kept of a decoded photograph; `shown` if it is the file's thumbnail.
+    pub(crate) fn coded_view(
+        &self,
+        view: usize,
+        original: &Photograph,
+        decoded: &Photograph,
+        is_shown: bool,
+    ) -> CodedView {
+        let covered = self.covered[view].mask();
+        CodedView {
+            distortion: Distortion::compare(original, decoded, &covered, self.components, self.white),
+            digest: decoded.digest(),
+            thumbnail: is_shown.then(|| thumbnail::reduced(&decoded.sum())),
+        }
+    }
+}
+
+/// Adds a warning of the views of which no pixel is coded.
+/// # Errors
+/// [`Error::Parameter`] if no view has a pixel to code.
+pub(crate) fn check_shown(shown: &[bool], warnings: &mut Vec<String>) -> Result<()> {
+    let empty = shown.iter().filter(|&&shown| !shown).count();
+    if empty == shown.len() {
+        return Err(Error::parameter(
+            "no photograph shows a pixel of the object: check masks, mesh position and missing (NaN) pixels",
+        ));
+    }
+    if empty > 0 {
+        warnings.push(format!("{empty} views show no pixel of the object"));
+    }
+    Ok(())
 }
 
 /// `I_d = cross / beta`, `I_s = off - I_d` with its sign (Miyazaki 2007, equations 4, 5, A.3 and A.4); without cross photographs
@@ -124,21 +194,29 @@ impl MaskedPhotographs<'_> {
 /// Takes the frames out of the capture, whose `frames` is empty afterwards, so that no photograph is in memory twice.
 pub fn separate(capture: &mut Capture) -> Result<Observations> {
     let polarised = capture.frames.first().is_some_and(|frame| frame.cross.is_some());
-    if polarised && capture.beta.is_none() {
-        return Err(Error::parameter(
-            "separation needs the white board's on / off ratio of each colour: give option `beta`",
-        ));
-    }
-    if let Some(frame) = capture.frames.iter().find(|frame| frame.cross.is_some() != polarised) {
-        return Err(Error::parameter(format!(
-            "frame {}: all frames need a cross photograph, or none",
-            frame.view.name
-        )));
-    }
-    let beta = capture.beta.filter(|_| polarised);
-    let components = if polarised { vec![Component::Diffuse, Component::Specular] } else { vec![Component::Combined] };
+    let (components, beta) = components(polarised, capture.beta)?;
+    capture.frames.iter().try_for_each(|frame| check_pair(frame, polarised))?;
     let frames = std::mem::take(&mut capture.frames).into_iter().map(|frame| separate_frame(frame, beta)).collect();
     Ok(Observations { components, white: capture.white, beta, views: frames })
+}
+
+/// The components of a capture's photographs, and what separates them.
+fn components(polarised: bool, beta: Option<[f64; 3]>) -> Result<(Vec<Component>, Option<[f64; 3]>)> {
+    match (polarised, beta) {
+        (true, None) => Err(Error::parameter(
+            "separation needs the white board's on / off ratio of each colour: give option `beta`",
+        )),
+        (true, beta) => Ok((vec![Component::Diffuse, Component::Specular], beta)),
+        (false, _) => Ok((vec![Component::Combined], None)),
+    }
+}
+
+fn check_pair(frame: &CaptureFrame, polarised: bool) -> Result<()> {
+    if frame.cross.is_some() != polarised {
+        let name = &frame.view.name;
+        return Err(Error::parameter(format!("frame {name}: all frames need a cross photograph, or none")));
+    }
+    Ok(())
 }
 
 fn separate_frame(frame: CaptureFrame, beta: Option<[f64; 3]>) -> ObservedView {
@@ -193,7 +271,7 @@ mod tests {
             height: 2,
             data: vec![[1.0, 2.0, 3.0], [0.25, 0.5, 0.5], [f32::NAN; 3], [4.0, 0.1, 0.3]],
         };
-        let view = View { name: "a".into(), camera: Camera::default(), light: None };
+        let view = View { name: "a".into(), camera: Default::default(), light: None };
         Capture {
             name: "test".into(),
             frames: vec![CaptureFrame { view, photograph, cross, mask: None }],

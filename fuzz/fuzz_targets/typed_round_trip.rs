@@ -55,11 +55,11 @@ fuzz_target!(|bytes: &[u8]| {
         tile_side_log2: 4 + input.decoding / 3 % 9,
         ..PlaneQuality::default()
     };
-    let covered = tsuya::internals::surface::coverage(&mesh, &views);
+    let covered = tsuya::internals::surface::coverage_runs(&mesh, &views);
     let covered = &covered[..];
     let source =
         MaskedPhotographs { mesh: &mesh, views: &views, components, white, covered, photographs: &photographs };
-    let encoder = PlaneEncoder::new(&source, input.signed);
+    let encoder = PlaneEncoder::new(&source, input.signed).expect("photographs in memory");
     let encoded = encoder.encode(&quality).expect("every picture set can be coded");
     let budget = Budget::new(Limits::default());
     let header = PlaneHeader::parse(&encoded.bytes, &views, components.len(), &budget).expect("our own head");

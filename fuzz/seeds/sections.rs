@@ -86,7 +86,7 @@ fn photographs(seeds: &Seeds, polarised: bool, mixed: bool) {
     let (mesh, views) = (scene::mesh(), scene::views_of(&scene::sizes(mixed)));
     let components = scene::components(polarised);
     let photographs = scene::photographs(&mesh, &views, components, mixed);
-    let covered = internals::surface::coverage(&mesh, &views);
+    let covered = internals::surface::coverage_runs(&mesh, &views);
     for decoding in [DecodeSpeed::Normal, DecodeSpeed::Fast, DecodeSpeed::Fastest] {
         let source = MaskedPhotographs {
             mesh: &mesh,
@@ -96,22 +96,16 @@ fn photographs(seeds: &Seeds, polarised: bool, mixed: bool) {
             covered: &covered,
             photographs: &photographs,
         };
-        let encoder = PlaneEncoder::new(&source, mixed);
+        let encoder = PlaneEncoder::new(&source, mixed).expect("photographs in memory");
         let tile_side_log2 = if decoding == DecodeSpeed::Fastest { 4 } else { 8 };
         let quality = PlaneQuality { step: 0.03, decode_speed: decoding, tile_side_log2, ..Default::default() };
         let bytes = encoder.encode(&quality).expect("photographs").bytes;
         let kind = (components.len() - 1) as u8 | (mixed as u8) << 1;
         seeds.put("planes", &format!("{decoding:?}-{polarised}-{mixed}"), [&[kind][..], &bytes].concat());
     }
-    let frames: Vec<internals::wavelet_texture::PosedPhotograph> = (views.iter().zip(&photographs))
-        .map(|(view, taken)| internals::wavelet_texture::PosedPhotograph {
-            view,
-            mask: Some(&taken.mask),
-            images: &taken.images,
-        })
-        .collect();
     for (number, density) in [0.3, 1.0].into_iter().enumerate() {
-        let samples = internals::wavelet_texture::WaveletSamples::gather(&mesh, &frames, density);
+        let samples = internals::wavelet_texture::WaveletSamples::gather(&mesh, &views, &photographs, density)
+            .expect("photographs in memory");
         let model = internals::wavelet_texture::fit_model(&samples, components);
         for model in [None, Some(&model)] {
             let options = internals::wavelet_texture::WaveletOptions {
@@ -144,11 +138,10 @@ fn atlases(seeds: &Seeds) {
         if !lit {
             views.iter_mut().for_each(|view| view.light = None);
         }
-        let taken = scene::photographs(&mesh, &views, components, false);
-        let photographs = taken.iter().map(Some).collect();
+        let photographs = &scene::photographs(&mesh, &views, components, false);
         let sources =
             ReflectanceSources { mesh: &mesh, surface: None, views: &views, components, photographs, specular };
-        let maps = internals::reflectance::fit_maps(&sources, &charts, &raster);
+        let maps = internals::reflectance::fit_maps(&sources, &charts, &raster).expect("photographs in memory");
         let steps = MapSteps { diffuse: 8.0, specular: 16.0, sigma: 16.0 };
         let (bytes, _) = internals::reflectance::encode(&maps, &mesh, &charts, &steps, 0.15).expect("maps");
         seeds.put("reflectance", name, bytes);

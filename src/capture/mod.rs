@@ -8,7 +8,7 @@
 //! - `light`: `{type: "point", intensity: number or [r, g, b], position: [x, y, z]}`, at the top or per frame; per frame also
 //!   `light_position`, `light_intensity`. Irradiance at distance `r` is `intensity / r^2`;
 //! - `white_reference`: `{file_path, cross_file_path}`;
-//! - `color_space`: of integer pictures, see [`ColorSpace::from_name`];
+//! - `color_space`: of integer pictures, see [`crate::image::ColorSpace::from_name`];
 //! - per frame `cross_file_path` (polarised: specular blocked) and `mask_path`.
 
 mod agreement;
@@ -19,15 +19,20 @@ mod clipping;
 mod colmap;
 mod describe;
 mod description;
+mod frames;
 mod hull;
 mod import;
 pub(crate) mod json;
 mod lens;
+mod open;
 mod scale;
+mod scratch;
 #[cfg(test)]
 mod test_capture;
 #[cfg(test)]
 mod test_dialects;
+#[cfg(test)]
+mod test_open;
 #[cfg(test)]
 mod tests;
 mod transforms;
@@ -41,20 +46,18 @@ pub use calibration::{Calibration, read_calibration};
 pub use clipping::Clipping;
 pub use describe::describe;
 pub use description::{CaptureDescription, FrameDescription, WhiteReference};
+pub use frames::CaptureFrame;
 pub use hull::{HullOptions, VisualHull, visual_hull};
 pub use lens::Lens;
+pub use open::{OpenCapture, open, open_with_progress};
 #[cfg(feature = "ar")]
 pub(crate) use transforms::nearest_rotation;
 
 use crate::error::{Error, Result};
-use crate::image::read::{ColorSpace, ImageFault, read_mask, read_radiance_image, reading_memory};
-use crate::image::{Mask, RgbImage};
-use crate::input::{FileAccess, escaped};
+use crate::input::FileAccess;
 use crate::limits::Limits;
 use crate::mesh::Mesh;
-use crate::views::View;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// A capture in memory.
 #[derive(Debug, Clone)]
@@ -83,19 +86,6 @@ pub struct Capture {
     pub clipping: Clipping,
 }
 
-/// One photograph, or a pair through polarisers, by one camera under one light.
-#[derive(Debug, Clone, PartialEq)]
-pub struct CaptureFrame {
-    /// Name, camera and light.
-    pub view: View,
-    /// Unpolarised linear radiance (diffuse and specular). Missing pixels are NaN in all colours, here and in `cross`.
-    pub photograph: RgbImage,
-    /// Linear radiance with the specular reflection blocked.
-    pub cross: Option<RgbImage>,
-    /// Pixels that show the object; not empty.
-    pub mask: Option<Mask>,
-}
-
 /// Overrides for values that a capture states or lacks, and the limits of reading.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct CaptureReadOptions {
@@ -105,7 +95,7 @@ pub struct CaptureReadOptions {
     pub mesh_pose: Option<[[f64; 4]; 4]>,
     /// `on / off` of a white diffuse surface per colour. Default: measured on the capture's white board.
     pub beta: Option<[f64; 3]>,
-    /// Colour space of integer pictures, see [`ColorSpace::from_name`]. Default: the capture's, else what each picture says (ICC profile, PNG's
+    /// Colour space of integer pictures, see [`crate::image::ColorSpace::from_name`]. Default: the capture's, else what each picture says (ICC profile, PNG's
     /// chunks), else `srgb`.
     pub color_space: Option<String>,
     /// Factor of the mesh's coordinates, before its pose. Default: 1, and an error where the mesh is so large or so small for the
@@ -142,87 +132,7 @@ pub fn read_with_progress(
     options: &CaptureReadOptions,
     progress: &(dyn Fn(usize, usize) + Sync),
 ) -> Result<Capture> {
-    let access = options.access();
-    let mut description = describe(path, &access)?;
-    let mut warnings = description.warnings.clone();
-    let declared = options.color_space.as_ref().or(description.color_space.as_ref());
-    let space = declared.map_or_else(|| Ok(ColorSpace::from_files()), |name| ColorSpace::from_name(name))?;
-    let (mesh, origin) = read_mesh(&mut description, options, &access, &mut warnings)?;
-
-    let (white, measured_beta) = match &description.white_reference {
-        Some(reference) => white::calibrate(reference, &access, &space)?,
-        None => ([1.0; 3], None),
-    };
-    let mut described = description.frames.clone();
-    let crossed = described.iter().filter(|frame| frame.cross.is_some()).count();
-    let mut skipped = 0;
-    if crossed > 0 && crossed < described.len() {
-        let without: Vec<_> = described.iter().filter(|f| f.cross.is_none()).map(|f| escaped(&f.view.name)).collect();
-        skipped += without.len();
-        let names = without.iter().take(MAX_NAMED).cloned().collect::<Vec<_>>().join(", ");
-        let more = if without.len() > MAX_NAMED { ", ..." } else { "" };
-        let count = without.len();
-        warnings.push(format!("{count} frames without a cross photograph skipped, as others have one: {names}{more}"));
-        described.retain(|frame| frame.cross.is_some());
-    }
-    let beta = options.beta.or(measured_beta);
-    check_beta(&description, beta, crossed > 0)?;
-
-    let settings = FrameSettings { space, invert_masks: options.invert_masks };
-    let (mut missing_pixels, mut clipping) = (0, Clipping::default());
-    let mut frames = Vec::with_capacity(described.len());
-    let mut faults = Vec::new();
-    for (outcome, frame) in
-        read_frames(&description.path, &described, &access, &settings, &mesh, progress)?.into_iter().zip(&described)
-    {
-        match outcome {
-            Ok((frame, missing, clipped)) => {
-                missing_pixels += missing;
-                clipping.merge(clipped);
-                frames.push(frame);
-            }
-            Err(ImageFault::Unreadable(error)) => {
-                skipped += 1;
-                faults.push(format!("frame {} skipped: {error}", escaped(&frame.view.name)));
-            }
-            Err(ImageFault::Wrong(error)) => return Err(error),
-        }
-    }
-    let left_out = faults.len().saturating_sub(MAX_NAMED);
-    warnings.extend(faults.into_iter().take(MAX_NAMED));
-    if left_out > 0 {
-        warnings.push(format!("{left_out} more frames skipped"));
-    }
-    if frames.is_empty() {
-        let last = warnings.last().cloned().unwrap_or_default();
-        return Err(Error::input(
-            &description.path,
-            format!("no frame of {} could be read; {last}", description.frames.len()),
-        ));
-    }
-    if missing_pixels > 0 {
-        warnings.push(format!("{missing_pixels} pixels are NaN or infinite and are taken as missing"));
-    }
-    warnings.extend(clipping.warning(frames.len()));
-    warnings.extend(access.remarks());
-    let CaptureDescription { name, path, .. } = description;
-    let mut capture = Capture {
-        name,
-        frames,
-        mesh,
-        origin,
-        white,
-        beta,
-        color_space: settings.space.linear_name,
-        warnings,
-        skipped_frames: skipped,
-        missing_pixels,
-        clipping,
-    };
-    if !options.unchecked {
-        agreement::settle(&path, &mut capture)?;
-    }
-    Ok(capture)
+    open::read_whole(path.as_ref(), options, progress)
 }
 
 /// Reads the mesh and places it in the world, whose origin may be moved to it; returns where that lies in the capture's coordinates.
@@ -273,113 +183,6 @@ fn check_beta(description: &CaptureDescription, beta: Option<[f64; 3]>, crossed:
         ));
     }
     Ok(())
-}
-
-/// A frame, its missing and its clipped pixels.
-type FrameOutcome = std::result::Result<(CaptureFrame, u64, Clipping), ImageFault>;
-
-/// Frames that a warning names, at most.
-const MAX_NAMED: usize = 20;
-
-/// Reads all frames, in order, on the current pool; as many at once as the memory allows that they need while they are read.
-fn read_frames(
-    path: &Path,
-    described: &[FrameDescription],
-    access: &FileAccess,
-    settings: &FrameSettings,
-    mesh: &Mesh,
-    progress: &(dyn Fn(usize, usize) + Sync),
-) -> Result<Vec<FrameOutcome>> {
-    // What stays of each frame is known from its camera, as no picture of another size is taken.
-    let size = |file: &Path| std::fs::metadata(file).ok().map(|metadata| metadata.len());
-    let (mut kept, mut reading) = (0u64, 1u64);
-    for frame in described {
-        let Some(bytes) = size(&frame.photograph) else { continue };
-        let (width, height) = (frame.view.camera.width, frame.view.camera.height);
-        let pixels = u64::from(width) * u64::from(height);
-        kept += pixels * (if frame.cross.is_some() { 24 } else { 12 } + 1);
-        let largest = [&frame.cross, &frame.mask].into_iter().flatten().filter_map(|file| size(file));
-        let bytes = largest.fold(bytes, u64::max);
-        // Lens distortion is removed out of place.
-        reading = reading.max(reading_memory(bytes, width, height).saturating_add(12 * pixels));
-    }
-    access.charge(path, "photographs of the capture", kept)?;
-    let at_once = (access.budget().left() / reading).max(1) as usize;
-    let done = AtomicUsize::new(0);
-    let one = |frame: &FrameDescription| {
-        let outcome = read_frame(frame, access, settings, mesh);
-        progress(done.fetch_add(1, Ordering::Relaxed) + 1, described.len());
-        outcome
-    };
-    let mut outcomes = Vec::with_capacity(described.len());
-    for some in described.chunks(at_once) {
-        outcomes.extend(crate::parallel::map(some.len(), |k| one(&some[k])));
-    }
-    // Some need more than their size tells, such as those of many channels: alone they may have it.
-    for (outcome, frame) in outcomes.iter_mut().zip(described) {
-        if matches!(outcome, Err(ImageFault::Wrong(Error::InputMemory { .. }))) {
-            *outcome = read_frame(frame, access, settings, mesh);
-        }
-    }
-    Ok(outcomes)
-}
-
-/// Settings of reading the photographs and masks of a capture.
-struct FrameSettings {
-    space: ColorSpace,
-    invert_masks: bool,
-}
-
-fn read_frame(
-    described: &FrameDescription,
-    access: &FileAccess,
-    settings: &FrameSettings,
-    mesh: &Mesh,
-) -> FrameOutcome {
-    let FrameSettings { space, invert_masks } = settings;
-    let camera = &described.view.camera;
-    let size = (camera.width, camera.height);
-    let picture = read_radiance_image(&described.photograph, access, space, Some(size))?;
-    let (mut photograph, mut clipped) = (picture.colour, picture.clipped);
-    let mut cross = None;
-    if let Some(path) = &described.cross {
-        let picture = read_radiance_image(path, access, space, Some(size))?;
-        cross = Some(picture.colour);
-        match (&mut clipped, picture.clipped) {
-            (Some(clipped), Some(other)) => clipped.data.iter_mut().zip(other.data).for_each(|(a, b)| *a |= b),
-            (clipped, other) => *clipped = clipped.take().or(other),
-        }
-    }
-    let (mut mask, mask_path) = match &described.mask {
-        Some(path) => (Some(read_mask(path, access, size)?), path),
-        None => (picture.alpha, &described.photograph),
-    };
-    if *invert_masks {
-        mask.iter_mut().flat_map(|mask| &mut mask.data).for_each(|shown| *shown = !*shown);
-    }
-    // A pixel missing in one of the pair is missing in both, so that both components miss the same ones.
-    let mut missing = 0;
-    for index in 0..photograph.data.len() {
-        let in_cross = cross.as_ref().is_some_and(|c| c.data[index][0].is_nan());
-        if in_cross || photograph.data[index][0].is_nan() {
-            photograph.data[index] = [f32::NAN; 3];
-            cross.iter_mut().for_each(|c| c.data[index] = [f32::NAN; 3]);
-            missing += mask.as_ref().is_none_or(|m| m.data[index]) as u64;
-        }
-    }
-    if !described.lens.is_pinhole() {
-        let lens = &described.lens;
-        photograph = lens.undistort_image(camera, &photograph);
-        cross = cross.map(|cross| lens.undistort_image(camera, &cross));
-        mask = mask.map(|mask| lens.undistort_mask(camera, &mask));
-        clipped = clipped.map(|clipped| lens.undistort_mask(camera, &clipped));
-    }
-    if mask.as_ref().is_some_and(|mask| mask.count() == 0) {
-        return Err(ImageFault::Unreadable(Error::input(mask_path, "the mask is empty: no pixel shows the object")));
-    }
-    let frame = CaptureFrame { view: described.view.clone(), photograph, cross, mask };
-    let clipping = clipped.map_or(Clipping::default(), |clipped| Clipping::of_frame(&clipped, &frame, mesh));
-    Ok((frame, missing, clipping))
 }
 
 /// Projections of vertices into pictures that are tried, at most.

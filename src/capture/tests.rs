@@ -1,5 +1,6 @@
 use super::test_capture::{POSE, Small, sample};
 use super::*;
+use crate::image::{ColorSpace, Mask};
 use std::fs;
 
 /// Shared test data, where it is there.

@@ -56,6 +56,36 @@ impl Mask {
     }
 }
 
+/// A mask as the lengths of its runs of equal pixels, row after row; the first run is of pixels that are not set.
+#[cfg(feature = "encode")]
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct MaskRuns {
+    pub(crate) width: usize,
+    pub(crate) height: usize,
+    pub(crate) lengths: Vec<u32>,
+}
+
+#[cfg(feature = "encode")]
+impl MaskRuns {
+    /// Returns the runs of a mask.
+    pub(crate) fn new(mask: &Mask) -> Self {
+        let first = if mask.data.first() == Some(&true) { Some(0) } else { None };
+        let runs = mask.data.chunk_by(|a, b| a == b).map(|run| run.len() as u32);
+        MaskRuns { width: mask.width, height: mask.height, lengths: first.into_iter().chain(runs).collect() }
+    }
+
+    /// Returns the mask.
+    pub(crate) fn mask(&self) -> Mask {
+        let pixels = self.width * self.height;
+        let mut data = Vec::with_capacity(pixels);
+        for (run, &length) in self.lengths.iter().enumerate() {
+            data.resize((data.len() + length as usize).min(pixels), run % 2 == 1);
+        }
+        data.resize(pixels, false);
+        Mask { width: self.width, height: self.height, data }
+    }
+}
+
 /// Weights of four samples in a row for a position `t` of the way from the second to the third (Catmull and Rom 1974).
 pub(crate) fn catmull_rom(t: f64) -> [f64; 4] {
     let (t2, t3) = (t * t, t * t * t);

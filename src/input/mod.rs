@@ -4,8 +4,12 @@
 //! are read, and what is read is what is there, whatever was claimed. Paths that a file names stay in its folder ([`Folder`]).
 
 mod folder;
+#[cfg(feature = "encode")]
+mod scratch;
 
 pub use folder::{Folder, percent_decoded};
+#[cfg(feature = "encode")]
+pub(crate) use scratch::{scratch_file, scratch_folder};
 
 use crate::error::{Error, Result};
 use crate::limits::{Budget, Limits, Reservation};

@@ -14,28 +14,32 @@ pub struct Distortion {
 }
 
 impl Distortion {
-    /// Compares decoded photographs with `originals`, view by view, on the pixels that `covered` has too.
-    /// All hold `components` and have the size of their masks.
+    /// Compares a decoded photograph with its original on the pixels that `covered` has too.
+    /// Both hold `components` and have the size of their masks.
     pub fn compare(
-        originals: &[Photograph],
-        decoded: &[Photograph],
-        covered: &[Mask],
+        original: &Photograph,
+        decoded: &Photograph,
+        covered: &Mask,
         components: &[Component],
         white: [f64; 3],
     ) -> Self {
-        let mut distortion = Distortion::default();
-        for ((original, decoded), covered) in originals.iter().zip(decoded).zip(covered) {
-            distortion.error.merge(&PhotographError::compare(original, decoded, components, covered, white));
-            for (wanted, found) in original.images.iter().zip(&decoded.images) {
-                for k in (0..covered.data.len()).filter(|&k| covered.data[k] && original.mask.data[k]) {
-                    for c in 0..3 {
-                        let [wanted, found] = [wanted, found].map(|image| signal(image.data[k][c], white[c]));
-                        distortion.max_error = distortion.max_error.max((wanted - found).abs());
-                    }
+        let error = PhotographError::compare(original, decoded, components, covered, white);
+        let mut max_error = 0f64;
+        for (wanted, found) in original.images.iter().zip(&decoded.images) {
+            for k in (0..covered.data.len()).filter(|&k| covered.data[k] && original.mask.data[k]) {
+                for c in 0..3 {
+                    let [wanted, found] = [wanted, found].map(|image| signal(image.data[k][c], white[c]));
+                    max_error = max_error.max((wanted - found).abs());
                 }
             }
         }
-        distortion
+        Distortion { error, max_error }
+    }
+
+    /// Adds another photograph's error.
+    pub fn merge(&mut self, other: &Distortion) {
+        self.error.merge(&other.error);
+        self.max_error = self.max_error.max(other.max_error);
     }
 
     /// Image PSNR of the sum in dB; infinite where nothing differs.
@@ -57,7 +61,7 @@ mod tests {
         };
         let compare = |covered: [bool; 3]| {
             let covered = Mask { width: 3, height: 1, data: covered.to_vec() };
-            Distortion::compare(&[photograph(0.25)], &[photograph(0.49)], &[covered], &[Component::Combined], [1.0; 3])
+            Distortion::compare(&photograph(0.25), &photograph(0.49), &covered, &[Component::Combined], [1.0; 3])
         };
         let distortion = compare([true; 3]);
         assert!((distortion.max_error - 0.2).abs() < 1e-6);

@@ -3,7 +3,7 @@
 use super::header::PlaneHeader;
 use super::picture::{self, ViewPart, ViewStreams, ViewTask};
 use super::workspace::{ParallelBudget, PlaneWorkspaces, photograph_bytes};
-use super::{DecodedView, PredictionScene, low_camera, order, run_waves};
+use super::{DecodedView, PredictionScene, low_camera, order, run_entries};
 use crate::container::Tag;
 use crate::error::{Error, Result};
 use crate::image::{Mask, RgbImage};
@@ -139,13 +139,14 @@ impl<'a> PlaneDecoder<'a> {
             present[coded.entry.view] = true;
             entries.push(index);
         }
-        let room = ParallelBudget { views, coding: &self.header.coding, budget, workspaces: &self.workspaces };
+        let room =
+            ParallelBudget { views, coding: &self.header.coding, budget, most: u64::MAX, workspaces: &self.workspaces };
         let decode = |index: usize, decoded: &[Option<DecodedView>], is_reference: bool| {
             let streams = streams[index].as_deref().unwrap_or_default();
             let take = wanted(order[index].view).then_some(|view: DecodedPhotograph| view.photograph());
             self.decode(index, streams, decoded, is_reference, take, budget)
         };
-        run_waves(&order, &entries, &room, decode, |given| {
+        run_entries(&order, &entries, &room, decode, |given| {
             let given = given.into_iter().filter_map(|(index, photograph)| Some((order[index].view, photograph?)));
             let (photographs, _reservations): (Vec<_>, Vec<_>) =
                 given.map(|(view, (photograph, reservation))| ((view, photograph), reservation)).unzip();

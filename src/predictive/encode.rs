@@ -7,21 +7,24 @@ use super::picture::{self, ViewPart, ViewTask};
 use super::workspace::PlaneSignal;
 use super::workspace::{ParallelBudget, PlaneWorkspaces};
 use super::{
-    ComponentCoding, DEFAULT_TILE_SIDE_LOG2, DecodedView, MaskCoding, PlaneCoding, PredictionScene, order, run_waves,
+    ComponentCoding, DEFAULT_TILE_SIDE_LOG2, DecodedView, MaskCoding, PlaneCoding, PredictionScene, order, run_entries,
 };
 use crate::container::Tag;
 use crate::error::{Error, Result};
+use crate::image::MaskRuns;
 use crate::limits::{Budget, Limits};
 use crate::mesh::Mesh;
 use crate::options::{DecodeSpeed, EncodeOptions, EncodeTarget};
+use crate::parallel;
 use crate::rate::{self, Candidate, CodedPhotographs};
 use crate::reflectance::stage::ReflectanceEncoder;
 use crate::residual::coefficients::Modelling;
 use crate::residual::tiles::TILE_SIDES_LOG2;
-use crate::separate::MaskedPhotographs;
+use crate::separate::{MaskedPhotographs, check_shown};
 use crate::surface::displacement::Displacements;
 use crate::transform::signal;
 use crate::transform::window::Window;
+use crate::views::source::PhotographSource;
 use crate::views::{Component, Photograph, View};
 use glam::Vec4;
 use std::borrow::Cow;
@@ -33,7 +36,9 @@ pub struct PlaneEncoder<'a> {
     views: &'a [View],
     white: [f64; 3],
     components: &'a [Component],
-    photographs: &'a [Photograph],
+    photographs: &'a dyn PhotographSource,
+    /// Whether a pixel of each view is coded.
+    shown: Vec<bool>,
     order: Vec<order::OrderEntry>,
     masks: MaskCoding,
     rotations: Vec<[[i16; 3]; 3]>,
@@ -49,25 +54,30 @@ pub(crate) fn encode_to_target(
     other_bytes: u64,
     displacements: Option<&Displacements>,
     options: &EncodeOptions,
+    warnings: &mut Vec<String>,
 ) -> Result<CodedPhotographs> {
     let &MaskedPhotographs { mesh, views, components, photographs, .. } = source;
+    let encoder = PlaneEncoder::new(source, options.signed_specular)?;
+    check_shown(&encoder.shown, warnings)?;
+    let first_shown = encoder.shown.iter().position(|&shown| shown);
     let reflectance = ReflectanceEncoder::new(mesh, views, components, photographs, displacements, options)?;
     let other_bytes = other_bytes + reflectance.displacement_bytes().map_or(0, |bytes| bytes.len() as u64 + 48);
-    let encoder = PlaneEncoder::new(source, options.signed_specular);
     let (decode_speed, tile_side_log2) = (options.decode_speed, tile_side_log2(options.tile_side)?);
     let best = rate::search_step(options.target.unwrap_or(EncodeTarget::Quality(75.0)), |step| {
         let quality = PlaneQuality { step, decode_speed, tile_side_log2, ..Default::default() };
-        let planes = encoder.encode(&quality)?;
+        let planes = encoder.encode_each(&quality, |view, original, decoded| {
+            source.coded_view(view, original, &decoded, first_shown == Some(view))
+        })?;
         let maps = reflectance.encode(step)?;
         let bytes = other_bytes + (reflectance.chart_bytes().len() + maps.len() + planes.bytes.len()) as u64;
-        Ok(Candidate { distortion: source.distortion(&planes.photographs), bytes, content: (planes, maps) })
+        Ok(Candidate { distortion: rate::total(&planes.photographs), bytes, content: (planes, maps) })
     })?;
     let (planes, maps) = best.content;
     let charts = reflectance.chart_bytes().to_vec();
     let mut sections = vec![(Tag::CHARTS, charts)];
     sections.extend(reflectance.displacement_bytes().map(|bytes| (Tag::DISPLACEMENT, bytes.to_vec())));
     sections.extend([(Tag::REFLECTANCE, maps), (Tag::PLANES, planes.bytes)]);
-    Ok(CodedPhotographs { sections, decoded: planes.photographs, distortion: best.distortion })
+    Ok(CodedPhotographs { sections, views: planes.photographs, distortion: best.distortion })
 }
 
 fn tile_side_log2(side: u32) -> Result<u8> {
@@ -80,11 +90,11 @@ fn tile_side_log2(side: u32) -> Result<u8> {
 
 /// A finished encoding.
 #[derive(Debug)]
-pub struct EncodedPlanes {
+pub struct EncodedPlanes<T = Photograph> {
     /// Content of section `PLAN`.
     pub bytes: Vec<u8>,
-    /// The photographs that a decoder returns, by view.
-    pub photographs: Vec<Photograph>,
+    /// The photographs that a decoder returns, by view, or what was made of each.
+    pub photographs: Vec<T>,
 }
 
 /// Quality of an encoding and its trade-offs.
@@ -133,38 +143,45 @@ fn mode(decode_speed: DecodeSpeed, pixels: u64) -> (u8, Modelling) {
     }
 }
 
+/// Memory of views that are coded side by side, beside that of one.
+const SIDE_BY_SIDE_BYTES: u64 = 512 << 20;
 /// Reconstruction offsets, see [`ComponentCoding::shrink`].
 const SHRINK: [u8; 2] = [20, 6];
 
 impl<'a> PlaneEncoder<'a> {
     /// Chooses order, colour rotations and mask coding. `signed` also keeps the sign of specular radiance below zero.
-    pub fn new(source: &MaskedPhotographs<'a>, signed: bool) -> Self {
+    pub fn new(source: &MaskedPhotographs<'a>, signed: bool) -> Result<Self> {
         let &MaskedPhotographs { mesh, views, components, white, covered, photographs } = source;
         let order = order::coarse_to_fine(views, mesh.bounding_sphere().0);
-        let same = photographs.iter().map(|p| &p.mask).eq(covered);
-        let masks = if same { MaskCoding::Coverage } else { MaskCoding::Coded };
         let white32 = white.map(|w| w as f32);
-        let rotations = (0..components.len())
-            .map(|component| {
-                let mut sums = ColourSums::default();
-                for photograph in photographs {
-                    for (colour, _) in photograph.images[component]
-                        .data
-                        .iter()
-                        .zip(&photograph.mask.data)
-                        .filter(|(_, inside)| **inside)
-                    {
-                        sums.add(signal::forward(*colour, white32, signed));
-                    }
-                }
-                sums.rotation()
-            })
-            .collect();
-        PlaneEncoder { mesh, views, white, components, photographs, order, masks, rotations, signed }
+        let mut sums = vec![ColourSums::default(); components.len()];
+        let mut shown = Vec::with_capacity(views.len());
+        let mut same = true;
+        source.for_each(|view, Photograph { mask, images }| {
+            same = same && MaskRuns::new(mask) == covered[view];
+            shown.push(mask.data.contains(&true));
+            parallel::for_each_chunk(&mut sums, 1, |component, sums| {
+                let pixels = images[component].data.iter().zip(&mask.data).filter(|(_, inside)| **inside);
+                pixels.for_each(|(colour, _)| sums[0].add(signal::forward(*colour, white32, signed)));
+            });
+            Ok(())
+        })?;
+        let masks = if same { MaskCoding::Coverage } else { MaskCoding::Coded };
+        let rotations = sums.iter().map(ColourSums::rotation).collect();
+        Ok(PlaneEncoder { mesh, views, white, components, photographs, shown, order, masks, rotations, signed })
     }
 
     /// Codes all views.
     pub fn encode(&self, quality: &PlaneQuality) -> Result<EncodedPlanes> {
+        self.encode_each(quality, |_, _, decoded| decoded)
+    }
+
+    /// Codes all views and keeps of each what `take` makes of its index, its photograph and what is decoded of that.
+    pub fn encode_each<T: Send>(
+        &self,
+        quality: &PlaneQuality,
+        take: impl Fn(usize, &Photograph, Photograph) -> T + Sync + Send,
+    ) -> Result<EncodedPlanes<T>> {
         let largest = self.views.iter().map(|view| view.camera.width as u64 * view.camera.height as u64).max();
         let (prediction_level, modelling) = mode(quality.decode_speed, largest.unwrap_or(0));
         // What the mesh covers is drawn at the size of the prediction.
@@ -178,12 +195,17 @@ impl<'a> PlaneEncoder<'a> {
         let mut header = PlaneHeader { coding, entries: Vec::new() };
         let scale = 64;
         let (budget, workspaces) = (Budget::new(Limits::UNLIMITED), PlaneWorkspaces::default());
-        let room =
-            ParallelBudget { views: self.views, coding: &header.coding, budget: &budget, workspaces: &workspaces };
+        let room = ParallelBudget {
+            views: self.views,
+            coding: &header.coding,
+            budget: &budget,
+            most: SIDE_BY_SIDE_BYTES,
+            workspaces: &workspaces,
+        };
         let mut results = Vec::with_capacity(all.len());
         let encode = |index: usize, decoded: &[Option<DecodedView>], is_reference: bool| {
             let entry = &self.order[index];
-            let target = &self.photographs[entry.view];
+            let target = &*self.photographs.photograph(entry.view)?;
             let plane = |window: &Window, component: usize| -> PlaneSignal {
                 let coding = &header.coding.components[component];
                 let rotation = coding.colour_transform();
@@ -203,26 +225,26 @@ impl<'a> PlaneEncoder<'a> {
             let task = ViewTask { scene: &scene, entry, scale, coding: &header.coding, decoded, part };
             let (streams, view) = picture::encode(&task, &target.mask, quality.lambda, plane)?;
             let photograph = DecodedPhotograph::new(&header, self.white, &view).photograph();
-            Ok(((streams, photograph), view))
+            Ok(((streams, take(entry.view, target, photograph)), view))
         };
-        run_waves(&self.order, &all, &room, encode, |given| {
+        run_entries(&self.order, &all, &room, encode, |given| {
             results.extend(given);
             Ok(())
         })?;
         results.sort_by_key(|(index, _)| *index);
-        let mut photographs: Vec<Photograph> = vec![Photograph::default(); self.views.len()];
+        let mut photographs: Vec<Option<T>> = (0..self.views.len()).map(|_| None).collect();
         let mut body = Vec::new();
         for (index, (streams, photograph)) in results {
             let step = self.order[index].clone();
             let grid = header.coding.tile_grid(&self.views[step.view].camera);
-            photographs[step.view] = photograph;
+            photographs[step.view] = Some(photograph);
             let (coded, bytes) = streams.into_entry(step, scale, &grid);
             header.entries.push(CodedEntry { offset: body.len() as u64, ..coded });
             body.extend(bytes);
         }
         let mut bytes = header.to_bytes();
         bytes.extend(body);
-        Ok(EncodedPlanes { bytes, photographs })
+        Ok(EncodedPlanes { bytes, photographs: photographs.into_iter().flatten().collect() })
     }
 
     fn component_codings(&self, quality: &PlaneQuality) -> Vec<ComponentCoding> {

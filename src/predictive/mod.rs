@@ -38,10 +38,10 @@ use crate::transform::masked::MaskedPixels;
 use crate::transform::shape_adaptive::{ColourLanes, PixelRun, WaveletPlan, level_count};
 use crate::transform::synthesis::{HalfPicture, StripScratch};
 use glam::Vec4;
-use order::OrderEntry;
+use order::{DepthFirst, OrderEntry};
 use std::borrow::Cow;
 use std::ops::Range;
-use workspace::ParallelBudget;
+use workspace::{LEAST_PARALLEL_VIEWS, MAX_PARALLEL_VIEWS, ParallelBudget};
 
 /// Coding of one component's pictures.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -248,6 +248,10 @@ impl DecodedView {
             _ => {}
         }
     }
+    /// Frees what only handing the view out takes.
+    fn keep_reference(&mut self) {
+        (self.mask, self.signals) = (Mask::default(), Vec::new());
+    }
     /// Bytes of memory of the view.
     fn bytes(&self) -> u64 {
         let signals: u64 = self.signals.iter().map(DecodedSignal::bytes).sum();
@@ -336,10 +340,10 @@ impl<'d> Reprojections<'d> {
     }
 }
 
-/// Runs `work` for the given entries of the order, wave by wave and as many side by side as the memory budget allows, and hands
+/// Runs `work` for the given entries of the order, depth first and as many side by side as the memory budget allows, and hands
 /// the results to `done`, with the entries' indices. Decoded views are kept as long as later entries need them; `work` receives
 /// `true` if a later view is predicted from this one.
-fn run_waves<T: Send>(
+fn run_entries<T: Send>(
     order: &[OrderEntry],
     steps: &[usize],
     room: &ParallelBudget,
@@ -350,28 +354,29 @@ fn run_waves<T: Send>(
     let mut needs = ReferenceCounts::new(order, steps, views);
     let mut decoded: Vec<Option<DecodedView>> = (0..views).map(|_| None).collect();
     let mut held: Vec<Option<Reservation>> = (0..views).map(|_| None).collect();
-    for wave in order::waves(order, steps) {
-        let mut rest = &wave[..];
-        while !rest.is_empty() {
-            let group;
-            (group, rest) = rest.split_at(room.parallel_views(order, rest));
-            let results =
-                parallel::map(group.len(), |k| work(group[k], &decoded, needs.is_needed(order[group[k]].view)));
-            let mut given = Vec::with_capacity(group.len());
-            for (&index, result) in group.iter().zip(results) {
-                let (result, view) = result?;
-                let step = &order[index];
-                if needs.is_needed(step.view) {
-                    held[step.view] = Some(room.budget.reserve("decoded views", view.bytes())?);
-                    decoded[step.view] = Some(view);
-                }
-                needs.count_done(step, |view| (decoded[view], held[view]) = (None, None));
-                given.push((index, result));
-            }
-            done(given)?;
+    let mut schedule = DepthFirst::new(order, steps);
+    loop {
+        let most = parallel::threads().clamp(LEAST_PARALLEL_VIEWS, MAX_PARALLEL_VIEWS);
+        let group = schedule.take(most, |first| room.parallel_views(order, first));
+        if group.is_empty() {
+            return Ok(());
         }
+        let results = parallel::map(group.len(), |k| work(group[k], &decoded, needs.is_needed(order[group[k]].view)));
+        let mut given = Vec::with_capacity(group.len());
+        for (&index, result) in group.iter().zip(results) {
+            let (result, mut view) = result?;
+            let step = &order[index];
+            view.keep_reference();
+            if needs.is_needed(step.view) {
+                held[step.view] = Some(room.budget.reserve("decoded views", view.bytes())?);
+                decoded[step.view] = Some(view);
+            }
+            needs.count_done(step, |view| (decoded[view], held[view]) = (None, None));
+            given.push((index, result));
+        }
+        schedule.done(order, &group);
+        done(given)?;
     }
-    Ok(())
 }
 
 /// Counts of the later entries that need each view.

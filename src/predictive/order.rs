@@ -1,5 +1,7 @@
 //! Coding order of the views, and the views that each is predicted from.
 
+use std::collections::HashMap;
+
 /// One view of the coding order.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct OrderEntry {
@@ -118,21 +120,58 @@ mod planning {
     }
 }
 
-/// Groups `steps` into waves whose entries do not depend on each other: wave `n + 1` needs only waves `0..=n`. `steps` are indices into
-/// `order`, ascending, and hold all that they need ([`closure`]).
-pub(crate) fn waves(order: &[OrderEntry], steps: &[usize]) -> Vec<Vec<usize>> {
-    let mut wave_of_view = std::collections::HashMap::new();
-    let mut waves: Vec<Vec<usize>> = Vec::new();
-    for &index in steps {
-        let step = &order[index];
-        let wave = step.dependencies().filter_map(|view| wave_of_view.get(&view)).max().map_or(0, |w| w + 1);
-        wave_of_view.insert(step.view, wave);
-        if waves.len() <= wave {
-            waves.resize(wave + 1, Vec::new());
+/// Entries that are handed out when what they need is done, depth first: what a done one made possible comes before what waited longer. So
+/// few of the done ones are needed at any time; of a ring of views, about two for each halving.
+#[derive(Debug)]
+pub(crate) struct DepthFirst {
+    /// By entry: how many of those that it needs are not done.
+    waiting: HashMap<usize, usize>,
+    /// By view: the entries that need it.
+    dependents: HashMap<usize, Vec<usize>>,
+    /// The next one is the last.
+    ready: Vec<usize>,
+}
+
+impl DepthFirst {
+    /// `steps` are indices into `order`, ascending, and hold all that they need ([`closure`]).
+    pub(crate) fn new(order: &[OrderEntry], steps: &[usize]) -> Self {
+        let (mut waiting, mut dependents) = (HashMap::new(), HashMap::<usize, Vec<usize>>::new());
+        for &index in steps {
+            let mut count = 0;
+            for view in order[index].dependencies() {
+                let Some(dependents) = dependents.get_mut(&view) else { continue };
+                dependents.push(index);
+                count += 1;
+            }
+            waiting.insert(index, count);
+            dependents.insert(order[index].view, Vec::new());
         }
-        waves[wave].push(index);
+        let ready = steps.iter().rev().copied().filter(|index| waiting[index] == 0).collect();
+        DepthFirst { waiting, dependents, ready }
     }
-    waves
+
+    /// Returns the next entries, as many of the first `most` as `fit` says of them; none if all are done.
+    pub(crate) fn take(&mut self, most: usize, fit: impl FnOnce(&[usize]) -> usize) -> Vec<usize> {
+        let first: Vec<usize> = self.ready.iter().rev().take(most).copied().collect();
+        let count = if first.is_empty() { 0 } else { fit(&first).clamp(1, first.len()) };
+        self.ready.truncate(self.ready.len() - count);
+        first[..count].to_vec()
+    }
+
+    /// Tells that these entries are done.
+    pub(crate) fn done(&mut self, order: &[OrderEntry], entries: &[usize]) {
+        let mut possible = Vec::new();
+        for dependent in entries.iter().filter_map(|&index| self.dependents.get(&order[index].view)).flatten() {
+            if let Some(count) = self.waiting.get_mut(dependent) {
+                *count -= 1;
+                if *count == 0 {
+                    possible.push(*dependent);
+                }
+            }
+        }
+        possible.sort_unstable_by(|a, b| b.cmp(a));
+        self.ready.append(&mut possible);
+    }
 }
 
 /// Returns the entries that decoding `wanted` views takes, in coding order, as indices into `order`.
@@ -167,18 +206,21 @@ mod tests {
     use crate::predictive::order::*;
     use crate::views::{Camera, View};
 
-    #[test]
-    fn a_ring_is_halved_again_and_again() {
-        let views: Vec<View> = (0..36)
+    fn ring(count: usize) -> Vec<View> {
+        (0..count)
             .map(|i| {
-                let (sin, cos) = (i as f64 * 10f64.to_radians()).sin_cos();
+                let (sin, cos) = (i as f64 * std::f64::consts::TAU / count as f64).sin_cos();
                 // Camera at (4 sin, 0, 4 cos) looking at the origin.
                 let rotation = [[cos, 0.0, -sin], [0.0, -1.0, 0.0], [-sin, 0.0, -cos]];
                 let camera = Camera { rotation, translation: [0.0, 0.0, 4.0], ..Camera::default() };
                 View { name: i.to_string(), camera, light: None }
             })
-            .collect();
-        let order = coarse_to_fine(&views, [0.0; 3]);
+            .collect()
+    }
+
+    #[test]
+    fn a_ring_is_halved_again_and_again() {
+        let order = coarse_to_fine(&ring(36), [0.0; 3]);
         let mut seen: Vec<usize> = order.iter().map(|s| s.view).collect();
         assert_eq!(seen[..4], [0, 18, 9, 27]);
         seen.sort_unstable();
@@ -193,6 +235,41 @@ mod tests {
         for view in 0..36 {
             assert!(closure(&order, |v| v == view).len() <= 8);
         }
-        assert!(waves(&order, &(0..36).collect::<Vec<_>>()).len() <= 8);
+    }
+
+    /// Most views that are held at once, for `views` on a ring of which `side_by_side` are coded at a time.
+    fn held(views: usize, side_by_side: usize) -> usize {
+        let order = coarse_to_fine(&ring(views), [0.0; 3]);
+        let steps: Vec<usize> = (0..views).collect();
+        let mut needs = vec![0; views];
+        order.iter().flat_map(OrderEntry::dependencies).for_each(|view| needs[view] += 1);
+        let mut schedule = DepthFirst::new(&order, &steps);
+        let (mut done, mut held, mut most) = (vec![false; views], 0usize, 0);
+        loop {
+            let entries = schedule.take(side_by_side, <[usize]>::len);
+            if entries.is_empty() {
+                break;
+            }
+            for &index in &entries {
+                assert!(order[index].dependencies().all(|view| done[view]), "{index} needs what is not done");
+                held += usize::from(needs[order[index].view] > 0);
+                for view in order[index].dependencies() {
+                    needs[view] -= 1;
+                    held -= usize::from(needs[view] == 0);
+                }
+            }
+            entries.iter().for_each(|&index| done[order[index].view] = true);
+            schedule.done(&order, &entries);
+            most = most.max(held);
+        }
+        assert!(done.iter().all(|&done| done) && held == 0);
+        most
+    }
+
+    #[test]
+    fn few_views_are_held_however_many_there_are() {
+        // Twice the views take one more level of halving; wave by wave they would be 16, 32 and 64.
+        assert_eq!([36, 72, 144].map(|views| held(views, 1)), [5, 6, 7]);
+        assert!(held(144, 4) < 24, "{}", held(144, 4));
     }
 }

@@ -8,7 +8,7 @@ use crate::limits::{Budget, Limits};
 use crate::mesh::Mesh;
 use crate::options::DecodeSpeed;
 use crate::separate::MaskedPhotographs;
-use crate::surface::raster::coverage;
+use crate::surface::raster::coverage_runs;
 use crate::views::{Camera, Component, Photograph, PointLight, View};
 use std::ops::Range;
 
@@ -19,9 +19,10 @@ fn encode(
     signed: bool,
     quality: &PlaneQuality,
 ) -> EncodedPlanes {
-    let covered = &coverage(mesh, views)[..];
+    let photographs = &photographs.iter().collect::<Vec<_>>();
+    let covered = &coverage_runs(mesh, views)[..];
     let source = MaskedPhotographs { mesh, views, components: &COMPONENTS, white: WHITE, covered, photographs };
-    PlaneEncoder::new(&source, signed).encode(quality).unwrap()
+    PlaneEncoder::new(&source, signed).unwrap().encode(quality).unwrap()
 }
 
 /// A textured octahedron on a turntable, its pictures drawn by projecting a pattern, with ragged masks, which in every other view leave

@@ -148,13 +148,17 @@ pub(crate) fn peak_bytes(camera: &Camera, coding: &PlaneCoding) -> u64 {
 }
 
 /// Most views that are coded side by side, so that memory does not grow with the threads.
-const MAX_PARALLEL_VIEWS: usize = 8;
+pub(super) const MAX_PARALLEL_VIEWS: usize = 8;
+/// Views that are coded side by side where there are few threads, as they do not all take the same time. More would only hold more references.
+pub(super) const LEAST_PARALLEL_VIEWS: usize = 4;
 
 /// Memory budget of views that are coded side by side.
 pub(crate) struct ParallelBudget<'a> {
     pub views: &'a [View],
     pub coding: &'a PlaneCoding,
     pub budget: &'a Budget,
+    /// Bytes of what is coded side by side, beyond which it is no more than one view, whatever the budget has.
+    pub most: u64,
     pub workspaces: &'a PlaneWorkspaces,
 }
 
@@ -165,7 +169,7 @@ impl ParallelBudget<'_> {
         let (mut count, mut bytes) = (0, 0u64);
         for &step in steps.iter().take(MAX_PARALLEL_VIEWS) {
             let more = bytes.saturating_add(peak_bytes(&self.views[order[step].view].camera, self.coding));
-            if count > 0 && more > self.budget.left() {
+            if count > 0 && more > self.budget.left().min(self.most) {
                 break;
             }
             (count, bytes) = (count + 1, more);

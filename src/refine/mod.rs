@@ -12,20 +12,23 @@ mod signal_view;
 mod system;
 
 use crate::error::Result;
-use crate::image::{Mask, RgbImage};
+use crate::image::Mask;
 use crate::mesh::Mesh;
 use crate::options::{EncodeOptions, Profile, Refinement};
 use crate::reflectance::lobes::share::{LobeEquations, SharingScale, share_weights};
 use crate::reflectance::lobes::{LOBES, LobeCosines, lobe_values};
-use crate::separate::Observations;
+use crate::separate::{Observations, ObservedView, SeparatedFrames};
 use crate::surface::displacement::{DisplacedMesh, Displacements, interpolated_normals};
 use crate::surface::raster::rasterise;
 use crate::surface::subdivision::{mean_edge, subdivide};
+use crate::views::source::open_together;
 use crate::views::{Camera, Component, View};
 use evidence::{LossScales, SurfaceState};
 use rings::Rings;
 use schedule::{STAGES, Stage};
 use signal_view::{SPECULAR_FLOOR, SignalView};
+use std::borrow::Cow;
+use std::ops::Range;
 use system::DisplacedSurface;
 
 /// Edge of the finest mesh, in pixels of the reduced photographs.
@@ -46,16 +49,6 @@ const LEAST_SIZE: f64 = 150.0;
 const WIDE_ITERATIONS: f64 = 3.0;
 /// Least cosine of a view that lobes are fitted to.
 const LOBE_COS_VIEW: f64 = 0.25;
-
-/// A view with its photographs.
-pub(crate) struct RefinementView<'a> {
-    /// Camera and light.
-    pub view: &'a View,
-    /// Pixels that show the object.
-    pub mask: &'a Mask,
-    /// Diffuse and specular radiance.
-    pub images: [&'a RgbImage; 2],
-}
 
 /// A refined surface: the scan, linearly subdivided and displaced.
 #[derive(Debug, Clone, PartialEq)]
@@ -103,20 +96,33 @@ impl SubdividedScan {
 
 /// Refines a scan. `None` where the refined surface does not explain views that it was not fitted to any better than the scan does,
 /// where the lights are unknown, or too few views have one.
-pub(crate) fn refine(scan: &Mesh, views: &[RefinementView], white: [f64; 3]) -> Option<RefinedSurface> {
+fn refine<'o>(
+    scan: &Mesh,
+    views: &[View],
+    white: [f64; 3],
+    observe: impl Fn(usize) -> Result<Cow<'o, ObservedView>> + Sync + Send,
+    runs: Vec<Range<usize>>,
+) -> Result<Option<RefinedSurface>> {
     let pixels = |factor: usize| {
         let pixels = |camera: &Camera| (camera.width as u64 / factor as u64) * (camera.height as u64 / factor as u64);
-        views.iter().map(|view| pixels(&view.view.camera)).sum::<u64>()
+        views.iter().map(|view| pixels(&view.camera)).sum::<u64>()
     };
     let factor = (1..64).find(|&factor| pixels(factor) <= MAX_PIXELS).unwrap_or(64);
-    let mut signals: Vec<SignalView> = crate::parallel::map(views.len(), |k| {
-        SignalView::new(views[k].view, views[k].mask, views[k].images, white, factor)
-    })
-    .into_iter()
-    .flatten()
-    .collect();
+    let reduced = |k: usize| {
+        let observed = observe(k)?;
+        let view = &views[k];
+        let covered = || Cow::Owned(rasterise(scan, &view.camera).coverage());
+        let mask: Cow<Mask> = observed.mask.as_ref().map_or_else(covered, Cow::Borrowed);
+        let [diffuse, specular] = &observed.images[..] else { return Ok(None) };
+        Ok(SignalView::new(view, &mask, [diffuse, specular], white, factor))
+    };
+    let mut signals = Vec::with_capacity(views.len());
+    for run in runs {
+        let some = crate::parallel::map(run.len(), |k| reduced(run.start + k));
+        signals.extend(some.into_iter().collect::<Result<Vec<_>>>()?.into_iter().flatten());
+    }
     if signals.len() < 2 * LEAVE_OUT {
-        return None;
+        return Ok(None);
     }
     let pixel = pixel_length(scan, &signals);
     let finest = levels(scan, pixel);
@@ -131,14 +137,14 @@ pub(crate) fn refine(scan: &Mesh, views: &[RefinementView], white: [f64; 3]) -> 
         let levels = finest.saturating_sub(stage.coarser);
         if stage.coarser == 0 && STAGES[number - 1].coarser > 0 {
             if state.left_out_loss[1] >= state.left_out_loss[0] {
-                return None;
+                return Ok(None);
             }
             signals.append(&mut left_out);
         }
         state.run(scan, levels, stage, size, &mut signals, &mut left_out);
     }
     let RefinementProgress { displacement, left_out_loss, .. } = state;
-    Some(RefinedSurface { levels: finest, displacement, pixel, left_out_loss })
+    Ok(Some(RefinedSurface { levels: finest, displacement, pixel, left_out_loss }))
 }
 
 /// World length of a pixel at the object's middle, mean of the views.
@@ -263,31 +269,34 @@ pub fn refine_observations(scan: &Mesh, observations: &Observations) -> Option<R
     if observations.components != [Component::Diffuse, Component::Specular] {
         return None;
     }
-    let covered: Vec<Mask> = crate::parallel::map(observations.views.len(), |k| {
-        let view = &observations.views[k];
-        view.mask.clone().unwrap_or_else(|| rasterise(scan, &view.view.camera).coverage())
-    });
-    let views: Vec<RefinementView> = (observations.views.iter().zip(&covered))
-        .map(|(view, mask)| RefinementView { view: &view.view, mask, images: [&view.images[0], &view.images[1]] })
-        .collect();
-    refine(scan, &views, observations.white)
+    let views: Vec<View> = observations.views.iter().map(|observed| observed.view.clone()).collect();
+    let observe = |k: usize| Ok(Cow::Borrowed(&observations.views[k]));
+    refine(scan, &views, observations.white, observe, open_together(&views, usize::MAX)).ok().flatten()
 }
 
-/// Returns the surface that a capture's photographs show, where `options` ask for it; adds a warning where there is none.
+/// Returns the surface that a capture's photographs show, where `options` ask for it; adds a warning where there is none. What is kept of the
+/// photographs is reduced to [`MAX_PIXELS`] of all together.
 pub(crate) fn refined_surface(
     mesh: &Mesh,
-    observations: &Observations,
+    views: &[View],
+    frames: &SeparatedFrames,
     options: &EncodeOptions,
     warnings: &mut Vec<String>,
-) -> Option<RefinedSurface> {
+) -> Result<Option<RefinedSurface>> {
     if options.refine == Refinement::None {
-        return None;
+        return Ok(None);
     }
     if options.profile != Profile::Predictive {
         warnings.push("the surface stays as the mesh has it: option `refine` goes with profile predictive".into());
-        return None;
+        return Ok(None);
     }
-    let refined = refine_observations(mesh, observations);
+    let refined = match frames.components == [Component::Diffuse, Component::Specular] {
+        true => {
+            let observe = |k: usize| frames.observe(k).map(Cow::Owned);
+            refine(mesh, views, frames.white(), observe, open_together(views, frames.at_once()))?
+        }
+        false => None,
+    };
     if refined.is_none() {
         warnings.push(
             "the surface stays as the mesh has it: refining it takes polarised photographs under known lights, 14 views or more, and \
@@ -295,5 +304,5 @@ pub(crate) fn refined_surface(
                 .into(),
         );
     }
-    refined
+    Ok(refined)
 }

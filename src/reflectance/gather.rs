@@ -4,25 +4,21 @@ use super::lambert::LambertSums;
 use super::lobes::share::{LobeEquations, SharingScale, share_weights};
 use super::lobes::{self, LOBES, LobeCosines, lobe_values};
 use super::maps::ReflectanceMaps;
+pub use super::sightings::ReflectanceSources;
+use super::sightings::{Place, Sightings, TexelSighting};
 use super::torrance_sparrow::{self, SpecularSighting, TorranceSparrowLobe};
 use super::{ReflectionGeometry, lambert, palette};
+use crate::error::Result;
 use crate::image::Grid;
-use crate::mesh::Mesh;
 use crate::options::SpecularModel;
-use crate::parallel;
 use crate::surface::atlas::{AtlasRaster, rasterise_atlas, smooth_normal};
 use crate::surface::charts::Charts;
 use crate::surface::charts::NONE;
-use crate::surface::displacement::DisplacedMesh;
-use crate::surface::raster::{Raster, rasterise, vertex_normals};
-use crate::views::{Component, Photograph, PointLight, View};
+use crate::surface::raster::vertex_normals;
+use crate::views::Component;
 use glam::DVec3;
 use std::collections::BTreeMap;
 
-/// Sightings with a smaller `cos(normal, view)` are left out: they are half of the model's error (and few of its pixels).
-const GRAZING: f64 = 0.25;
-/// A surface point is hidden where the mesh is nearer by this many pixel widths.
-const MARGIN_PIXELS: f64 = 4.0;
 /// Texels (each way) that share a highlight: smoother maps cost less and predict other views better:
 /// held-out views of two captures gain 0.4 dB over separate texels.
 const BLOCK: usize = 3;
@@ -43,32 +39,14 @@ const LOBE_FLOOR: f64 = 0.05;
 /// Sightings of a block that its palette is fitted to, at most.
 const MAX_SIGHTINGS: usize = 400;
 
-/// Input of [`fit_maps`].
-pub struct ReflectanceSources<'a> {
-    /// The mesh.
-    pub mesh: &'a Mesh,
-    /// Its surface, where that is finer.
-    pub surface: Option<&'a DisplacedMesh>,
-    /// The captured views; the maps are relightable if all of them have a light.
-    pub views: &'a [View],
-    /// Components of the photographs.
-    pub components: &'a [Component],
-    /// Photographs, parallel to `views`; NaN pixels are missing.
-    pub photographs: Vec<Option<&'a Photograph>>,
-    /// Model of the specular component.
-    pub specular: SpecularModel,
-}
-
 /// Fits reflectance to every texel in use: Lambert per texel and Torrance-Sparrow per block of `BLOCK` x `BLOCK` texels of a chart,
 /// interpolated between blocks, where all lights are known, else the weighted mean radiance. What no photograph shows takes its
 /// neighbours' values. Texels not in use are 0.
-pub fn fit_maps(sources: &ReflectanceSources, charts: &Charts, atlas: &AtlasRaster) -> ReflectanceMaps {
+/// # Errors
+/// Those of opening the photographs, and of a temporary file.
+pub fn fit_maps(sources: &ReflectanceSources, charts: &Charts, atlas: &AtlasRaster) -> Result<ReflectanceMaps> {
     let normals = vertex_normals(sources.mesh);
-    let drawn = sources.surface.map_or(sources.mesh, DisplacedMesh::mesh);
     let relightable = !sources.views.is_empty() && sources.views.iter().all(|v| v.light.is_some());
-    let rasters: Vec<Option<Raster>> = parallel::map(sources.views.len(), |k| {
-        sources.photographs.get(k)?.map(|_| rasterise(drawn, &sources.views[k].camera))
-    });
     let (width, height) = (atlas.triangle.width, atlas.triangle.height);
     let used: Vec<usize> = (0..atlas.triangle.data.len()).filter(|&k| atlas.triangle.data[k] != NONE).collect();
     let block_of = |texel: usize| {
@@ -86,9 +64,10 @@ pub fn fit_maps(sources: &ReflectanceSources, charts: &Charts, atlas: &AtlasRast
     // Lobes tell apart what lies within a texel, so that is looked at more closely.
     let denser = charts.denser(SUBDIVISION);
     let closer = if with_lobes { rasterise_atlas(sources.mesh, &denser).ok() } else { None };
-    let places = |texel: usize| -> Vec<(usize, [f64; 3])> {
+    let place = |(triangle, weights)| surface_place(sources, &normals, triangle, weights);
+    let places = |texel: usize| -> Vec<Place> {
         let own = (atlas.triangle.data[texel] as usize, atlas.weights(texel));
-        let Some(closer) = &closer else { return vec![own] };
+        let Some(closer) = &closer else { return vec![place(own)] };
         let chart = charts.chart_of_triangle[own.0];
         let n = SUBDIVISION as usize;
         let within = (0..n * n).map(|k| (texel / width * n + k / n) * width * n + texel % width * n + k % n);
@@ -96,17 +75,18 @@ pub fn fit_maps(sources: &ReflectanceSources, charts: &Charts, atlas: &AtlasRast
             closer.triangle.data[at] != NONE && charts.chart_of_triangle[closer.triangle.data[at] as usize] == chart
         };
         let found: Vec<_> =
-            within.filter(on_chart).map(|at| (closer.triangle.data[at] as usize, closer.weights(at))).collect();
-        if found.is_empty() { vec![own] } else { found }
+            within.filter(on_chart).map(|at| place((closer.triangle.data[at] as usize, closer.weights(at)))).collect();
+        if found.is_empty() { vec![place(own)] } else { found }
     };
-    let fitted = parallel::map(members.len(), |k| {
+    let of_block = |k: usize| members[k].iter().flat_map(|&member| places(used[member])).collect::<Vec<Place>>();
+    let seen = Sightings::gather(sources, members.len(), &of_block)?;
+    let fitted = seen.map(members.len(), |k, mut seen_of_block| {
         let (mut sightings, mut equations) = (Vec::new(), Vec::new());
         let diffuse: Vec<Option<[f32; 3]>> = members[k]
             .iter()
             .map(|&member| {
-                let places = places(used[member]).into_iter();
-                let seen: Vec<TexelSighting> =
-                    places.flat_map(|place| sightings_at(sources, &rasters, &normals, place)).collect();
+                let mut seen = Vec::new();
+                places(used[member]).into_iter().for_each(|place| seen_of_block.next(place, &mut seen));
                 let first = sightings.len();
                 let diffuse = fit_texel(&seen, sources, relightable, &mut sightings);
                 if with_lobes {
@@ -124,7 +104,7 @@ pub fn fit_maps(sources: &ReflectanceSources, charts: &Charts, atlas: &AtlasRast
         }
         let step = sightings.len().div_ceil(MAX_SIGHTINGS).max(1);
         (diffuse, lobe, sightings.into_iter().step_by(step).collect::<Vec<_>>(), equations)
-    });
+    })?;
 
     let mut place = vec![NONE; width * height];
     used.iter().enumerate().for_each(|(k, &texel)| place[texel] = k as u32);
@@ -164,7 +144,7 @@ pub fn fit_maps(sources: &ReflectanceSources, charts: &Charts, atlas: &AtlasRast
             }
         }
         maps.set_single_lobes();
-        return maps;
+        return Ok(maps);
     }
     if specular {
         let (mut block_lobes, sightings): (Vec<Option<TorranceSparrowLobe>>, Vec<Vec<SpecularSighting>>) =
@@ -202,26 +182,15 @@ pub fn fit_maps(sources: &ReflectanceSources, charts: &Charts, atlas: &AtlasRast
             maps.sigma.data[texel] = (sum[3] / sum[4]).exp() as f32;
         }
     }
-    maps
+    Ok(maps)
 }
 
 /// The four neighbours of a texel or block.
 const STEPS: [(isize, isize); 4] = [(-1, 0), (1, 0), (0, -1), (0, 1)];
 
-/// One photograph's radiance at a texel, per component, and how the texel lay there.
-struct TexelSighting {
-    geometry: ReflectionGeometry,
-    radiance: [[f32; 3]; 2],
-}
-
-/// What the photographs show of a place on a triangle of the mesh.
-fn sightings_at(
-    sources: &ReflectanceSources,
-    rasters: &[Option<Raster>],
-    normals: &[[f64; 3]],
-    (triangle, weights): (usize, [f64; 3]),
-) -> Vec<TexelSighting> {
-    let (point, normal) = match sources.surface {
+/// A place on a triangle of the mesh, on its surface.
+fn surface_place(sources: &ReflectanceSources, normals: &[[f64; 3]], triangle: usize, weights: [f64; 3]) -> Place {
+    match sources.surface {
         Some(surface) => surface.point(triangle, weights),
         None => {
             let corners = sources.mesh.triangles[triangle];
@@ -229,42 +198,7 @@ fn sightings_at(
             let point = (0..3).map(|k| weights[k] * corner(k)).sum::<DVec3>();
             (point.to_array(), smooth_normal(corners, weights, normals).to_array())
         }
-    };
-    let mut result = Vec::new();
-    for (k, view) in sources.views.iter().enumerate() {
-        let (Some(raster), Some(&Some(photograph))) = (&rasters[k], sources.photographs.get(k)) else { continue };
-        let dark = PointLight { position: [0.0; 3], intensity: [0.0; 3] };
-        let (centre, light) = (view.camera.centre(), view.light.unwrap_or(dark));
-        let geometry = ReflectionGeometry::new(point, normal, centre, &light);
-        if (geometry.cos_view as f64) < GRAZING {
-            continue;
-        }
-        let Some((at, depth)) = view.camera.project(point) else { continue };
-        let (x, y) = ((at[0] - 0.5).floor(), (at[1] - 0.5).floor());
-        if !(x >= 0.0 && y >= 0.0 && x + 1.0 < raster.width as f64 && y + 1.0 < raster.height as f64) {
-            continue;
-        }
-        let (s, t) = ((at[0] - 0.5 - x) as f32, (at[1] - 0.5 - y) as f32);
-        let first = y as usize * raster.width + x as usize;
-        let margin = MARGIN_PIXELS * depth / view.camera.focal[0].abs();
-        let taps = [
-            (first, (1.0 - s) * (1.0 - t)),
-            (first + 1, s * (1.0 - t)),
-            (first + raster.width, (1.0 - s) * t),
-            (first + raster.width + 1, s * t),
-        ];
-        let mut radiance = [[0f32; 3]; 2];
-        let visible = taps.iter().all(|&(index, weight)| {
-            for (sum, image) in radiance.iter_mut().zip(&photograph.images) {
-                (0..3).for_each(|c| sum[c] += weight * image.data[index][c]);
-            }
-            photograph.mask.data[index] && raster.is_covered(index) && (raster.depth[index] - depth).abs() < margin
-        });
-        if visible && radiance.iter().flatten().all(|x| x.is_finite()) {
-            result.push(TexelSighting { geometry, radiance });
-        }
     }
-    result
 }
 
 /// Diffuse colour of a texel from what was seen of it; adds what was seen of its highlight to `highlight`.

@@ -10,6 +10,8 @@ pub(crate) mod palette;
 #[cfg(feature = "encode")]
 pub(crate) mod gather;
 #[cfg(feature = "encode")]
+mod sightings;
+#[cfg(feature = "encode")]
 pub(crate) mod stage;
 pub(crate) mod torrance_sparrow;
 

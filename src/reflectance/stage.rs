@@ -10,7 +10,8 @@ use crate::options::EncodeOptions;
 use crate::surface::atlas;
 use crate::surface::charts::{self, Charts};
 use crate::surface::displacement::{self, Displacements};
-use crate::views::{Component, Photograph, View};
+use crate::views::source::PhotographSource;
+use crate::views::{Component, View};
 
 /// Value of a bit of the reflectance maps, in squared steps.
 const MAP_LAMBDA: f32 = 0.15;
@@ -36,7 +37,7 @@ impl<'a> ReflectanceEncoder<'a> {
         mesh: &'a Mesh,
         views: &[View],
         components: &[Component],
-        photographs: &[Photograph],
+        photographs: &dyn PhotographSource,
         displacements: Option<&Displacements>,
         options: &EncodeOptions,
     ) -> Result<Self> {
@@ -56,10 +57,9 @@ impl<'a> ReflectanceEncoder<'a> {
         let displaced =
             displacements.map(|displacements| displacement::encode(displacements, mesh, &charts)).transpose()?;
         let (displacement_bytes, surface) = displaced.unzip();
-        let photographs = photographs.iter().map(Some).collect();
         let (surface, specular) = (surface.as_ref(), options.specular);
         let sources = ReflectanceSources { mesh, surface, views, components, photographs, specular };
-        let maps = fit_maps(&sources, &charts, &raster);
+        let maps = fit_maps(&sources, &charts, &raster)?;
         Ok(ReflectanceEncoder { mesh, charts, chart_bytes, maps, displacement_bytes })
     }
 

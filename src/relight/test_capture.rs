@@ -38,15 +38,16 @@ pub(crate) fn fit_reflectance(asset: &mut Asset, density: f64) -> AtlasRaster {
     let cameras: Vec<Camera> = asset.views.iter().map(|v| v.camera).collect();
     let charts = layout(&asset.mesh, texels_per_unit(&asset.mesh, &cameras, density)).unwrap();
     let raster = rasterise_atlas(&asset.mesh, &charts).unwrap();
+    let photographs: Vec<&Photograph> = asset.photographs.iter().flatten().collect();
     let sources = crate::reflectance::gather::ReflectanceSources {
         mesh: &asset.mesh,
         surface: None,
         views: &asset.views,
         components: &asset.components,
-        photographs: asset.photographs.iter().map(Option::as_ref).collect(),
+        photographs: &photographs,
         specular: Default::default(),
     };
-    asset.reflectance = Some(crate::reflectance::gather::fit_maps(&sources, &charts, &raster));
+    asset.reflectance = Some(crate::reflectance::gather::fit_maps(&sources, &charts, &raster).unwrap());
     asset.charts = Some(charts);
     raster
 }

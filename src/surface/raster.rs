@@ -5,6 +5,8 @@
 
 use crate::error::Result;
 use crate::image::Mask;
+#[cfg(feature = "encode")]
+use crate::image::MaskRuns;
 use crate::limits::check;
 use crate::mesh::Mesh;
 use crate::parallel;
@@ -44,6 +46,12 @@ impl Raster {
 /// Returns the pixels that the mesh covers, by view.
 pub fn coverage(mesh: &Mesh, views: &[View]) -> Vec<Mask> {
     parallel::map(views.len(), |index| rasterise(mesh, &views[index].camera).coverage())
+}
+
+/// Returns the pixels that the mesh covers, by view, in little memory.
+#[cfg(feature = "encode")]
+pub fn coverage_runs(mesh: &Mesh, views: &[View]) -> Vec<MaskRuns> {
+    parallel::map(views.len(), |index| MaskRuns::new(&rasterise(mesh, &views[index].camera).coverage()))
 }
 
 /// Nearest depth drawn, as a share of the mesh's farthest vertex; triangles that reach nearer are dropped.

@@ -5,6 +5,7 @@
 
 use super::raster::Raster;
 use super::view_geometry::ViewGeometry;
+use crate::image::Mask;
 use crate::transform::shape_adaptive::PixelRun;
 use crate::transform::window::Window;
 use crate::views::{Camera, View};
@@ -29,9 +30,9 @@ pub(crate) struct Reprojection {
 #[derive(Debug, Clone)]
 pub(crate) struct ReferenceView {
     view: View,
-    width: usize,
-    height: usize,
-    /// The farthest depth of the nine pixels around each, and a margin.
+    /// The part of the picture beyond which no depth is known.
+    window: Window,
+    /// The farthest depth of the nine pixels around each of the window, and a margin.
     farthest: Vec<f64>,
 }
 
@@ -60,7 +61,8 @@ impl ReferenceView {
             }
             here.iter_mut().for_each(|far| *far *= 1.0 + DEPTH_MARGIN);
         }
-        ReferenceView { view: geometry.view, width, height, farthest }
+        let window = Window::around_mask(&known_depths(&farthest, width, height), 0);
+        ReferenceView { view: geometry.view, farthest: window.crop(&farthest, width), window }
     }
 
     /// Bytes of memory that it takes.
@@ -75,9 +77,16 @@ impl ReferenceView {
         if !(distance > 0.0 && position[0] >= 0.0 && position[1] >= 0.0) {
             return false;
         }
-        let (x, y) = (position[0] as usize, position[1] as usize);
-        x < self.width && y < self.height && self.farthest.get(y * self.width + x).is_some_and(|&far| distance <= far)
+        let Window { left, top, width, height } = self.window;
+        // Before the window's first pixel the differences are no smaller than any width.
+        let (x, y) = ((position[0] as usize).wrapping_sub(left), (position[1] as usize).wrapping_sub(top));
+        x < width && y < height && self.farthest.get(y * width + x).is_some_and(|&far| distance <= far)
     }
+}
+
+/// Pixels at which a depth is known.
+fn known_depths(farthest: &[f64], width: usize, height: usize) -> Mask {
+    Mask { width, height, data: farthest.iter().map(|&far| far > 0.0).collect() }
 }
 
 /// Pixels that are worked on side by side.

@@ -1,6 +1,8 @@
 //! Cameras, lights and photographs, and the VIEW section that holds them.
 
 pub(crate) mod codec;
+#[cfg(feature = "encode")]
+pub(crate) mod source;
 
 use crate::image::{Mask, RgbImage};
 use glam::{DQuat, DVec3};

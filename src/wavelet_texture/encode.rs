@@ -3,7 +3,7 @@
 use super::WaveletHeader;
 use super::decode::{self, DecodedWaveletTexture, code_sides, predicted};
 use super::model::{CodedReflectionModel, ReflectionModel};
-use super::samples::{PosedPhotograph, WaveletSamples};
+use super::samples::WaveletSamples;
 use super::stream::{VolumeModels, code_volume};
 use crate::container::Tag;
 use crate::entropy::RangeEncoder;
@@ -12,12 +12,12 @@ use crate::limits::{Budget, Limits};
 use crate::options::{EncodeOptions, EncodeTarget};
 use crate::parallel;
 use crate::quantise::dead_zone::DeadZone;
-use crate::rate::{self, Candidate, CodedPhotographs};
+use crate::rate::{self, Candidate, CodedPhotographs, CodedView};
 use crate::residual::volume::{FillEffort, VolumeScratch, truncate};
-use crate::separate::MaskedPhotographs;
+use crate::separate::{MaskedPhotographs, check_shown};
 use crate::transform::colour::{self, ColourRotation, IDENTITY};
 use crate::transform::daubechies::VolumeShape;
-use crate::views::{Component, Photograph};
+use crate::views::Component;
 
 /// Encoder options of profile `wavelet-texture`.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -81,29 +81,35 @@ pub(crate) fn encode_to_target(
     source: &MaskedPhotographs,
     other_bytes: u64,
     options: &EncodeOptions,
+    warnings: &mut Vec<String>,
 ) -> Result<(CodedPhotographs, WaveletFigures)> {
-    let &MaskedPhotographs { mesh, views, components, white, .. } = source;
-    let posed: Vec<PosedPhotograph> = (views.iter().zip(source.photographs))
-        .map(|(view, photograph)| PosedPhotograph { view, mask: Some(&photograph.mask), images: &photograph.images })
-        .collect();
-    let samples = WaveletSamples::gather(mesh, &posed, PATCH_DENSITY);
+    let &MaskedPhotographs { mesh, views, components, white, photographs, .. } = source;
+    let samples = WaveletSamples::gather(mesh, views, photographs, PATCH_DENSITY)?;
+    check_shown(&samples.shown, warnings)?;
     let model = fit_model(&samples, components);
     let best = rate::search_keep_percent(options.target.unwrap_or(EncodeTarget::KeepPercent(5.0)), |keep_percent| {
         let settings = WaveletOptions { keep_percent, ..Default::default() };
         let encoded = encode(&samples, components, Some(&model), &settings)?;
         let unlimited = Budget::new(Limits::UNLIMITED);
         let decoded = decode::decode(&encoded.bytes, mesh, components, views.len(), &unlimited)?;
-        let photographs = decode::photographs(&decoded, mesh, views, |_| true);
-        let photographs: Vec<Photograph> = photographs.into_iter().flatten().collect();
-        let (distortion, bytes) = (source.distortion(&photographs), other_bytes + encoded.bytes.len() as u64);
+        let mut coded: Vec<CodedView> = Vec::with_capacity(views.len());
+        let mut is_shown = false;
+        source.for_each(|index, original| {
+            let decoded = decode::photograph(&decoded, mesh, &views[index], index);
+            let first = !is_shown && decoded.mask.data.contains(&true);
+            is_shown |= first;
+            coded.push(source.coded_view(index, original, &decoded, first));
+            Ok(())
+        })?;
+        let (distortion, bytes) = (rate::total(&coded), other_bytes + encoded.bytes.len() as u64);
         let errors = sample_errors(&samples, &decoded, white);
-        Ok(Candidate { distortion, bytes, content: (encoded, errors, photographs) })
+        Ok(Candidate { distortion, bytes, content: (encoded, errors, coded) })
     })?;
-    let (encoded, errors, decoded) = best.content;
+    let (encoded, errors, views) = best.content;
     let sample_psnr = components.iter().copied().zip(errors).collect();
     let figures = WaveletFigures { sample_psnr, kept_percent: encoded.kept_percent() };
     let sections = vec![(Tag::WAVELET_TEXTURE, encoded.bytes)];
-    Ok((CodedPhotographs { sections, decoded, distortion: best.distortion }, figures))
+    Ok((CodedPhotographs { sections, views, distortion: best.distortion }, figures))
 }
 
 /// Fits the reflection model to the samples and quantises it.

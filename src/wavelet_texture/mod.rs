@@ -21,7 +21,7 @@ pub(crate) use encode::encode_to_target;
 #[cfg(feature = "encode")]
 pub use encode::{EncodedWaveletTexture, WaveletOptions, WaveletSampleError, encode};
 #[cfg(feature = "encode")]
-pub use samples::{PosedPhotograph, WaveletSamples};
+pub use samples::WaveletSamples;
 
 use crate::container::Tag;
 #[cfg(feature = "encode")]

@@ -1,22 +1,13 @@
 //! Reading photographs at the samples of the patches.
 
 use super::layout::PatchLayout;
+use crate::error::Result;
 use crate::image::{Mask, RgbImage};
 use crate::parallel;
 use crate::surface::occluders::{Footprint, Occluders};
 use crate::surface::patches::{area_normal, unit};
-use crate::views::View;
-
-/// Photograph with its camera and light. All images and the mask have the camera's size.
-#[derive(Debug, Clone, Copy)]
-pub struct PosedPhotograph<'a> {
-    /// Camera and light.
-    pub view: &'a View,
-    /// Pixels that show the object, where known.
-    pub mask: Option<&'a Mask>,
-    /// Linear radiance per component.
-    pub images: &'a [RgbImage],
-}
+use crate::views::source::{PhotographSource, open_together};
+use crate::views::{Photograph, View};
 
 /// Radiance of one patch in the photographs.
 #[derive(Debug, Clone, Default)]
@@ -34,6 +25,8 @@ pub struct WaveletSamples {
     pub layout: PatchLayout,
     /// Captured views.
     pub views: Vec<View>,
+    /// Parallel to the views: whether the mask of the photograph has a pixel.
+    pub shown: Vec<bool>,
     /// Number of components.
     pub components: usize,
     /// Parallel to the patches.
@@ -45,47 +38,62 @@ const MIN_COSINE: f64 = 0.05;
 
 impl WaveletSamples {
     /// Chooses the patches' sides for `density` samples per photograph pixel (where a patch is seen largest), casts the
-    /// rays and reads the photographs by cubic B-splines.
-    pub fn gather(mesh: &crate::mesh::Mesh, frames: &[PosedPhotograph], density: f64) -> WaveletSamples {
+    /// rays and reads the photographs by cubic B-splines. They have their cameras' sizes.
+    pub fn gather(
+        mesh: &crate::mesh::Mesh,
+        views: &[View],
+        photographs: &dyn PhotographSource,
+        density: f64,
+    ) -> Result<WaveletSamples> {
         let mut layout = PatchLayout::new(mesh);
-        choose_sides(&mut layout, frames, density);
+        choose_sides(&mut layout, views, density);
         let occluders = Occluders::new(mesh);
-        let components = frames.first().map_or(0, |f| f.images.len());
-        let footprints: Vec<Footprint> =
-            frames.iter().map(|f| Footprint::new(&occluders, mesh, &f.view.camera, f.mask, f.images)).collect();
-        let splines: Vec<Vec<PhotographSpline>> = parallel::map(frames.len(), |view| {
-            frames[view].images.iter().map(|image| PhotographSpline::new(image, footprints[view].usable())).collect()
-        });
-        let centres: Vec<[f64; 3]> = frames.iter().map(|f| f.view.camera.centre()).collect();
-        let patches = parallel::map(layout.patches.len(), |index| {
-            let side = 1usize << layout.side_log2[index];
-            let area = side * side;
-            let mut patch = PatchSamples {
-                visible: vec![false; frames.len() * area],
-                radiance: vec![vec![[0.0; 3]; frames.len() * area]; components],
-            };
-            for i in 0..area {
-                let Some(point) = layout.grid_point(index, i % side, i / side) else { continue };
-                let (position, _) = layout.position_and_normal(index, &point);
-                let facing = unit(area_normal(mesh, mesh.triangles[point.triangle as usize]));
-                for view in 0..frames.len() {
-                    let (direction, _) = crate::vector::direction(position, centres[view]);
-                    if crate::vector::dot(facing, direction) < MIN_COSINE {
-                        continue;
-                    }
-                    let Some(at) = footprints[view].project(position) else { continue };
-                    if !occluders.is_visible(position, centres[view]) {
-                        continue;
-                    }
-                    patch.visible[view * area + i] = true;
-                    for (component, spline) in splines[view].iter().enumerate() {
-                        patch.radiance[component][view * area + i] = spline.radiance_at(at);
+        let centres: Vec<[f64; 3]> = views.iter().map(|view| view.camera.centre()).collect();
+        let mut patches = vec![PatchSamples::default(); layout.patches.len()];
+        let (mut components, mut shown) = (0, Vec::with_capacity(views.len()));
+        for run in open_together(views, photographs.at_once()) {
+            let opened = parallel::map(run.len(), |k| -> Result<_> {
+                let view = run.start + k;
+                let photograph = photographs.photograph(view)?;
+                let Photograph { mask, images } = &*photograph;
+                let footprint = Footprint::new(&occluders, mesh, &views[view].camera, Some(mask), images);
+                let splines: Vec<_> =
+                    images.iter().map(|image| PhotographSpline::new(image, footprint.usable())).collect();
+                Ok((footprint, splines, mask.data.contains(&true)))
+            });
+            let opened = opened.into_iter().collect::<Result<Vec<_>>>()?;
+            shown.extend(opened.iter().map(|(_, _, shown)| *shown));
+            components = opened.first().map_or(components, |(_, splines, _)| splines.len());
+            parallel::for_each_chunk(&mut patches, 1, |index, patch| {
+                let patch = &mut patch[0];
+                let side = 1usize << layout.side_log2[index];
+                let area = side * side;
+                if run.start == 0 {
+                    patch.visible = vec![false; views.len() * area];
+                    patch.radiance = vec![vec![[0.0; 3]; views.len() * area]; components];
+                }
+                for i in 0..area {
+                    let Some(point) = layout.grid_point(index, i % side, i / side) else { continue };
+                    let (position, _) = layout.position_and_normal(index, &point);
+                    let facing = unit(area_normal(mesh, mesh.triangles[point.triangle as usize]));
+                    for (view, (footprint, splines, _)) in run.clone().zip(&opened) {
+                        let (direction, _) = crate::vector::direction(position, centres[view]);
+                        if crate::vector::dot(facing, direction) < MIN_COSINE {
+                            continue;
+                        }
+                        let Some(at) = footprint.project(position) else { continue };
+                        if !occluders.is_visible(position, centres[view]) {
+                            continue;
+                        }
+                        patch.visible[view * area + i] = true;
+                        for (component, spline) in splines.iter().enumerate() {
+                            patch.radiance[component][view * area + i] = spline.radiance_at(at);
+                        }
                     }
                 }
-            }
-            patch
-        });
-        WaveletSamples { layout, views: frames.iter().map(|f| f.view.clone()).collect(), components, patches }
+            });
+        }
+        Ok(WaveletSamples { layout, views: views.to_vec(), shown, components, patches })
     }
     /// Coefficients of all components and colours: as many as there are samples, seen or not.
     pub fn coefficients(&self) -> usize {
@@ -99,7 +107,7 @@ impl WaveletSamples {
 
 /// Side of each patch: the least power of two that gives `density` samples per pixel, within a third, in the view that
 /// shows it largest.
-fn choose_sides(layout: &mut PatchLayout, frames: &[PosedPhotograph], density: f64) {
+fn choose_sides(layout: &mut PatchLayout, views: &[View], density: f64) {
     let largest = parallel::map(layout.patches.len(), |index| {
         let patch = &layout.patches[index];
         let projected = |view: &View| {
@@ -114,7 +122,7 @@ fn choose_sides(layout: &mut PatchLayout, frames: &[PosedPhotograph], density: f
             };
             area(patch.first) + patch.second.map_or(area(patch.first), area)
         };
-        frames.iter().map(|f| projected(f.view)).fold(0.0, f64::max)
+        views.iter().map(projected).fold(0.0, f64::max)
     });
     for (log2, pixels) in layout.side_log2.iter_mut().zip(largest) {
         let wanted = density * pixels / 1.5;

@@ -3,7 +3,7 @@ use crate::image::{Mask, RgbImage};
 use crate::limits::{Budget, Limits};
 use crate::mesh::Mesh;
 use crate::surface::occluders::Occluders;
-use crate::views::{Camera, Component, PointLight, View};
+use crate::views::{Camera, Component, Photograph, PointLight, View};
 
 /// A sheet of `n x n` squares with a bump, in the plane z = 0, seen from +z.
 fn mesh(n: u32) -> Mesh {
@@ -79,12 +79,8 @@ const COMPONENTS: [Component; 2] = [Component::Diffuse, Component::Specular];
 fn samples(count: usize) -> (Mesh, Vec<View>, WaveletSamples) {
     let (mesh, views) = (mesh(6), views(count));
     let pictures = photographs(&mesh, &views);
-    let frames: Vec<PosedPhotograph> = views
-        .iter()
-        .zip(&pictures)
-        .map(|(view, (mask, images))| PosedPhotograph { view, mask: Some(mask), images })
-        .collect();
-    let samples = WaveletSamples::gather(&mesh, &frames, 1.0);
+    let pictures: Vec<Photograph> = pictures.into_iter().map(|(mask, images)| Photograph { mask, images }).collect();
+    let samples = WaveletSamples::gather(&mesh, &views, &pictures, 1.0).unwrap();
     (mesh, views, samples)
 }
 
@@ -144,10 +140,9 @@ fn unknown_lights_and_one_component_work() {
     let (mesh, mut views) = (mesh(4), views(4));
     let pictures = photographs(&mesh, &views);
     views.iter_mut().for_each(|v| v.light = None);
-    let images: Vec<Vec<RgbImage>> = pictures.into_iter().map(|(_, images)| images[..1].to_vec()).collect();
-    let frames: Vec<PosedPhotograph> =
-        views.iter().zip(&images).map(|(view, images)| PosedPhotograph { view, mask: None, images }).collect();
-    let samples = WaveletSamples::gather(&mesh, &frames, 1.0);
+    let pictures: Vec<Photograph> =
+        pictures.into_iter().map(|(mask, images)| Photograph { mask, images: images[..1].to_vec() }).collect();
+    let samples = WaveletSamples::gather(&mesh, &views, &pictures, 1.0).unwrap();
     let model = encode::fit_model(&samples, &[Component::Combined]);
     assert!(model.lobes.is_empty());
     let encoded = encode(&samples, &[Component::Combined], Some(&model), &WaveletOptions::default()).unwrap();
@@ -155,7 +150,7 @@ fn unknown_lights_and_one_component_work() {
     assert!(!decoded.model.as_ref().unwrap().relightable);
     let error = encode::sample_errors(&samples, &decoded, [1.0; 3])[0];
     assert!(error.linear_db > 30.0, "{error:?}");
-    let nothing = WaveletSamples::gather(&Mesh::default(), &frames, 1.0);
+    let nothing = WaveletSamples::gather(&Mesh::default(), &views, &pictures, 1.0).unwrap();
     let empty = encode(&nothing, &[Component::Combined], None, &WaveletOptions::default()).unwrap();
     assert!(decode(&empty.bytes, &Mesh::default(), &[Component::Combined], 4, &budget()).is_ok());
 }

@@ -11,8 +11,7 @@ use tsuya::image::Mask;
 use tsuya::internals::residual::FillEffort;
 use tsuya::internals::surface::coverage;
 use tsuya::internals::wavelet_texture::{
-    EncodedWaveletTexture, PosedPhotograph, WaveletOptions, WaveletSamples, decode, encode, fit_model, photographs,
-    sample_errors,
+    EncodedWaveletTexture, WaveletOptions, WaveletSamples, decode, encode, fit_model, photographs, sample_errors,
 };
 use tsuya::metrics::PhotographError;
 use tsuya::{Budget, Limits};
@@ -27,10 +26,7 @@ fn main() -> Result<()> {
     let mut arguments = std::env::args().skip(1);
     let folder = arguments.next().map_or_else(default_capture, PathBuf::from);
     let capture = Capture::read(&folder)?;
-    let frames: Vec<PosedPhotograph> = (capture.views.iter().zip(&capture.photographs))
-        .map(|(view, taken)| PosedPhotograph { view, mask: Some(&taken.mask), images: &taken.images })
-        .collect();
-    let samples = WaveletSamples::gather(&capture.mesh, &frames, 1.0);
+    let samples = WaveletSamples::gather(&capture.mesh, &capture.views, &capture.photographs, 1.0)?;
     let visible = samples.visible();
     println!("{}: {} views, {} triangles", folder.display(), capture.views.len(), capture.mesh.triangles.len());
     println!(

@@ -65,13 +65,13 @@ fn main() -> Result<(), Box<dyn Error>> {
             ("surface, GGX lobes", Some(&fine), SpecularModel::GgxLobes),
         ] {
             let (mesh, components) = (&scan, &observations.components[..]);
-            let taken = photographs.iter().map(Some).collect();
+            let taken = &photographs;
             let sources = ReflectanceSources { mesh, surface, views: &views, components, photographs: taken, specular };
             let asset = Asset {
                 mesh: scan.clone(),
                 surface: surface.cloned(),
                 charts: Some(charts.clone()),
-                reflectance: Some(fit_maps(&sources, &charts, &atlas)),
+                reflectance: Some(fit_maps(&sources, &charts, &atlas)?),
                 white: observations.white,
                 components: components.to_vec(),
                 views: views.clone(),

@@ -46,10 +46,10 @@ pub fn planes(u: &mut Unstructured, object: &Object) -> Result<Vec<u8>> {
         tile_side_log2: u.int_in_range(4..=12)?,
         ..PlaneQuality::default()
     };
-    let covered = internals::surface::coverage(mesh, views);
+    let covered = internals::surface::coverage_runs(mesh, views);
     let (components, white) = (object.components(), object.views.0.white);
     let source = MaskedPhotographs { mesh, views, components, white, covered: &covered, photographs: &photographs };
-    let encoder = PlaneEncoder::new(&source, u.arbitrary()?);
+    let encoder = PlaneEncoder::new(&source, u.arbitrary()?).expect("photographs in memory");
     let encoded = encoder.encode(&quality).expect("every picture set can be coded");
     let decoded = decode_planes(&encoded.bytes, object).expect("our own planes");
     for (decoded, expected) in decoded.iter().zip(&encoded.photographs) {
@@ -84,14 +84,9 @@ pub fn read_planes(bytes: &[u8], object: &Object) {
 pub fn paper(u: &mut Unstructured, object: &Object) -> Result<Option<Vec<u8>>> {
     let (mesh, views, components) = (&object.mesh.0, object.all_views(), object.components());
     let photographs = photographs(u, object)?;
-    let frames: Vec<internals::wavelet_texture::PosedPhotograph> = (views.iter().zip(&photographs))
-        .map(|(view, taken)| internals::wavelet_texture::PosedPhotograph {
-            view,
-            mask: Some(&taken.mask),
-            images: &taken.images,
-        })
-        .collect();
-    let samples = internals::wavelet_texture::WaveletSamples::gather(mesh, &frames, *u.choose(&[0.1, 1.0, 3.0])?);
+    let density = *u.choose(&[0.1, 1.0, 3.0])?;
+    let samples = internals::wavelet_texture::WaveletSamples::gather(mesh, views, &photographs, density)
+        .expect("photographs in memory");
     let model = if u.arbitrary()? { Some(internals::wavelet_texture::fit_model(&samples, components)) } else { None };
     let options = internals::wavelet_texture::WaveletOptions {
         keep_percent: u.int_in_range(0..=100)? as f64,

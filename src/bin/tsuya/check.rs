@@ -6,7 +6,7 @@ use anyhow::Result;
 use clap::Args;
 use serde_json::json;
 use std::path::PathBuf;
-use tsuya::capture::{CaptureReadOptions, agreement};
+use tsuya::capture::CaptureReadOptions;
 
 /// Reads a capture and checks that its mesh, cameras, masks and photographs agree; writes nothing.
 ///
@@ -26,11 +26,11 @@ impl Check {
     pub fn run(self) -> Result<()> {
         // As it is: what the check finds is told, not mended.
         let options = CaptureReadOptions { unchecked: true, ..self.reading.read_options()? };
-        let capture = progress::read_capture(&self.capture, &options)?;
-        let found = agreement(&capture);
+        let capture = progress::open_capture(&self.capture, &options)?;
+        let found = capture.agreement();
         if self.json {
             output::print_json(&json!({
-                "frames": capture.frames.len(),
+                "frames": capture.views().len(),
                 "skipped_frames": capture.skipped_frames,
                 "vertices": capture.mesh.positions.len(),
                 "triangles": capture.mesh.triangles.len(),
@@ -44,7 +44,7 @@ impl Check {
             }))?;
         } else {
             output::warn(&capture.warnings);
-            let (frames, triangles) = (capture.frames.len(), capture.mesh.triangles.len());
+            let (frames, triangles) = (capture.views().len(), capture.mesh.triangles.len());
             output::print(&format!("{frames} frames, {triangles} triangles; {} views looked at\n", found.views))?;
             let share = |share: Option<f64>| share.map_or("-".into(), |share| format!("{:.1} %", 100.0 * share));
             let iou = found.silhouette_iou.map_or("- (no masks)".into(), |iou| format!("{iou:.3}"));

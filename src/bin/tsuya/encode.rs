@@ -163,7 +163,7 @@ impl Encode {
         }
         let mut options = self.options()?;
         let start = Instant::now();
-        let capture = progress::read_capture(&self.capture, &self.reading.read_options()?)?;
+        let capture = progress::open_capture(&self.capture, &self.reading.read_options()?)?;
         let (skipped, missing, clipping) = (capture.skipped_frames, capture.missing_pixels, capture.clipping);
         if capture.origin != [0.0; 3] {
             options.metadata.entry("origin").or_insert_with(|| json!(capture.origin));

@@ -4,7 +4,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use std::path::Path;
 use std::time::Duration;
 use tsuya::Result;
-use tsuya::capture::{Capture, CaptureReadOptions, read_with_progress};
+use tsuya::capture::{Capture, CaptureReadOptions, OpenCapture, open_with_progress, read_with_progress};
 
 /// A line that says what is being done, until it is dropped.
 pub struct Busy(ProgressBar);
@@ -30,14 +30,23 @@ impl Drop for Busy {
 
 /// Reads a capture with a bar of its frames.
 pub fn read_capture(path: &Path, options: &CaptureReadOptions) -> Result<Capture> {
+    with_bar(|progress| read_with_progress(path, options, progress))
+}
+
+/// Opens a capture, whose photographs are not kept, with a bar of its frames.
+pub fn open_capture(path: &Path, options: &CaptureReadOptions) -> Result<OpenCapture> {
+    with_bar(|progress| open_with_progress(path, options, progress))
+}
+
+fn with_bar<T>(read: impl FnOnce(&(dyn Fn(usize, usize) + Sync)) -> T) -> T {
     let bar = ProgressBar::new(0);
     if let Ok(style) = ProgressStyle::with_template("reading photographs {wide_bar} {pos}/{len}") {
         bar.set_style(style);
     }
-    let capture = read_with_progress(path, options, &|done, total| {
+    let read = read(&|done, total| {
         bar.set_length(total as u64);
         bar.set_position(done as u64);
     });
     bar.finish_and_clear();
-    capture
+    read
 }

@@ -11,12 +11,14 @@ mod vicinity;
 
 use super::Capture;
 use crate::error::{Error, Result};
+use crate::mesh::Mesh;
 use crate::parallel;
-use crate::views::Camera;
+use crate::views::{Camera, View};
 use contrast::Contrast;
 use glam::DVec3;
 use serde::Serialize;
-use silhouette::{SilhouetteCounts, SmallView, count, iou};
+pub(super) use silhouette::SmallView;
+use silhouette::{SilhouetteCounts, count, iou};
 use std::path::Path;
 
 /// Views whose photographs are compared, and the runs of neighbours in the capture's order that they are taken from.
@@ -98,12 +100,18 @@ pub struct Misplaced {
 /// Takes time for some dozens of views of 160 pixels a side, however many and large the capture's are.
 pub fn agreement(capture: &Capture) -> Agreement {
     let chosen = chosen(capture.frames.len());
-    let views = parallel::map(chosen.len(), |k| SmallView::new(&capture.frames[chosen[k]]));
-    let name = |view: usize| capture.frames[chosen[view]].view.name.clone();
-    let silhouettes: Vec<&SmallView> = views.iter().step_by(views.len().div_ceil(MAX_SILHOUETTES).max(1)).collect();
-    let counts = parallel::map(silhouettes.len(), |k| {
-        count(&capture.mesh, &silhouettes[k].camera, silhouettes[k].mask.as_deref())
-    });
+    let small = parallel::map(chosen.len(), |k| SmallView::new(&capture.frames[chosen[k]]));
+    let all: Vec<&View> = capture.frames.iter().map(|frame| &frame.view).collect();
+    of_views(&capture.mesh, &all, &chosen, small.iter().collect())
+}
+
+/// Compares a mesh with those of `all` views that are chosen, and what they show.
+pub(super) fn of_views(mesh: &Mesh, all: &[&View], chosen: &[usize], views: Vec<&SmallView>) -> Agreement {
+    let name = |view: usize| all[chosen[view]].name.clone();
+    let silhouettes: Vec<&SmallView> =
+        views.iter().copied().step_by(views.len().div_ceil(MAX_SILHOUETTES).max(1)).collect();
+    let counts =
+        parallel::map(silhouettes.len(), |k| count(mesh, &silhouettes[k].camera, silhouettes[k].mask.as_deref()));
     let masked: Vec<&SilhouetteCounts> =
         counts.iter().zip(&silhouettes).filter(|(_, view)| view.mask.is_some()).map(|(c, _)| c).collect();
     let sum = |of: fn(&SilhouetteCounts) -> u64| counts.iter().map(of).sum::<u64>();
@@ -114,11 +122,11 @@ pub fn agreement(capture: &Capture) -> Agreement {
 
     let cameras: Vec<Camera> = views.iter().map(|view| view.camera).collect();
     let contrasts: Vec<&Contrast> = views.iter().map(|view| &view.contrast).collect();
-    let pairs = consistency::compare(&capture.mesh, &cameras, &contrasts);
+    let pairs = consistency::compare(mesh, &cameras, &contrasts);
     let mean = |of: fn(&consistency::PairConsistency) -> f64| {
         (!pairs.is_empty()).then(|| pairs.iter().map(of).sum::<f64>() / pairs.len() as f64)
     };
-    let same_place = |a: usize, b: usize| is_same_place(&cameras[a], &cameras[b], &capture.mesh.bounding_sphere());
+    let same_place = |a: usize, b: usize| is_same_place(&cameras[a], &cameras[b], &mesh.bounding_sphere());
     let misplaced = assignment::reordering(&pairs, views.len(), &same_place).map(|order| Misplaced {
         pattern: order.pattern(views.len()),
         photographs: order.moved.iter().map(|views| views.map(name)).collect(),
@@ -126,8 +134,8 @@ pub fn agreement(capture: &Capture) -> Agreement {
         found_consistency: order.found,
     });
 
-    let all: Vec<Camera> = capture.frames.iter().map(|frame| frame.view.camera).collect();
-    let vicinity = vicinity::vicinity(&capture.mesh, &all);
+    let everywhere: Vec<Camera> = all.iter().map(|view| view.camera).collect();
+    let vicinity = vicinity::vicinity(mesh, &everywhere);
     let mut found = Agreement {
         views: views.len(),
         silhouette_iou,
@@ -136,16 +144,14 @@ pub fn agreement(capture: &Capture) -> Agreement {
         photo_consistency: mean(consistency::PairConsistency::given),
         permuted_consistency: mean(consistency::PairConsistency::permuted),
         misplaced,
-        cameras_inside: vicinity.inside.iter().map(|&k| capture.frames[k].view.name.clone()).collect(),
+        cameras_inside: vicinity.inside.iter().map(|&k| all[k].name.clone()).collect(),
         nearest_camera: vicinity.nearest.map(|(_, distance)| distance),
         cause: None,
     };
     let consistency = found.photo_consistency.unwrap_or(0.0);
     found.cause = match silhouette_iou {
-        Some(iou) if iou < FAIR => explain::by_silhouettes(&capture.mesh, &silhouettes, iou >= DOUBTFUL),
-        None if consistency < PARTLY_CONSISTENT => {
-            explain::by_consistency(&capture.mesh, &views.iter().collect::<Vec<_>>())
-        }
+        Some(iou) if iou < FAIR => explain::by_silhouettes(mesh, &silhouettes, iou >= DOUBTFUL),
+        None if consistency < PARTLY_CONSISTENT => explain::by_consistency(mesh, &views),
         _ => None,
     };
     found.decide();
@@ -153,7 +159,7 @@ pub fn agreement(capture: &Capture) -> Agreement {
 }
 
 /// Indices of the frames to look at: all, or runs of neighbours, for photographs are mostly in the order of their taking.
-fn chosen(frames: usize) -> Vec<usize> {
+pub(super) fn chosen(frames: usize) -> Vec<usize> {
     if frames <= MAX_VIEWS {
         return (0..frames).collect();
     }
@@ -197,18 +203,17 @@ impl Agreement {
 }
 
 /// Turns a mesh that is wound inwards, warns of what is doubtful, and refuses what can't be right.
-pub(super) fn settle(path: &Path, capture: &mut Capture) -> Result<()> {
-    let found = agreement(capture);
+pub(super) fn settle(path: &Path, found: Agreement, mesh: &mut Mesh, warnings: &mut Vec<String>) -> Result<()> {
     if found.is_refused() {
         let sentences = found.sentences().join("; ");
         return Err(Error::input(path, format!("{sentences}; set unchecked to take the capture as it is")));
     }
     let mut sentences = found.sentences();
     if found.is_inwards() {
-        capture.mesh.triangles.iter_mut().for_each(|corners| corners.swap(1, 2));
+        mesh.triangles.iter_mut().for_each(|corners| corners.swap(1, 2));
         sentences[0] += "; its triangles were turned";
     }
-    capture.warnings.extend(sentences);
+    warnings.extend(sentences);
     Ok(())
 }
 

@@ -13,7 +13,8 @@ const SIDE: f64 = 160.0;
 const FULL: f64 = 0.98;
 
 /// A view at the size at which it is looked at.
-pub(super) struct SmallView {
+#[derive(Debug)]
+pub(in crate::capture) struct SmallView {
     pub(super) camera: Camera,
     /// `None` where the photograph has no mask, or one that cuts nothing out.
     pub(super) mask: Option<Vec<bool>>,
@@ -22,7 +23,7 @@ pub(super) struct SmallView {
 }
 
 impl SmallView {
-    pub(super) fn new(frame: &CaptureFrame) -> Self {
+    pub(in crate::capture) fn new(frame: &CaptureFrame) -> Self {
         let camera = &frame.view.camera;
         let scale = (SIDE / f64::from(camera.width.max(camera.height))).min(1.0);
         let side = |pixels: u32| ((f64::from(pixels) * scale).round() as u32).max(1);

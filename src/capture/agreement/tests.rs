@@ -60,10 +60,12 @@ fn mistakes_between_mesh_cameras_and_masks_are_named() {
     let mut inwards = plain.clone();
     inwards.mesh.triangles.iter_mut().for_each(|corners| corners.swap(0, 1));
     let path = PathBuf::from("sample");
-    super::settle(&path, &mut inwards).unwrap();
+    let settle =
+        |capture: &mut Capture| super::settle(&path, agreement(capture), &mut capture.mesh, &mut capture.warnings);
+    settle(&mut inwards).unwrap();
     assert!(agreement(&inwards).front_facing.unwrap() > 0.99);
     assert!(inwards.warnings.iter().any(|warning| warning.contains("wound inwards; its triangles were turned")));
-    let error = super::settle(&path, &mut masks).unwrap_err().to_string();
+    let error = settle(&mut masks).unwrap_err().to_string();
     assert!(
         error.contains("sample: the mesh's silhouette and the masks agree to 0.0") && error.contains("unchecked"),
         "{error}"
