@@ -102,7 +102,7 @@ pub fn open(path: impl AsRef<Path>, options: &CaptureReadOptions) -> Result<Open
     open_with_progress(path, options, &|_, _| {})
 }
 
-/// Opens a capture as [`open`] does; `progress(done, total)` is called after each frame, from any thread of the current pool.
+/// Opens a capture as [`open()`] does; `progress(done, total)` is called after each frame, from any thread of the current pool.
 pub fn open_with_progress(
     path: impl AsRef<Path>,
     options: &CaptureReadOptions,
