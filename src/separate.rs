@@ -97,7 +97,7 @@ impl<'a> SeparatedFrames<'a> {
 
     /// Views that may be opened side by side.
     pub(crate) fn at_once(&self) -> usize {
-        self.capture.at_once()
+        self.capture.frames.at_once()
     }
 }
 

@@ -64,10 +64,8 @@ impl Clipping {
 /// The pixels of a frame that the mesh covers, as a small drawing of it says.
 fn covered(frame: &CaptureFrame, mesh: &Mesh) -> Option<Mask> {
     let camera = &frame.view.camera;
-    let scale = (SIDE / f64::from(camera.width.max(camera.height))).min(1.0);
-    let size = [camera.width, camera.height].map(|pixels| ((f64::from(pixels) * scale).round() as u32).max(1));
-    let factor = [f64::from(size[0]) / f64::from(camera.width), f64::from(size[1]) / f64::from(camera.height)];
-    let small = camera.scaled(size, factor);
+    let small = camera.reduced(SIDE);
+    let factor = [f64::from(small.width) / f64::from(camera.width), f64::from(small.height) / f64::from(camera.height)];
     check_work(mesh, &small).ok()?;
     let drawn = rasterise(mesh, &small);
     let (width, height) = (camera.width as usize, camera.height as usize);

@@ -49,7 +49,7 @@ pub use description::{CaptureDescription, FrameDescription, WhiteReference};
 pub use frames::CaptureFrame;
 pub use hull::{HullOptions, VisualHull, visual_hull};
 pub use lens::Lens;
-pub use open::{OpenCapture, open, open_with_progress};
+pub use open::{OpenCapture, OpenFrames, open, open_with_progress};
 #[cfg(feature = "ar")]
 pub(crate) use transforms::nearest_rotation;
 
@@ -59,13 +59,13 @@ use crate::limits::Limits;
 use crate::mesh::Mesh;
 use std::path::{Path, PathBuf};
 
-/// A capture in memory.
+/// A capture: in memory, or open ([`OpenCapture`]).
 #[derive(Debug, Clone)]
-pub struct Capture {
+pub struct Capture<F = Vec<CaptureFrame>> {
     /// Name of the capture's folder.
     pub name: String,
     /// The frames that could be read, in the capture's order; at least one. Either all have a cross photograph or none.
-    pub frames: Vec<CaptureFrame>,
+    pub frames: F,
     /// The mesh, in world coordinates, cleaned ([`crate::mesh::clean`]).
     pub mesh: Mesh,
     /// What was subtracted from the capture's coordinates of mesh, cameras and lights; 0 unless they are too large for single precision.
@@ -84,6 +84,25 @@ pub struct Capture {
     pub missing_pixels: u64,
     /// Pixels of the object that are at the most that their files hold.
     pub clipping: Clipping,
+}
+
+impl<F> Capture<F> {
+    /// Returns the capture with what `frames` makes of its frames.
+    fn map_frames<G>(self, frames: impl FnOnce(F) -> G) -> Capture<G> {
+        Capture {
+            name: self.name,
+            frames: frames(self.frames),
+            mesh: self.mesh,
+            origin: self.origin,
+            white: self.white,
+            beta: self.beta,
+            color_space: self.color_space,
+            warnings: self.warnings,
+            skipped_frames: self.skipped_frames,
+            missing_pixels: self.missing_pixels,
+            clipping: self.clipping,
+        }
+    }
 }
 
 /// Overrides for values that a capture states or lacks, and the limits of reading.

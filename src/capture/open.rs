@@ -8,90 +8,73 @@ use super::{
 use crate::error::{Error, Result};
 use crate::image::read::{ColorSpace, ImageFault};
 use crate::input::escaped;
-use crate::mesh::Mesh;
 use crate::views::View;
 use std::borrow::Cow;
 use std::path::Path;
 
-/// A capture of which only the photographs in use are in memory; the fields are those of [`Capture`].
+/// A capture of which only the photographs in use are in memory.
+pub type OpenCapture = Capture<OpenFrames>;
+
+/// Frames of a capture that are read when they are needed.
 #[derive(Debug)]
-pub struct OpenCapture {
-    /// Name of the capture's folder.
-    pub name: String,
-    /// The mesh, in world coordinates, cleaned ([`crate::mesh::clean`]).
-    pub mesh: Mesh,
-    /// What was subtracted from the capture's coordinates.
-    pub origin: [f64; 3],
-    /// Mean radiance of the unpolarised white board's middle; 1 without a board.
-    pub white: [f64; 3],
-    /// `on_board / off_board` per colour.
-    pub beta: Option<[f64; 3]>,
-    /// Colour space of the pixels in memory, always a linear one.
-    pub color_space: String,
-    /// Non-fatal problems found while reading, one sentence each.
-    pub warnings: Vec<String>,
-    /// Frames left out.
-    pub skipped_frames: usize,
-    /// Pixels, inside the masks where there are any, that are NaN or infinite in a photograph as stored.
-    pub missing_pixels: u64,
-    /// Pixels of the object that are at the most that their files hold.
-    pub clipping: Clipping,
+pub struct OpenFrames {
     views: Vec<View>,
     is_polarised: bool,
-    small: Vec<SmallView>,
+    /// Those that the check of agreement looks at, where the frames were read for it.
+    small: Option<Vec<SmallView>>,
     source: Box<dyn FrameSource>,
+}
+
+impl OpenFrames {
+    /// Frames that the limits of reading allow to be read side by side.
+    pub(crate) fn at_once(&self) -> usize {
+        self.source.at_once()
+    }
 }
 
 impl OpenCapture {
     /// Name, camera and light of each frame.
     pub fn views(&self) -> &[View] {
-        &self.views
+        &self.frames.views
     }
 
     /// Returns `true` if the frames have cross photographs.
     pub fn is_polarised(&self) -> bool {
-        self.is_polarised
+        self.frames.is_polarised
     }
 
     /// Returns a frame with its photographs, which are in memory until it is dropped; pixels that its mask leaves out may be 0.
     /// # Errors
     /// Those of reading its files, also where they were changed since the capture was opened.
     pub fn frame(&self, index: usize) -> Result<Cow<'_, CaptureFrame>> {
-        self.source.frame(index)
-    }
-
-    /// Frames that the limits of reading allow to be read side by side.
-    pub(crate) fn at_once(&self) -> usize {
-        self.source.at_once()
+        self.frames.source.frame(index)
     }
 
     /// Compares the mesh's silhouette with the masks, and photographs with their neighbours, as [`super::agreement`] does.
-    pub fn agreement(&self) -> Agreement {
-        let chosen = agreement::chosen(self.small.len());
-        let small = chosen.iter().map(|&frame| &self.small[frame]).collect();
-        agreement::of_views(&self.mesh, &self.views.iter().collect::<Vec<_>>(), &chosen, small)
+    /// # Errors
+    /// Those of [`Self::frame`], of a capture that was not opened but in memory.
+    pub fn agreement(&self) -> Result<Agreement> {
+        let chosen = agreement::chosen(self.views().len());
+        let read: Vec<SmallView>;
+        let small = match &self.frames.small {
+            Some(small) => small,
+            None => {
+                read = chosen.iter().map(|&k| Ok(SmallView::new(&*self.frame(k)?))).collect::<Result<_>>()?;
+                &read
+            }
+        };
+        Ok(agreement::of_views(&self.mesh, &self.views().iter().collect::<Vec<_>>(), &chosen, small))
     }
 }
 
 impl From<Capture> for OpenCapture {
     fn from(capture: Capture) -> Self {
-        let Capture { name, frames, mesh, origin, white, beta, color_space, .. } = capture;
-        OpenCapture {
-            name,
-            mesh,
-            origin,
-            white,
-            beta,
-            color_space,
-            warnings: capture.warnings,
-            skipped_frames: capture.skipped_frames,
-            missing_pixels: capture.missing_pixels,
-            clipping: capture.clipping,
+        capture.map_frames(|frames| OpenFrames {
             views: frames.iter().map(|frame| frame.view.clone()).collect(),
             is_polarised: frames.first().is_some_and(|frame| frame.cross.is_some()),
-            small: frames.iter().map(SmallView::new).collect(),
+            small: None,
             source: Box::new(frames),
-        }
+        })
     }
 }
 
@@ -118,19 +101,7 @@ pub(super) fn read_whole(
     progress: &(dyn Fn(usize, usize) + Sync),
 ) -> Result<Capture> {
     let (opened, frames) = gather(path, options, true, &|frame| frame, progress)?;
-    Ok(Capture {
-        name: opened.name,
-        frames,
-        mesh: opened.mesh,
-        origin: opened.origin,
-        white: opened.white,
-        beta: opened.beta,
-        color_space: opened.color_space,
-        warnings: opened.warnings,
-        skipped_frames: opened.skipped_frames,
-        missing_pixels: opened.missing_pixels,
-        clipping: opened.clipping,
-    })
+    Ok(opened.map_frames(|_| frames))
 }
 
 /// Frames that a warning names, at most.
@@ -217,24 +188,30 @@ fn gather<T: Send>(
     warnings.extend(clipping.warning(taken.len()));
     warnings.extend(files.access.remarks());
     let CaptureDescription { name, path, .. } = description;
-    let mut opened = OpenCapture {
+    let chosen = agreement::chosen(small.len());
+    let small = small.into_iter().enumerate().filter(|(k, _)| chosen.contains(k)).map(|(_, view)| view).collect();
+    let frames = OpenFrames {
+        views: files.described.iter().map(|frame| frame.view.clone()).collect(),
+        is_polarised: crossed > 0,
+        small: Some(small),
+        source: Box::new(files),
+    };
+    let skipped_frames = skipped;
+    let mut opened = Capture {
         name,
+        frames,
         mesh,
         origin,
         white,
         beta,
         color_space,
         warnings,
-        skipped_frames: skipped,
+        skipped_frames,
         missing_pixels,
         clipping,
-        views: files.described.iter().map(|frame| frame.view.clone()).collect(),
-        is_polarised: crossed > 0,
-        small,
-        source: Box::new(files),
     };
     if !options.unchecked {
-        let found = opened.agreement();
+        let found = opened.agreement()?;
         agreement::settle(&path, found, &mut opened.mesh, &mut opened.warnings)?;
     }
     Ok((opened, taken))

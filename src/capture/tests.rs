@@ -236,7 +236,7 @@ fn clipped_pixels_of_the_object_are_counted() {
     assert_eq!(capture.clipping, Clipping { pixels: 3, object_pixels: 60, photographs: 1 });
     let said = "3 pixels in 1 of 3 photographs are at the most that their files hold, 5.00 % of the object there";
     assert!(capture.warnings[0].starts_with(said), "{:?}", capture.warnings);
-    // Half floats end at 65504; without a mask the object is where the mesh is: the triangle's pixels right of and below the middle.
+    // Only half floats end at 65504. Without a mask the object is where the mesh is.
     small.frames.truncate(1);
     small.picture("0.exr", |x, _| if x == 9 { (65504.0, 1.0, 1.0) } else { (1.0, 65503.0, 1.0) });
     small.frames[0] = format!("\"file_path\": \"0.exr\", \"transform_matrix\": {POSE}");

@@ -8,7 +8,6 @@ use crate::error::{Error, Result};
 use crate::image::{Grid, from_srgb, to_srgb};
 use crate::reflectance::torrance_sparrow::SIGMA_RANGE;
 use crate::surface::atlas::{bilinear_taps, rasterise_atlas};
-use crate::surface::split::RenderMesh;
 use std::f64::consts::PI;
 
 /// Widths for which the equivalent of a lobe is computed; between them it is interpolated.
@@ -47,7 +46,6 @@ pub fn bake_fallback(asset: &Asset, white_albedo: f64) -> Result<Fallback> {
     let maps = &*maps.without_palette();
     let atlas = rasterise_atlas(&asset.mesh, charts)?;
     let mask = atlas.mask();
-    let geometry = RenderMesh::with_atlas(&asset.mesh, charts);
     let texels = mask.data.len();
     if maps.diffuse.data.len() != texels || ![0, texels].contains(&maps.specular.data.len()) {
         return Err(Error::parameter("charts and reflectance maps do not belong together"));
@@ -68,7 +66,7 @@ pub fn bake_fallback(asset: &Asset, white_albedo: f64) -> Result<Fallback> {
             metallic_roughness: None,
             specular_colour: None,
             specular_scale: 0.0,
-            normal: if maps.relightable { bake_normal_map(asset, &geometry, &atlas, &mask) } else { None },
+            normal: if maps.relightable { bake_normal_map(asset, charts, &atlas, &mask) } else { None },
             is_unlit: !maps.relightable,
             unit,
         });
@@ -94,7 +92,7 @@ pub fn bake_fallback(asset: &Asset, white_albedo: f64) -> Result<Fallback> {
         metallic_roughness: Some(each(&|m| [255, linear(m.roughness), linear(m.metallic)])),
         specular_colour: Some(each(&|m| m.specular_colour.map(|s| to_code(s / specular_scale as f64)))),
         specular_scale,
-        normal: bake_normal_map(asset, &geometry, &atlas, &mask),
+        normal: bake_normal_map(asset, charts, &atlas, &mask),
         is_unlit: false,
         unit,
     })

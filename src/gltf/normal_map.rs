@@ -3,6 +3,7 @@
 use crate::asset::Asset;
 use crate::image::{Grid, Mask};
 use crate::surface::atlas::AtlasRaster;
+use crate::surface::charts::Charts;
 use crate::surface::split::RenderMesh;
 use glam::{DVec3, Vec3};
 
@@ -22,14 +23,15 @@ pub(super) fn frame(geometry: &RenderMesh, triangle: usize, weights: [f64; 3]) -
 }
 
 /// Bakes the normals of an asset's surface on its atlas, 8 bits from -1 to 1: x along the tangent, y up in the picture, z along the mesh's
-/// own normal. `geometry` is the mesh split at its charts. `None` where the file has no surface finer than its mesh.
+/// own normal. `None` where the file has no surface finer than its mesh.
 pub(super) fn bake_normal_map(
     asset: &Asset,
-    geometry: &RenderMesh,
+    charts: &Charts,
     atlas: &AtlasRaster,
     mask: &Mask,
 ) -> Option<Grid<[u8; 3]>> {
     let surface = asset.surface.as_ref().filter(|surface| surface.is_of(&asset.mesh))?;
+    let geometry = RenderMesh::with_atlas(&asset.mesh, charts);
     let data = crate::parallel::map(mask.data.len(), |texel| {
         if !mask.data[texel] {
             return [0.0; 3];
@@ -38,7 +40,7 @@ pub(super) fn bake_normal_map(
         let weights = atlas.weights(texel);
         let fine = DVec3::from_array(surface.point(triangle, weights).1);
         // The frame need not be a right-angled one between vertices: the numbers are those that a viewer's sum makes the normal of.
-        let matrix = glam::DMat3::from_cols_array_2d(&frame(geometry, triangle, weights).map(|axis| axis.to_array()));
+        let matrix = glam::DMat3::from_cols_array_2d(&frame(&geometry, triangle, weights).map(|axis| axis.to_array()));
         let local = if matrix.determinant().abs() > 1e-3 { matrix.inverse() * fine } else { DVec3::Z };
         local.normalize_or(DVec3::Z).as_vec3().to_array()
     });

@@ -11,6 +11,8 @@ use super::evaluator::{Evaluator, ShadowedLight};
 use super::interreflection::Interreflection;
 use super::occlusion::visibility_ramp;
 use super::octahedral_map::{texel_direction, to_square};
+#[cfg(feature = "encode")]
+use super::scene::between;
 use super::scene::{RenderObject, ShadingPoint};
 use super::shadow::ShadowMap;
 use crate::sphere::octahedral::solid_angles;
@@ -154,14 +156,14 @@ impl Evaluator for FilteredEvaluator<'_> {
     #[cfg(feature = "encode")]
     fn add_interreflection(&mut self, shading: &dyn ShadingModel) {
         let object = self.object;
-        let normals: Vec<Vec3> = object.places().iter().map(|place| place.normal).collect();
-        let around = |place: usize| ([place as u32; 3], Vec3::X);
-        let at_places = irradiance(object, &normals, around, &self.environment, self.shadows);
+        let itself = |place: usize| ([place as u32; 3], Vec3::X);
+        let at_places = match object.samples_are_places() {
+            true => Cow::Borrowed(&self.irradiance),
+            false => Cow::Owned(irradiance(object, object.place_normals(), itself, &self.environment, self.shadows)),
+        };
         let received = Interreflection::new(object, shading, &at_places, &self.lights);
         for (sample, sum) in self.irradiance.iter_mut().enumerate() {
-            let ([a, b, c], shares) = object.around_sample(sample);
-            let [a, b, c] = [a, b, c].map(|place| received.irradiance[place as usize]);
-            *sum += a * shares.x + b * shares.y + c * shares.z;
+            *sum += between(object.around_sample(sample), &received.irradiance);
         }
         self.blocked_radiance = received.radiance;
     }

@@ -5,6 +5,7 @@ use super::evaluator::ShadowedLight;
 use super::scene::RenderObject;
 use crate::surface::occluders::Occluders;
 use glam::Vec3;
+use std::borrow::Cow;
 use std::f32::consts::PI;
 
 /// Rays of a place, least and most, and of all places together.
@@ -29,9 +30,10 @@ impl Interreflection {
         lights: &[ShadowedLight],
     ) -> Self {
         let mesh = object.base();
-        let places = object.places();
+        let normals = object.place_normals();
+        let cut = object.occlusion.map_or(Cow::Borrowed(mesh), |occlusion| occlusion.places().subdivided(mesh));
         let sent: Vec<Vec3> = crate::parallel::map(mesh.positions.len(), |vertex| {
-            let (position, normal) = (Vec3::from_array(mesh.positions[vertex]), places[vertex].normal);
+            let (position, normal) = (Vec3::from_array(mesh.positions[vertex]), normals[vertex]);
             let distant = lights.iter().map(|ShadowedLight { light, map }| {
                 let cosine = normal.dot(Vec3::from_array(light.direction)).max(0.0);
                 let reach = match map {
@@ -43,20 +45,18 @@ impl Interreflection {
             (irradiance[vertex] + distant.sum::<Vec3>()) / PI
         });
         let occluders = Occluders::new(mesh);
-        let rays = (ALL_RAYS / places.len().max(1)).clamp(RAYS[0], RAYS[1]);
-        let received = crate::parallel::map(places.len(), |k| {
-            let place = &places[k];
-            let (tangent, bitangent) = place.normal.any_orthonormal_pair();
+        let rays = (ALL_RAYS / normals.len().max(1)).clamp(RAYS[0], RAYS[1]);
+        let received = crate::parallel::map(normals.len(), |k| {
+            let (position, normal) = (cut.positions[k], normals[k]);
+            let (tangent, bitangent) = normal.any_orthonormal_pair();
             let (mut sum, mut hits) = (Vec3::ZERO, 0);
             for ray in 0..rays {
                 // Even over the disc, so that rays stand for equal shares of the irradiance; turned from place to place.
                 let radius = ((ray as f32 + 0.5) / rays as f32).sqrt();
                 let (sine, cosine) = (2.399_963_2 * ray as f32 + 2.618_034 * (k % 4096) as f32).sin_cos();
                 let up = (1.0 - radius * radius).max(0.0).sqrt();
-                let direction = tangent * (radius * cosine) + bitangent * (radius * sine) + place.normal * up;
-                let Some((triangle, weights)) =
-                    occluders.first_hit_from(place.position.to_array(), direction.to_array())
-                else {
+                let direction = tangent * (radius * cosine) + bitangent * (radius * sine) + normal * up;
+                let Some((triangle, weights)) = occluders.first_hit_from(position, direction.to_array()) else {
                     continue;
                 };
                 hits += 1;

@@ -50,6 +50,8 @@ pub struct RenderObject<'a> {
     surface: Option<(&'a DisplacedMesh, &'a Mesh)>,
     /// Unit normals of the samples at which irradiance is summed, those of the vertices first.
     pub(super) normals: Vec<Vec3>,
+    /// Unit normals of the places whose visibility is known; empty where the samples are the places.
+    place_normals: Vec<Vec3>,
     /// Around each sample the places whose visibility is known, and their shares; empty where the samples are the places.
     around_samples: Vec<([u32; 3], Vec3)>,
     pub(super) occlusion: Option<&'a Occlusion>,
@@ -76,7 +78,8 @@ impl<'a> RenderObject<'a> {
             let sum = (0..3).fold(Vec3::ZERO, |sum, k| sum + corners[k] * weights[k] as f32);
             normals.push(sum.normalize_or(Vec3::Z));
         }
-        Ok(RenderObject { mesh, surface: None, normals, around_samples: Vec::new(), occlusion })
+        let (place_normals, around_samples) = (Vec::new(), Vec::new());
+        Ok(RenderObject { mesh, surface: None, normals, place_normals, around_samples, occlusion })
     }
 
     /// Prepares a finer surface on a mesh; `occlusion` is known at samples of the mesh, irradiance is summed at the surface's vertices.
@@ -104,7 +107,15 @@ impl<'a> RenderObject<'a> {
                 }
             }
         }
-        Ok(RenderObject { mesh: fine, surface: Some((surface, mesh)), normals, around_samples, occlusion })
+        let place_normals = base.normals;
+        Ok(RenderObject {
+            mesh: fine,
+            surface: Some((surface, mesh)),
+            normals,
+            place_normals,
+            around_samples,
+            occlusion,
+        })
     }
 
     /// Prepares what a file shows: its surface where it has one, its mesh otherwise.
@@ -129,24 +140,16 @@ impl<'a> RenderObject<'a> {
         self.surface.map_or(self.mesh, |(_, base)| base)
     }
 
-    /// The places whose visibility is known, or the vertices where it is not.
+    /// Whether irradiance is summed at the places whose visibility is known.
     #[cfg(feature = "encode")]
-    pub(super) fn places(&self) -> Vec<Place> {
-        let base = self.base();
-        let normals: Vec<Vec3> =
-            vertex_normals(base).into_iter().map(|n| Vec3::from_array(n.map(|x| x as f32))).collect();
-        let at = |triangle: usize, weights: [f64; 3]| {
-            let corners = base.triangles[triangle];
-            let sum = |value: &dyn Fn(usize) -> Vec3| -> Vec3 {
-                (0..3).map(|k| value(corners[k] as usize) * weights[k] as f32).sum()
-            };
-            let normal = sum(&|v| normals[v]).normalize_or(Vec3::Z);
-            Place { position: sum(&|v| Vec3::from_array(base.positions[v])), normal }
-        };
-        let vertices = base.positions.iter().zip(&normals);
-        let vertices = vertices.map(|(&p, &normal)| Place { position: Vec3::from_array(p), normal });
-        let inner = self.occlusion.iter().flat_map(|o| o.places().inner());
-        vertices.chain(inner.map(|(triangle, weights)| at(triangle, weights))).collect()
+    pub(super) fn samples_are_places(&self) -> bool {
+        self.surface.is_none()
+    }
+
+    /// Unit normals of the places whose visibility is known.
+    #[cfg(feature = "encode")]
+    pub(super) fn place_normals(&self) -> &[Vec3] {
+        if self.samples_are_places() { &self.normals } else { &self.place_normals }
     }
 
     /// The places whose visibility is known around a sample, and their shares.
@@ -182,13 +185,6 @@ impl<'a> RenderObject<'a> {
             samples,
         }
     }
-}
-
-/// A place whose visibility is known.
-#[cfg(feature = "encode")]
-pub(super) struct Place {
-    pub position: Vec3,
-    pub normal: Vec3,
 }
 
 /// A point of a mesh: triangle, weights of its corners, position.
@@ -232,17 +228,13 @@ impl ShadingPoint {
     /// Value between the places with visibility around the point.
     #[inline]
     pub(super) fn between_places(&self, values: &[Vec3]) -> Vec3 {
-        let (places, shares) = self.sites.places;
-        let [a, b, c] = places.map(|place| values[place as usize]);
-        a * shares.x + b * shares.y + c * shares.z
+        between(self.sites.places, values)
     }
 
     /// Value between the samples of the surface around the point.
     #[inline]
     pub(super) fn between_samples(&self, values: &[Vec3]) -> Vec3 {
-        let (samples, shares) = self.sites.samples;
-        let [a, b, c] = samples.map(|sample| values[sample as usize]);
-        a * shares.x + b * shares.y + c * shares.z
+        between(self.sites.samples, values)
     }
 
     /// Signed distance of what is visible in a direction, by its place on the octahedral square.
@@ -265,6 +257,13 @@ impl ShadingPoint {
             normal,
         )
     }
+}
+
+/// Value between three of some, by their indices and shares.
+#[inline]
+pub(super) fn between((indices, shares): ([u32; 3], Vec3), values: &[Vec3]) -> Vec3 {
+    let [a, b, c] = indices.map(|index| values[index as usize]);
+    a * shares.x + b * shares.y + c * shares.z
 }
 
 /// Image of an object under an environment.

@@ -48,6 +48,18 @@ impl Camera {
             [self.focal, self.principal].map(|values| std::array::from_fn(|k| values[k] * factor[k]));
         Camera { width, height, focal, principal, ..*self }
     }
+    /// Returns the camera of the same view in an image of another size, width and height in pixels.
+    #[cfg(feature = "encode")]
+    pub(crate) fn resized(&self, size: [u32; 2]) -> Camera {
+        let factor = [f64::from(size[0]) / f64::from(self.width), f64::from(size[1]) / f64::from(self.height)];
+        self.scaled(size, factor)
+    }
+    /// Returns the camera of the same view in an image no side of which is longer than `longest` pixels.
+    #[cfg(feature = "encode")]
+    pub(crate) fn reduced(&self, longest: f64) -> Camera {
+        let scale = (longest / f64::from(self.width.max(self.height))).min(1.0);
+        self.resized([self.width, self.height].map(|side| ((f64::from(side) * scale).round() as u32).max(1)))
+    }
     /// The camera's place in the world.
     pub fn centre(&self) -> [f64; 3] {
         let (r, t) = (&self.rotation, &self.translation);

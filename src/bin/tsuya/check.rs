@@ -27,7 +27,7 @@ impl Check {
         // As it is: what the check finds is told, not mended.
         let options = CaptureReadOptions { unchecked: true, ..self.reading.read_options()? };
         let capture = progress::open_capture(&self.capture, &options)?;
-        let found = capture.agreement();
+        let found = capture.agreement()?;
         if self.json {
             output::print_json(&json!({
                 "frames": capture.views().len(),

@@ -106,9 +106,9 @@ pub(super) fn by_silhouettes(mesh: &Mesh, views: &[&SmallView], is_fair: bool) -
 }
 
 /// Returns the mistake without which neighbouring photographs agree best, if they then do: of captures without masks.
-pub(super) fn by_consistency(mesh: &Mesh, views: &[&SmallView]) -> Option<Cause> {
-    let tried = &views[..views.len().min(TRIED_NEIGHBOURS)];
-    let mean = |camera: &Change| consistency(mesh, tried, camera).unwrap_or(0.0);
+pub(super) fn by_consistency(mesh: &Mesh, views: &[SmallView]) -> Option<Cause> {
+    let tried: Vec<&SmallView> = views.iter().take(TRIED_NEIGHBOURS).collect();
+    let mean = |camera: &Change| consistency(mesh, &tried, camera).unwrap_or(0.0);
     let same: Change = Box::new(|camera| *camera);
     let given = mean(&same);
     let best = try_all(&mean, None, CONVINCING_CONSISTENCY.max(given + BETTER_CONSISTENCY))?;

@@ -102,14 +102,13 @@ pub fn agreement(capture: &Capture) -> Agreement {
     let chosen = chosen(capture.frames.len());
     let small = parallel::map(chosen.len(), |k| SmallView::new(&capture.frames[chosen[k]]));
     let all: Vec<&View> = capture.frames.iter().map(|frame| &frame.view).collect();
-    of_views(&capture.mesh, &all, &chosen, small.iter().collect())
+    of_views(&capture.mesh, &all, &chosen, &small)
 }
 
 /// Compares a mesh with those of `all` views that are chosen, and what they show.
-pub(super) fn of_views(mesh: &Mesh, all: &[&View], chosen: &[usize], views: Vec<&SmallView>) -> Agreement {
+pub(super) fn of_views(mesh: &Mesh, all: &[&View], chosen: &[usize], views: &[SmallView]) -> Agreement {
     let name = |view: usize| all[chosen[view]].name.clone();
-    let silhouettes: Vec<&SmallView> =
-        views.iter().copied().step_by(views.len().div_ceil(MAX_SILHOUETTES).max(1)).collect();
+    let silhouettes: Vec<&SmallView> = views.iter().step_by(views.len().div_ceil(MAX_SILHOUETTES).max(1)).collect();
     let counts =
         parallel::map(silhouettes.len(), |k| count(mesh, &silhouettes[k].camera, silhouettes[k].mask.as_deref()));
     let masked: Vec<&SilhouetteCounts> =
@@ -145,13 +144,13 @@ pub(super) fn of_views(mesh: &Mesh, all: &[&View], chosen: &[usize], views: Vec<
         permuted_consistency: mean(consistency::PairConsistency::permuted),
         misplaced,
         cameras_inside: vicinity.inside.iter().map(|&k| all[k].name.clone()).collect(),
-        nearest_camera: vicinity.nearest.map(|(_, distance)| distance),
+        nearest_camera: vicinity.nearest,
         cause: None,
     };
     let consistency = found.photo_consistency.unwrap_or(0.0);
     found.cause = match silhouette_iou {
         Some(iou) if iou < FAIR => explain::by_silhouettes(mesh, &silhouettes, iou >= DOUBTFUL),
-        None if consistency < PARTLY_CONSISTENT => explain::by_consistency(mesh, &views),
+        None if consistency < PARTLY_CONSISTENT => explain::by_consistency(mesh, views),
         _ => None,
     };
     found.decide();

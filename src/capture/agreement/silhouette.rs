@@ -25,11 +25,9 @@ pub(in crate::capture) struct SmallView {
 impl SmallView {
     pub(in crate::capture) fn new(frame: &CaptureFrame) -> Self {
         let camera = &frame.view.camera;
-        let scale = (SIDE / f64::from(camera.width.max(camera.height))).min(1.0);
-        let side = |pixels: u32| ((f64::from(pixels) * scale).round() as u32).max(1);
-        let (width, height) = (side(camera.width), side(camera.height));
+        let small = camera.reduced(SIDE);
+        let (width, height) = (small.width, small.height);
         let factor = [f64::from(width) / f64::from(camera.width), f64::from(height) / f64::from(camera.height)];
-        let small = camera.scaled([width, height], factor);
         let mask = frame.mask.as_ref().map(|mask| {
             let at = |x: u32, y: u32| {
                 let [x, y] =

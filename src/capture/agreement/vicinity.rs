@@ -16,8 +16,8 @@ const MAX_DISTANCES: usize = 50_000_000;
 pub(super) struct Vicinity {
     /// Indices of the cameras inside the mesh, unless most are: then it is a room.
     pub(super) inside: Vec<usize>,
-    /// The camera nearest to the mesh, and its distance to the nearest vertex over the mesh's size.
-    pub(super) nearest: Option<(usize, f64)>,
+    /// The smallest distance of a camera to a vertex, over the mesh's size.
+    pub(super) nearest: Option<f64>,
 }
 
 pub(super) fn vicinity(mesh: &Mesh, cameras: &[Camera]) -> Vicinity {
@@ -36,8 +36,8 @@ pub(super) fn vicinity(mesh: &Mesh, cameras: &[Camera]) -> Vicinity {
     if 2 * inside.len() > cameras.len() {
         inside.clear();
     }
-    let nearest = (0..cameras.len()).map(|k| (k, found[k].1)).min_by(|a, b| a.1.total_cmp(&b.1));
-    Vicinity { inside, nearest: nearest.filter(|(_, distance)| distance.is_finite()) }
+    let nearest = found.iter().map(|(_, distance)| *distance).min_by(f64::total_cmp);
+    Vicinity { inside, nearest: nearest.filter(|distance| distance.is_finite()) }
 }
 
 /// The solid angle of a mesh, positive where its backs are seen (van Oosterom and Strackee 1983).

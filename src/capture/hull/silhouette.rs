@@ -41,8 +41,7 @@ impl Silhouette {
         if extent[0][0] > extent[1][0] {
             return None;
         }
-        let factor = [width as f64 / f64::from(camera.width), height as f64 / f64::from(camera.height)];
-        let small = camera.scaled([width as u32, height as u32], factor);
+        let small = camera.resized([width as u32, height as u32]);
         let distances = signed_distances(&mask.data, width, height);
         Some(Silhouette { camera: small, reduction, distances, extent })
     }
