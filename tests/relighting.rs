@@ -50,6 +50,10 @@ fn visibility_of_a_small_bunny() {
     let ground = BakeOptions { ground_up: Some([0.0, 1.0, 0.0]), ..Default::default() };
     let above = bake(&coded.mesh, &ground).unwrap().visibility;
     assert!((0..above.places().count()).all(|v| above.signed_distance(v, [0.0, -1.0, 0.0]) < -0.3));
+    // Steps that no section may hold are refused before the work.
+    for weight_step in [8.6e21, 1e5, 1e-7, 0.0, -1.0, f64::NAN, f64::INFINITY] {
+        assert!(bake(&coded.mesh, &BakeOptions { weight_step, ..Default::default() }).is_err(), "{weight_step}");
+    }
     // Visibility without its mesh, and without any section that stands for itself.
     assert!(decode(&file(&[(Tag::VISIBILITY, &baked.bytes)]), &DecodeOptions::default()).is_err());
     assert!(decode(&file(&[(Tag::MESH, &coded.bytes)]), &DecodeOptions::default()).is_err());

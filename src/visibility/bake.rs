@@ -21,7 +21,7 @@ pub struct BakeOptions {
     pub terms: [usize; 2],
     /// Up direction of an endless ground plane below the object, which blocks all light from below.
     pub ground_up: Option<[f64; 3]>,
-    /// Finest step of the weights, in radians times the square root of a steradian.
+    /// Finest step of the weights, in radians times the square root of a steradian: 1e-6 to 1e4.
     pub weight_step: f64,
     /// Places on the mesh, at most, spread so that edges are cut alike; its vertices always count.
     pub places: usize,
@@ -156,8 +156,8 @@ fn check(mesh: &Mesh, options: &BakeOptions) -> Result<()> {
     if !(1..=codec::MAX_TERMS).contains(&options.terms[0]) || options.terms[1] > codec::MAX_TERMS {
         return Err(Error::parameter("visibility takes 1 to 64 terms, and 0 to 64 more"));
     }
-    if !(options.weight_step > 0.0 && options.weight_step.is_finite()) {
-        return Err(Error::parameter("the step of the weights must be positive"));
+    if !codec::STEPS.contains(&(options.weight_step as f32)) {
+        return Err(Error::parameter("the step of the weights must be 0.000001 to 10,000"));
     }
     Ok(())
 }

@@ -19,6 +19,8 @@ const HEADER_BYTES: usize = 5 + 8 + 8 + 4;
 const ERRORS: usize = 13;
 /// Cells along a side of the grid. Part of the format.
 pub(super) const SIZES: std::ops::RangeInclusive<usize> = 8..=128;
+/// Steps of a mean, a base or its weights. Part of the format.
+pub(super) const STEPS: std::ops::RangeInclusive<f32> = 1e-6..=1e4;
 /// Most terms of a group. Part of the format.
 pub(super) const MAX_TERMS: usize = 64;
 /// Largest integer of a mean or a base. Part of the format.
@@ -172,7 +174,7 @@ pub fn decode(bytes: &[u8], mesh: &Mesh, budget: &Budget) -> Result<Visibility> 
     let mut numbers = Vec::with_capacity(1 + 2 * count);
     for (k, four) in step_bytes.chunks_exact(4).enumerate() {
         let step = LittleEndian::read_f32(four);
-        if !(1e-6..=1e4).contains(&step) {
+        if !STEPS.contains(&step) {
             return Err(wrong(HEADER_BYTES + 4 * k, format!("{step} is no step: 1e-6 to 1e4")));
         }
         numbers.push(step);
