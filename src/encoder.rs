@@ -5,17 +5,19 @@ use crate::capture::OpenCapture;
 use crate::container::metadata::{AchievedError, Metadata};
 use crate::container::{ContainerWriter, SectionCodec, Tag, metadata, thumbnail, write_file};
 use crate::error::{Error, Result};
+use crate::illumination::{self, AssumedLight, LightEvidence};
 use crate::limits::{Budget, Limits};
+use crate::mesh::Mesh;
 use crate::mesh::codec::MeshOptions;
 use crate::metrics::{Distortion, ImagePsnr, to_display};
-use crate::options::{EncodeOptions, Profile};
+use crate::options::{CaptureLight, EncodeOptions, Profile};
 use crate::rate::CodedView;
 use crate::refine::RefinedSurface;
 use crate::separate::{FramesToCode, MaskedPhotographs, SeparatedFrames};
 pub use crate::separate::{Observations, ObservedView, recombine, separate};
 use crate::surface::{atlas, raster};
 use crate::views::codec::ViewsSection;
-use crate::views::{Camera, Component};
+use crate::views::{Camera, Component, View};
 pub use crate::wavelet_texture::WaveletSampleError;
 use crate::{mesh, predictive, refine, views, wavelet_texture};
 
@@ -38,6 +40,8 @@ pub struct EncodedFile {
     pub coverage: f64,
     /// Bytes of memory within which the file was decoded again, if it was checked: the default of readers if that suffices.
     pub reader_memory: Option<u64>,
+    /// Light that was taken for that of the photographs, where [`EncodeOptions::light`] asks for it.
+    pub assumed_light: Option<AssumedLight>,
     /// Non-fatal problems found while encoding, one sentence each.
     pub warnings: Vec<String>,
 }
@@ -53,15 +57,20 @@ pub fn encode(capture: impl Into<OpenCapture>, options: &EncodeOptions) -> Resul
 
 fn encode_open(mut capture: OpenCapture, options: &EncodeOptions) -> Result<EncodedFile> {
     let mut warnings = std::mem::take(&mut capture.warnings);
+    options.light.as_ref().map_or(Ok(()), illumination::check)?;
     // 1. Photographs as components of reflection.
     let frames = SeparatedFrames::new(&capture, options.hold_out)?;
     // 2. Mesh: ordered and quantised. All later stages work with the mesh and the views that the decoder will have.
-    let captured = frames.views();
+    let mut captured = frames.views();
     let cameras: Vec<Camera> = captured.iter().map(|view| view.camera).collect();
     let position_bits = options.position_bits.unwrap_or_else(|| atlas::position_bits(&capture.mesh, &cameras));
     let coded_mesh = mesh::codec::encode(&capture.mesh, &MeshOptions { position_bits })?;
     let mesh = coded_mesh.mesh;
-    // 3. Views: cameras and lights on lattices.
+    // 3. Views: cameras and lights, which may have to be found first, on lattices.
+    let assumed_light = match &options.light {
+        Some(light) => Some(assume_light(light, &capture, &mesh, &frames, &mut captured, &mut warnings)?),
+        None => None,
+    };
     let described = ViewsSection { white: capture.white, components: frames.components.clone(), views: captured };
     let views_bytes = views::codec::encode(&described, &mesh.positions)?;
     let views = views::codec::decode(&views_bytes, &Budget::new(Limits::UNLIMITED))?;
@@ -93,7 +102,7 @@ fn encode_open(mut capture: OpenCapture, options: &EncodeOptions) -> Result<Enco
     };
     sections.extend(coded.sections);
     // 7. Container.
-    let metadata = describe(&capture, options, &coded.distortion);
+    let metadata = describe(&capture, options, &coded.distortion, assumed_light.as_ref());
     let (bytes, sections) = write_file(&metadata, &thumbnail_png(&coded.views, views.white)?, &sections)?;
     // The finished file, read back.
     let reader_memory = match options.check {
@@ -102,7 +111,35 @@ fn encode_open(mut capture: OpenCapture, options: &EncodeOptions) -> Result<Enco
     };
     let (image_psnr, coverage) = (coded.distortion.error.psnr(), coded.distortion.error.coverage());
     let (sample_psnr, kept_percent) = figures.map(|f| (f.sample_psnr, f.kept_percent)).unzip();
-    Ok(EncodedFile { bytes, sections, image_psnr, sample_psnr, kept_percent, coverage, reader_memory, warnings })
+    Ok(EncodedFile {
+        bytes,
+        sections,
+        image_psnr,
+        sample_psnr,
+        kept_percent,
+        coverage,
+        reader_memory,
+        assumed_light,
+        warnings,
+    })
+}
+
+/// Finds what is not known of the photographs' light, and gives it to the views.
+fn assume_light(
+    light: &CaptureLight,
+    capture: &OpenCapture,
+    mesh: &Mesh,
+    frames: &SeparatedFrames,
+    views: &mut [View],
+    warnings: &mut Vec<String>,
+) -> Result<AssumedLight> {
+    let covered = raster::coverage_runs(mesh, views);
+    let photographs = FramesToCode { frames, covered: &covered };
+    let evidence = LightEvidence::gather(mesh, views, &frames.components, &photographs)?;
+    let stated = views.iter().filter(|view| view.light.is_some()).count();
+    let found = illumination::assume(light, &evidence, capture.origin, stated, warnings)?;
+    found.apply(views, capture.origin);
+    Ok(found)
 }
 
 /// Writes a file of nothing but materials and metadata.
@@ -125,8 +162,16 @@ fn other_bytes(sections: &[(Tag, Vec<u8>)]) -> u64 {
     sections.iter().map(|(_, bytes)| bytes.len() as u64 + 48).sum::<u64>() + 4096
 }
 
-fn describe(capture: &OpenCapture, options: &EncodeOptions, distortion: &Distortion) -> Metadata {
+fn describe(
+    capture: &OpenCapture,
+    options: &EncodeOptions,
+    distortion: &Distortion,
+    assumed_light: Option<&AssumedLight>,
+) -> Metadata {
     let mut described = Metadata(options.metadata.clone());
+    if let Some(Ok(light)) = assumed_light.map(serde_json::to_value) {
+        described.0.insert("assumed_light".into(), light);
+    }
     if !capture.name.is_empty() {
         described.0.entry("title").or_insert_with(|| capture.name.clone().into());
     }

@@ -53,7 +53,7 @@
 //! [`Limits::default`] allows 4 GiB; programs that read files of strangers set their own. There is no limit in seconds. `SECURITY.md` has every promise.
 //!
 //! An asset is one object under point lights, not a scene; colours are linear red, green and blue; files of captures with unknown lights can't
-//! be relit.
+//! be relit unless a light is assumed (`EncodeOptions::light`).
 //!
 //! # How it works
 //!
@@ -94,6 +94,8 @@ mod entropy;
 mod error;
 #[cfg(feature = "gltf")]
 pub mod gltf;
+#[cfg(feature = "encode")]
+mod illumination;
 pub mod image;
 pub mod input;
 #[cfg(feature = "internals")]
@@ -134,9 +136,11 @@ pub use decoder::{DecodeOptions, decode};
 #[cfg(feature = "encode")]
 pub use encoder::encode;
 pub use error::{Error, FilePart, Result};
+#[cfg(feature = "encode")]
+pub use illumination::AssumedLight;
 pub use limits::{Budget, Limits, Reservation};
 pub use mesh::Mesh;
-pub use options::{DecodeSpeed, EncodeOptions, EncodeTarget, Profile, Refinement, SpecularModel};
+pub use options::{CaptureLight, DecodeSpeed, EncodeOptions, EncodeTarget, Profile, Refinement, SpecularModel};
 pub use reflectance::maps::ReflectanceMaps;
 pub use reflectance::palette::PaletteEntry;
 #[cfg(feature = "encode")]

@@ -76,6 +76,8 @@ pub struct EncodeOptions {
     pub refine: Refinement,
     /// Also keeps the sign of specular radiance below zero (noise and double bounces); profile `wavelet-texture` always does.
     pub signed_specular: bool,
+    /// Light of the photographs; by default what the capture states of it, which this overrides.
+    pub light: Option<CaptureLight>,
     /// Decodes the finished file as a reader does and compares every photograph with what the file states of it.
     pub check: bool,
     /// Keys for the file's metadata, such as `title`, `provenance`, `licence`, `units`.
@@ -96,6 +98,7 @@ impl Default for EncodeOptions {
             specular: SpecularModel::default(),
             refine: Refinement::default(),
             signed_specular: false,
+            light: None,
             check: true,
             metadata: serde_json::Map::new(),
         }
@@ -112,6 +115,25 @@ pub enum Refinement {
     /// if it explains views that it was not fitted to. The file holds the displacements as an image (profile `predictive` only). Takes
     /// both components and known lights.
     Surface,
+}
+
+/// Light that photographs were taken in, where their capture does not state it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum CaptureLight {
+    /// A lamp that stands still relative to the camera: a flash, or the lamp of a turntable before a camera that stands still.
+    Camera {
+        /// From the camera to the lamp: to the right, upwards and backwards in the photograph, in world units. Fitted where it is `None`.
+        offset: Option<[f64; 3]>,
+        /// Radiant intensity, red, green, blue. `None`: white, and so strong that the object's brightest parts are nearly white.
+        intensity: Option<[f64; 3]>,
+    },
+    /// A lamp that stands still relative to the object.
+    Lamp {
+        /// Place in the capture's coordinates.
+        position: [f64; 3],
+        /// As with [`CaptureLight::Camera`].
+        intensity: Option<[f64; 3]>,
+    },
 }
 
 /// Model that highlights are fitted with.

@@ -18,7 +18,7 @@ const FLOORS: &[&[&str]] = &[
     &["metrics"],
     &["capture", "rate", "reflectance", "visibility"],
     &["separate"],
-    &["asset", "predictive", "refine", "wavelet_texture"],
+    &["asset", "illumination", "predictive", "refine", "wavelet_texture"],
     &["decoder", "relight"],
     &["gltf", "marker", "repair"],
     &["ar", "encoder"],

@@ -10,7 +10,7 @@ pub(crate) mod palette;
 #[cfg(feature = "encode")]
 pub(crate) mod gather;
 #[cfg(feature = "encode")]
-mod sightings;
+pub(crate) mod sightings;
 #[cfg(feature = "encode")]
 pub(crate) mod stage;
 pub(crate) mod torrance_sparrow;

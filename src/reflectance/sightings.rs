@@ -42,7 +42,7 @@ pub struct ReflectanceSources<'a> {
 }
 
 /// A point of the surface and its unit normal.
-pub(super) type Place = ([f64; 3], [f64; 3]);
+pub(crate) type Place = ([f64; 3], [f64; 3]);
 
 /// One photograph's radiance at a place, per component, and how the place lay there.
 pub(super) struct TexelSighting {
@@ -70,11 +70,18 @@ fn failed(error: std::io::Error) -> Error {
 }
 
 /// A view that is looked at.
-struct OpenedView<'a> {
+pub(crate) struct OpenedView<'a> {
     view: &'a View,
     centre: [f64; 3],
     photograph: &'a Photograph,
     raster: Raster,
+}
+
+impl<'a> OpenedView<'a> {
+    /// Draws the mesh as the view shows it.
+    pub(crate) fn new(mesh: &Mesh, view: &'a View, photograph: &'a Photograph) -> Self {
+        OpenedView { view, centre: view.camera.centre(), photograph, raster: rasterise(mesh, &view.camera) }
+    }
 }
 
 impl<'a> Sightings<'a> {
@@ -91,11 +98,7 @@ impl<'a> Sightings<'a> {
         let (mut parts, mut end) = (Vec::with_capacity(runs.len()), 0);
         for run in &runs {
             let photographs = open_run(sources.photographs, run)?;
-            let opened = parallel::map(run.len(), |k| {
-                let view = &views[run.start + k];
-                let raster = rasterise(drawn, &view.camera);
-                OpenedView { view, centre: view.camera.centre(), photograph: &photographs[k], raster }
-            });
+            let opened = parallel::map(run.len(), |k| OpenedView::new(drawn, &views[run.start + k], &photographs[k]));
             let chunks = blocks.div_ceil(CHUNK);
             let mut of_run = Vec::with_capacity(chunks);
             for first in (0..chunks).step_by(SIDE_BY_SIDE) {
@@ -203,7 +206,7 @@ fn write_block(bytes: &mut Vec<u8>, places: &[Place], opened: &[OpenedView]) {
 }
 
 /// Radiance of a place in a view, of each component, where the view shows it.
-fn radiance_at(opened: &OpenedView, &(point, normal): &Place) -> Option<[[f32; 3]; 2]> {
+pub(crate) fn radiance_at(opened: &OpenedView, &(point, normal): &Place) -> Option<[[f32; 3]; 2]> {
     let OpenedView { view, centre, photograph, raster } = opened;
     let cos_view = dot(normal, direction(point, *centre).0) as f32;
     if (cos_view as f64) < GRAZING {

@@ -1,6 +1,6 @@
 //! `tsuya encode`: a capture becomes a file.
 
-use crate::values::CaptureArguments;
+use crate::values::{CaptureArguments, numbers, triple};
 use crate::{output, progress};
 use anyhow::Result;
 use clap::{Args, ValueEnum};
@@ -12,7 +12,7 @@ use tsuya::Component;
 use tsuya::Error;
 use tsuya::encoder::{EncodedFile, encode};
 use tsuya::metrics::ImagePsnr;
-use tsuya::{DecodeSpeed, EncodeOptions, EncodeTarget, Profile, Refinement, SpecularModel};
+use tsuya::{CaptureLight, DecodeSpeed, EncodeOptions, EncodeTarget, Profile, Refinement, SpecularModel};
 
 /// Encodes a capture: photographs with their cameras, and a mesh, into one .tsuya file.
 #[derive(Args)]
@@ -47,6 +47,15 @@ pub struct Encode {
     /// What the photographs correct before they are encoded.
     #[arg(long, value_enum, default_value = "none", value_name = "WHAT")]
     refine: RefinementName,
+    /// Light of the photographs, where the capture does not state it: camera[:DX,DY,DZ] or X,Y,Z.
+    ///
+    /// `camera` is a lamp that stands still relative to the camera: a flash, or the lamp of a turntable that turns the object before the
+    /// camera. DX, DY, DZ lead from the camera to it, to the right, upwards and backwards in the photograph, in the capture's unit; without
+    /// them the place is fitted. X,Y,Z is a lamp that stands still relative to the object, in the coordinates of the capture's cameras.
+    /// Either may be followed by :I or :R,G,B, its intensity (irradiance at distance r is I / r^2); without it the light is taken to be white
+    /// and so strong that the object's brightest parts are nearly white.
+    #[arg(long, value_name = "LIGHT", value_parser = capture_light, allow_hyphen_values = true, verbatim_doc_comment)]
+    light: Option<CaptureLight>,
     /// Profile predictive: keeps specular radiance below zero (noise, double bounces), too.
     #[arg(long)]
     signed_specular: bool,
@@ -244,6 +253,7 @@ impl Encode {
             tile_side: self.tile_side,
             target: self.target.target(),
             hold_out: self.hold_out,
+            light: self.light,
             position_bits: self.position_bits,
             signed_specular: self.signed_specular,
             check: !self.no_check,
@@ -251,6 +261,28 @@ impl Encode {
             ..Default::default()
         })
     }
+}
+
+/// Parses `camera`, `camera:DX,DY,DZ` or `X,Y,Z`, each with `:I` or `:R,G,B` behind it.
+fn capture_light(text: &str) -> std::result::Result<CaptureLight, String> {
+    let mut parts = text.split(':');
+    let first = parts.next().unwrap_or_default();
+    let is_camera = first == "camera";
+    let offset = if is_camera { parts.next().filter(|part| !part.is_empty()).map(triple).transpose()? } else { None };
+    let intensity = parts.next().map(|part| match numbers(part)?.0[..] {
+        [all] => Ok([all; 3]),
+        [r, g, b] => Ok([r, g, b]),
+        _ => Err("an intensity is one number or three".to_string()),
+    });
+    let intensity = intensity.transpose()?;
+    if parts.next().is_some() {
+        return Err("a light is camera[:DX,DY,DZ[:INTENSITY]] or X,Y,Z[:INTENSITY]".into());
+    }
+    if is_camera {
+        return Ok(CaptureLight::Camera { offset, intensity });
+    }
+    let position = triple(first).map_err(|error| format!("neither `camera` nor a place: {error}"))?;
+    Ok(CaptureLight::Lamp { position, intensity })
 }
 
 /// The figures that other tools rely on, and a few more.
@@ -281,6 +313,7 @@ pub fn report(encoded: &EncodedFile, seconds: f64) -> Value {
         "coverage": encoded.coverage,
         "checked": encoded.reader_memory.is_some(),
         "reader_memory_bytes": encoded.reader_memory,
+        "assumed_light": encoded.assumed_light,
         "warnings": encoded.warnings,
     })
 }
