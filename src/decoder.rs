@@ -7,6 +7,7 @@
 use crate::asset::Asset;
 use crate::container::{Container, metadata};
 use crate::error::{Error, Result};
+use crate::image::Region;
 use crate::limits::Limits;
 use crate::predictive::decode::PlaneDecoder;
 use crate::predictive::low_camera;
@@ -67,6 +68,12 @@ pub struct DecodeOptions {
     /// How often the photographs' size is halved, 0 to 5 (profile `predictive` only): nothing is read or decoded of the finer levels. The
     /// cameras of the views are those of the smaller photographs.
     pub reduction: u8,
+    /// Decodes only this region of each selected photograph, in pixels of its size after the reduction; the same bits as there. Profile
+    /// `predictive` reads and decodes of the levels that are coded in tiles only what the region takes; the coarser ones, from which views are
+    /// predicted, cost what they cost for the whole photograph. The cameras of these views are those of the region.
+    pub region: Option<Region>,
+    /// Leaves out what photographs do not need: atlas, finer surface, reflectance, visibility, light and materials.
+    pub photographs_only: bool,
 }
 
 /// Decodes a file in memory.
@@ -126,42 +133,53 @@ fn decode_model<R: Read + Seek>(file: &mut Container<R>, options: &DecodeOptions
     options.selection.check(views.len())?;
     let captured = views;
     let views = reduced_views(&captured, options)?;
-    // 5. The reflectance that was fitted to the photographs, on the atlas.
-    let charts = file.drive(|file| stages::charts(file, mesh.as_ref()))?;
-    let surface = file.drive(|file| stages::displacement(file, mesh.as_ref(), charts.as_ref()))?;
-    let reflectance = file.drive(|file| stages::reflectance(file, mesh.as_ref(), charts.as_ref()))?;
-    // Sections that are added to a file: what the vertices see, light, materials.
-    let visibility = file.drive(|file| stages::visibility(file, mesh.as_ref()))?;
-    let light = file.drive(stages::light)?;
-    let materials = file.drive(stages::materials)?;
-    let (metadata, mesh, photographs) = (metadata.0, mesh.unwrap_or_default(), vec![None; views.len()]);
-    let asset = Asset {
-        metadata,
-        mesh,
-        charts,
-        surface,
-        reflectance,
-        white,
-        components,
-        views,
-        photographs,
-        materials,
-        visibility,
-        light,
-    };
+    let (metadata, photographs) = (metadata.0, vec![None; views.len()]);
+    let mut asset = Asset { metadata, white, components, views, photographs, ..Asset::default() };
+    if !options.photographs_only {
+        // 5. The reflectance that was fitted to the photographs, on the atlas.
+        asset.charts = file.drive(|file| stages::charts(file, mesh.as_ref()))?;
+        asset.surface = file.drive(|file| stages::displacement(file, mesh.as_ref(), asset.charts.as_ref()))?;
+        asset.reflectance = file.drive(|file| stages::reflectance(file, mesh.as_ref(), asset.charts.as_ref()))?;
+        // Sections that are added to a file: what the vertices see, light, materials.
+        asset.visibility = file.drive(|file| stages::visibility(file, mesh.as_ref()))?;
+        asset.light = file.drive(stages::light)?;
+        asset.materials = file.drive(stages::materials)?;
+    }
+    asset.mesh = mesh.unwrap_or_default();
     Ok((asset, captured))
 }
 
-/// Views with the cameras of photographs whose size is halved as often as the options say.
+/// Views with the cameras of photographs whose size is halved as often as the options say; those of selected views of the region.
 /// # Errors
 /// [`Error::Parameter`] if a selected photograph is too small for that.
 fn reduced_views(views: &[View], options: &DecodeOptions) -> Result<Vec<View>> {
     let levels = options.reduction as usize;
-    for (_, view) in views.iter().enumerate().filter(|(index, _)| options.selection.includes(*index)) {
-        check_reduction(view, levels)?;
+    let reduced = |(index, view): (usize, &View)| {
+        let mut camera = low_camera(&view.camera, levels);
+        if options.selection.includes(index) {
+            check_reduction(view, levels)?;
+            if let Some(region) = &options.region {
+                check_region(view, levels, region)?;
+                camera = camera.cropped(region);
+            }
+        }
+        Ok(View { camera, ..view.clone() })
+    };
+    views.iter().enumerate().map(reduced).collect()
+}
+
+fn check_region(view: &View, levels: usize, region: &Region) -> Result<()> {
+    let Region { left, top, width, height } = *region;
+    let camera = low_camera(&view.camera, levels);
+    if region.is_within(camera.width, camera.height) {
+        return Ok(());
     }
-    let reduced = |view: &View| View { camera: low_camera(&view.camera, levels), ..view.clone() };
-    Ok(if levels == 0 { views.to_vec() } else { views.iter().map(reduced).collect() })
+    let size = format!("{} x {} pixels", camera.width, camera.height);
+    let halved = if levels > 0 { format!(", halved {levels} times,") } else { String::new() };
+    Err(Error::parameter(format!(
+        "option `region` is {width} x {height} pixels from column {left} and row {top}: view {}{halved} has {size}",
+        view.name
+    )))
 }
 
 fn check_reduction(view: &View, levels: usize) -> Result<()> {
@@ -201,7 +219,7 @@ fn decode_photographs<R: Read + Seek>(
         PhotographCoding::None => {}
         PhotographCoding::Predictive(planes) => {
             let decoder = PlaneDecoder::new(&planes.header, mesh, views, asset.white);
-            let decoder = decoder.reduced_by(options.reduction as usize);
+            let decoder = decoder.reduced_by(options.reduction as usize).within(options.region);
             let read = |streams: Range<u64>| {
                 let range = planes.streams + streams.start..planes.streams + streams.end;
                 file.drive(|file| file.take(range.clone())).map(Some)
@@ -214,7 +232,8 @@ fn decode_photographs<R: Read + Seek>(
             for (index, view) in views.iter().enumerate().filter(|(index, _)| wanted(*index)) {
                 let (photograph, _reservation) =
                     stages::wavelet_photograph(&decoded, mesh, (index, view), components.len(), &budget)?;
-                done(asset, vec![(index, photograph)])?;
+                let region = options.region.map(|region| photograph.cropped(&region));
+                done(asset, vec![(index, region.unwrap_or(photograph))])?;
             }
         }
     }

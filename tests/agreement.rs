@@ -10,6 +10,7 @@ use tsuya::capture::Capture;
 use tsuya::container::{Container, ContainerWriter, Metadata, Poll, SectionCodec, Tag};
 use tsuya::decoder::{DecodeOptions, IncrementalDecoder, ViewSelection, ViewStatus, decode, decode_from};
 use tsuya::encoder::{EncodedFile, encode, separate};
+use tsuya::image::Region;
 use tsuya::internals::surface::rasterise;
 use tsuya::metrics::PhotographError;
 use tsuya::{DecodeSpeed, EncodeOptions, Profile};
@@ -108,6 +109,10 @@ fn agree(capture: Capture, coverage: f64) {
         }
         check_error(capture.clone(), &first, &encoded, &what);
         check_reductions(&encoded.bytes, &first, profile, &what);
+        let reductions = if profile == Profile::WaveletTexture { 0..1 } else { 0..4 };
+        for reduction in reductions {
+            check_regions(&encoded.bytes, reduction, &mut random, &what);
+        }
     }
 }
 
@@ -133,6 +138,84 @@ fn check_reductions(bytes: &[u8], asset: &Asset, profile: Profile, what: &str) {
         });
         assert_same(&first, &one_by_one, &what);
         assert!(fetched < bytes.len() as u64, "{what}");
+    }
+}
+
+/// Regions are the same bits as in the whole photographs, wherever they lie: of all views together, and of one after the other.
+fn check_regions(bytes: &[u8], reduction: u8, random: &mut Random, what: &str) {
+    let what = format!("{what}, halved {reduction} times");
+    let options = DecodeOptions { reduction, ..Default::default() };
+    let Ok(whole) = decode(bytes, &options) else { return };
+    let mut inside = |width: u32, height: u32| {
+        let mut part = |size: u32| {
+            let length = 1 + random.below(size as usize) as u32;
+            (random.below((size - length + 1) as usize) as u32, length)
+        };
+        let ((left, width), (top, height)) = (part(width), part(height));
+        Region { left, top, width, height }
+    };
+    let cropped = |view: usize, region: Region| whole.photographs[view].as_ref().map(|whole| whole.cropped(&region));
+    let sizes = || whole.views.iter().map(|view| [view.camera.width, view.camera.height]);
+    let least = [0, 1].map(|axis| sizes().map(|size| size[axis]).min().unwrap());
+    let region = inside(least[0], least[1]);
+    let together = decode(bytes, &DecodeOptions { region: Some(region), ..options.clone() }).unwrap();
+    let expected: Vec<_> = (0..whole.views.len()).map(|view| cropped(view, region)).collect();
+    assert_same(&expected, &together.photographs, &format!("{what}, {region:?}"));
+    for (part, whole) in together.views.iter().zip(&whole.views) {
+        assert_eq!((part.camera.width, part.camera.height), (region.width, region.height));
+        let moved = [0, 1].map(|axis| whole.camera.principal[axis] - [region.left, region.top][axis] as f64);
+        assert_eq!(part.camera.principal, moved);
+    }
+    let mut file = IncrementalDecoder::new(Some(bytes.len() as u64), true, Limits::default());
+    file.set_reduction(reduction);
+    for (view, [width, height]) in sizes().enumerate() {
+        for region in [Some(inside(width, height)), None, Some(Region { left: width - 1, top: 0, width: 1, height })] {
+            file.set_region(region);
+            let photograph = loop {
+                match file.view(view).unwrap() {
+                    Poll::NeedRanges(ranges) => ranges.iter().for_each(|range| {
+                        file.feed(range.start, &bytes[range.start as usize..range.end as usize]).unwrap();
+                    }),
+                    Poll::Ready(ViewStatus::Decoded(photograph)) => break photograph,
+                    Poll::Ready(_) => {}
+                }
+            };
+            let expected = region.map_or_else(|| whole.photographs[view].clone(), |region| cropped(view, region));
+            assert_same(&[expected], &[Some(photograph)], &format!("{what}, view {view}, {region:?}"));
+        }
+        file.set_region(Some(Region { left: 1, top: 0, width, height }));
+        let refused = file.view(view).unwrap_err().to_string();
+        assert!(refused.contains(&format!("has {width} x {height} pixels")), "{what}: {refused}");
+    }
+}
+
+/// Of small tiles a region reads only some, and less of smaller photographs.
+#[test]
+fn a_region_reads_the_tiles_that_it_takes() {
+    let bytes =
+        std::fs::read(std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("spec/vectors/ring-tiles.tsuya")).unwrap();
+    for reduction in 0..4 {
+        check_regions(&bytes, reduction, &mut Random(11), "ring-tiles");
+    }
+    let read = |reduction: u8, region: Option<Region>| {
+        let mut file = Container::open_slice(&bytes, Limits::default()).unwrap();
+        let selection = ViewSelection::Views(vec![0]);
+        let options = DecodeOptions { selection, reduction, region, photographs_only: true, ..Default::default() };
+        let asset = decode_from(&mut file, &options).unwrap();
+        assert!(asset.charts.is_none() && asset.reflectance.is_none() && !asset.mesh.triangles.is_empty());
+        file.bytes_read()
+    };
+    let at = |left: u32, width: u32| Some(Region { left, top: 60, width, height: width });
+    let (whole, some, few) = (read(0, None), read(0, at(50, 40)), read(0, at(60, 4)));
+    assert!(few < some && some < whole, "{few}, {some} and {whole} bytes");
+    // Nothing of the finest level.
+    assert!(read(1, at(30, 2)) < few && read(1, None) < whole);
+    for (region, said) in [
+        (Region { left: 0, top: 0, width: 0, height: 4 }, "is 0 x 4 pixels from column 0 and row 0"),
+        (Region { left: 1, top: u32::MAX, width: 1, height: 1 }, "is 1 x 1 pixels from column 1 and row 4294967295"),
+    ] {
+        let refused = decode(&bytes, &DecodeOptions { region: Some(region), ..Default::default() }).unwrap_err();
+        assert!(matches!(&refused, tsuya::Error::Parameter(text) if text.contains(said)), "{refused}");
     }
 }
 

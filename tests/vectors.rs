@@ -160,7 +160,7 @@ fn masks_and_planes_are_what_planes_md_says() {
         let (stream, mut models) = (bytes(&case["stream"]), CoefficientModels::new(modelling));
         let tiling = Tiling::default();
         let (plan, quantiser, predicted) = (&plan, &quantiser, predicted.as_deref());
-        let task = PictureTask { plan, quantiser, predicted, tiling: &tiling, finest_level: 0 };
+        let task = PictureTask { plan, quantiser, predicted, tiling: &tiling, tiled_bands: &[] };
         let streams = PictureStreams { base: &stream[..], tiles: Vec::new() };
         let found = internals::residual::coefficients::decode(&streams, &mut models, &task, Default::default());
         let found = found.expect("a stream that ends rightly");

@@ -6,7 +6,7 @@ use crate::container::incremental::ready;
 use crate::container::metadata::Metadata;
 use crate::container::{IncrementalReader, Poll, Section, Tag, missing_section};
 use crate::error::{Error, Result};
-use crate::image::Mask;
+use crate::image::{Mask, Region};
 use crate::lighting::EnvironmentLobes;
 use crate::limits::Limits;
 use crate::mesh::Mesh;
@@ -37,6 +37,7 @@ pub struct IncrementalDecoder {
     charts: Option<Option<Arc<Charts>>>,
     photographs: Option<PhotographDecoder>,
     reduction: u8,
+    region: Option<Region>,
 }
 
 /// Everything that precedes the photographs' streams.
@@ -118,7 +119,15 @@ impl IncrementalDecoder {
     /// Creates a decoder of a file of which nothing is there yet; see [`IncrementalReader::new`].
     pub fn new(length: Option<u64>, is_seekable: bool, limits: Limits) -> Self {
         let file = IncrementalReader::new(length, is_seekable, limits);
-        IncrementalDecoder { file, header: None, mesh: None, charts: None, photographs: None, reduction: 0 }
+        IncrementalDecoder {
+            file,
+            header: None,
+            mesh: None,
+            charts: None,
+            photographs: None,
+            reduction: 0,
+            region: None,
+        }
     }
 
     /// Feeds bytes of the file.
@@ -136,6 +145,14 @@ impl IncrementalDecoder {
     pub fn set_reduction(&mut self, reduction: u8) {
         if reduction != self.reduction {
             (self.reduction, self.photographs) = (reduction, None);
+        }
+    }
+    /// Decodes only this region of the views that are asked for from now on, in pixels of their size after the reduction, or all of them; see
+    /// [`DecodeOptions::region`](super::DecodeOptions::region). What views are predicted from is kept.
+    pub fn set_region(&mut self, region: Option<Region>) {
+        self.region = region;
+        if let Some(PhotographDecoder::Predictive(decoder)) = &mut self.photographs {
+            decoder.set_region(region);
         }
     }
     /// Sections known so far, and whether these are all.
@@ -248,7 +265,9 @@ impl IncrementalDecoder {
                     capture.white,
                     budget,
                 );
-                PhotographDecoder::Predictive(Box::new(decoder.reduced_by(self.reduction as usize)))
+                let mut decoder = decoder.reduced_by(self.reduction as usize);
+                decoder.set_region(self.region);
+                PhotographDecoder::Predictive(Box::new(decoder))
             }
             (PhotographCoding::WaveletTexture, _) if self.reduction > 0 => {
                 return Err(super::reduction_of_wavelet_texture());
@@ -279,13 +298,17 @@ impl IncrementalDecoder {
             return Err(Error::parameter(format!("view {index} does not exist: the file has {count} views")));
         };
         super::check_reduction(view, self.reduction as usize)?;
+        if let Some(region) = &self.region {
+            super::check_region(view, self.reduction as usize, region)?;
+        }
         let status = match &mut self.photographs {
             None | Some(PhotographDecoder::None) => ViewStatus::Absent,
             Some(PhotographDecoder::WaveletTexture(decoded, mesh)) => {
                 let (budget, components) = (self.file.budget(), header.capture.components.len());
                 let (photograph, _reservation) =
                     stages::wavelet_photograph(decoded, mesh, (index, view), components, &budget)?;
-                ViewStatus::Decoded(take(ViewPhotograph::WaveletTexture(photograph)))
+                let region = self.region.map(|region| photograph.cropped(&region));
+                ViewStatus::Decoded(take(ViewPhotograph::WaveletTexture(region.unwrap_or(photograph))))
             }
             Some(PhotographDecoder::Predictive(decoder)) => {
                 let entries = decoder.missing_entries(index)?;
@@ -295,15 +318,30 @@ impl IncrementalDecoder {
                         None => Err(Error::parameter("the view is neither missing nor kept")),
                     };
                 };
-                let ranges = stream_ranges(&header, decoder, &entries)?;
+                let is_last = entries.len() == 1;
+                let ranges = stream_ranges(&header, decoder, (first, is_last))?;
                 // What is there is decoded while the rest arrives.
-                let Poll::Ready(bytes) = self.file.bytes(ranges[0].clone())? else {
-                    ready!(self.file.require(&ranges)?);
-                    return Err(Error::parameter("bytes are there and are not"));
+                if let Poll::NeedRanges(mut missing) = self.file.require(&ranges)? {
+                    for (k, &entry) in entries.iter().enumerate().skip(1) {
+                        let ranges = stream_ranges(&header, decoder, (entry, k + 1 == entries.len()))?;
+                        if let Poll::NeedRanges(more) = self.file.require(&ranges)? {
+                            missing.extend(more);
+                        }
+                    }
+                    return Ok(Poll::NeedRanges(missing));
+                }
+                let take = is_last.then_some(|view: DecodedPhotograph| take(ViewPhotograph::Predictive(view)));
+                let decoded = match &ranges[..] {
+                    [range] => decoder.decode(first, ready!(self.file.bytes(range.clone())?), take)?,
+                    ranges => {
+                        let mut bytes = Vec::new();
+                        for range in ranges {
+                            bytes.extend_from_slice(ready!(self.file.bytes(range.clone())?));
+                        }
+                        decoder.decode(first, &bytes, take)?
+                    }
                 };
-                let take =
-                    (entries.len() == 1).then_some(|view: DecodedPhotograph| take(ViewPhotograph::Predictive(view)));
-                match decoder.decode(first, bytes, take)? {
+                match decoded {
                     Some(taken) => ViewStatus::Decoded(taken),
                     None => ViewStatus::InProgress,
                 }
@@ -321,7 +359,10 @@ impl IncrementalDecoder {
             return Ok(Vec::new());
         };
         let entries = decoder.missing_entries(index)?;
-        let ranges = stream_ranges(header, decoder, &entries)?;
+        let mut ranges = Vec::new();
+        for (k, &entry) in entries.iter().enumerate() {
+            ranges.extend(stream_ranges(header, decoder, (entry, k + 1 == entries.len()))?);
+        }
         Ok(match self.file.require(&ranges)? {
             Poll::Ready(()) => Vec::new(),
             Poll::NeedRanges(ranges) => ranges,
@@ -336,14 +377,16 @@ impl IncrementalDecoder {
     }
 }
 
-/// Ranges of the file that hold what is needed of entries of the coding order: of the last one the photograph, of those before it what it is
-/// predicted from.
-fn stream_ranges(header: &FileHeader, decoder: &ViewDecoder, entries: &[usize]) -> Result<Vec<Range<u64>>> {
+/// Ranges of the file that hold what is needed of an entry of the coding order: of its photograph, or of what others are predicted from.
+fn stream_ranges(
+    header: &FileHeader,
+    decoder: &ViewDecoder,
+    (entry, is_photograph): (usize, bool),
+) -> Result<Vec<Range<u64>>> {
     let PhotographCoding::Predictive(planes) = &header.photographs else { return Ok(Vec::new()) };
-    let range = |(k, &index): (usize, &usize)| {
-        let level = decoder.finest_level(k + 1 == entries.len());
-        planes.header.entries.get(index).map(|entry| planes.needed_range(entry, level))
-    };
-    let ranges: Option<Vec<_>> = entries.iter().enumerate().map(range).collect();
-    ranges.ok_or_else(|| Error::parameter("the entry does not exist"))
+    if entry >= planes.header.entries.len() {
+        return Err(Error::parameter("the entry does not exist"));
+    }
+    let within = decoder.needed_ranges(entry, is_photograph).into_iter();
+    Ok(within.map(|range| planes.streams + range.start..planes.streams + range.end).collect())
 }

@@ -37,9 +37,44 @@ impl<T: Clone> Grid<T> {
     pub fn row(&self, y: usize) -> &[T] {
         &self.data[y * self.width..(y + 1) * self.width]
     }
+    /// Returns the part in a region, which lies within the grid.
+    pub fn cropped(&self, region: &Region) -> Grid<T> {
+        let rows = region.rows().flat_map(|y| &self.row(y)[region.columns()]);
+        Grid { width: region.width as usize, height: region.height as usize, data: rows.cloned().collect() }
+    }
     /// Returns the grid of the mapped values.
     pub fn map<U>(&self, f: impl FnMut(&T) -> U) -> Grid<U> {
         Grid { width: self.width, height: self.height, data: self.data.iter().map(f).collect() }
+    }
+}
+
+/// A rectangle of an image, in pixels.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Region {
+    /// First column.
+    pub left: u32,
+    /// First row.
+    pub top: u32,
+    /// Columns.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+}
+
+impl Region {
+    /// Whether it holds a pixel, and none that an image of this size does not have.
+    pub fn is_within(&self, width: u32, height: u32) -> bool {
+        let fits =
+            |start: u32, length: u32, size: u32| length > 0 && start.checked_add(length).is_some_and(|end| end <= size);
+        fits(self.left, self.width, width) && fits(self.top, self.height, height)
+    }
+    /// Its columns.
+    pub fn columns(&self) -> std::ops::Range<usize> {
+        self.left as usize..self.left as usize + self.width as usize
+    }
+    /// Its rows.
+    pub fn rows(&self) -> std::ops::Range<usize> {
+        self.top as usize..self.top as usize + self.height as usize
     }
 }
 

@@ -1,15 +1,16 @@
 //! Streams to photographs: one entry of the coding order, and all selected ones with what they are predicted from.
 
-use super::header::PlaneHeader;
+use super::header::{CodedEntry, PlaneHeader};
 use super::picture::{self, ViewPart, ViewStreams, ViewTask};
 use super::workspace::{ParallelBudget, PlaneWorkspaces, photograph_bytes};
 use super::{DecodedView, PredictionScene, low_camera, order, run_entries};
 use crate::container::Tag;
 use crate::error::{Error, Result};
-use crate::image::{Mask, RgbImage};
+use crate::image::{Mask, Region, RgbImage};
 use crate::limits::{Budget, Reservation};
 use crate::mesh::Mesh;
 use crate::parallel;
+use crate::residual::tiles::TileSelection;
 use crate::surface::raster;
 use crate::transform::signal;
 use crate::transform::synthesis::{STRIP_ROWS, StripScratch};
@@ -27,6 +28,8 @@ pub(crate) struct PlaneDecoder<'a> {
     white: [f64; 3],
     /// Levels of the transform that photographs leave out.
     reduction: usize,
+    /// What of them is wanted; none for all.
+    region: Option<Region>,
     pub(super) workspaces: PlaneWorkspaces,
 }
 
@@ -43,7 +46,7 @@ impl<'a> PlaneDecoder<'a> {
         white: [f64; 3],
     ) -> Self {
         let scene = PredictionScene::new(mesh, views);
-        PlaneDecoder { header, scene, white, reduction: 0, workspaces: PlaneWorkspaces::default() }
+        PlaneDecoder { header, scene, white, reduction: 0, region: None, workspaces: PlaneWorkspaces::default() }
     }
 
     /// Leaves out the first `levels` levels of the photographs, which halves their size so often.
@@ -51,32 +54,55 @@ impl<'a> PlaneDecoder<'a> {
         PlaneDecoder { reduction: levels, ..self }
     }
 
+    /// Decodes only a region of the photographs that the others leave; these have it.
+    pub(crate) fn within(self, region: Option<Region>) -> Self {
+        PlaneDecoder { region, ..self }
+    }
+
+    /// Changes the region.
+    pub(super) fn set_region(&mut self, region: Option<Region>) {
+        self.region = region;
+    }
+
+    /// Whether only a region is decoded.
+    pub(super) fn has_region(&self) -> bool {
+        self.region.is_some()
+    }
+
     /// Returns a decoded view as radiance.
     pub(super) fn radiance<'d>(&'d self, view: &'d DecodedView) -> DecodedPhotograph<'d> {
         DecodedPhotograph::new(&self.header, self.white, view)
     }
 
-    /// Levels whose streams are not needed of a view, whether its photograph is wanted or only what others are predicted from.
-    pub(crate) fn finest_level(&self, is_photograph: bool) -> usize {
-        let part = ViewPart { is_reference: true, is_photograph, reduction: self.reduction };
-        part.finest_level(self.header.coding.prediction_level as usize)
+    /// The tiles of an entry that are needed if its photograph is wanted, or only what others are predicted from.
+    fn tiles(&self, coded: &CodedEntry, is_photograph: bool) -> TileSelection {
+        let grid = self.header.coding.tile_grid(&self.scene.views[coded.entry.view].camera);
+        self.part(true, is_photograph).tiles(grid)
     }
 
-    /// Compares the checksums of an entry's streams, which may end before those of the last levels, and checks that drawing its view is
-    /// bounded work.
-    pub(super) fn check(&self, index: usize, streams: &[u8]) -> Result<()> {
+    fn part(&self, is_reference: bool, is_photograph: bool) -> ViewPart {
+        ViewPart { is_reference, is_photograph, reduction: self.reduction, region: self.region }
+    }
+
+    /// Ranges of the section's streams that are needed of an entry, in order, whether its photograph is wanted or only what others are predicted from.
+    pub(crate) fn needed_ranges(&self, index: usize, is_photograph: bool) -> Vec<Range<u64>> {
+        let coded = &self.header.entries[index];
+        coded.needed_ranges(self.tiles(coded, is_photograph).includes())
+    }
+
+    /// Compares the checksums of the needed streams of an entry, and checks that drawing its view is bounded work.
+    pub(super) fn check(&self, index: usize, streams: &[u8], is_photograph: bool) -> Result<()> {
         let coded = &self.header.entries[index];
         let view = &self.scene.views[coded.entry.view];
-        if !coded.is_intact(streams) {
+        if !coded.is_intact(self.tiles(coded, is_photograph).includes(), streams) {
             let message = format!("checksum of view {} does not match: the file is damaged", view.name);
             return Err(Error::format(Tag::PLANES, coded.offset, message));
         }
         raster::check_work(self.scene.surface.mesh(), &view.camera)
     }
 
-    /// Decodes an entry of the coding order from its streams, one after the other; `decoded` holds the views that it depends
-    /// on. Calls `take` with the view; without it the photograph is not decoded, only what later views are predicted from, and `streams`
-    /// may end behind the base. The memory of a photograph is charged until the reservation is dropped.
+    /// Decodes an entry of the coding order from its needed streams, one after the other; `decoded` holds the views that it depends
+    /// on. Calls `take` with the view; without it the photograph is not decoded, only what later views are predicted from. The memory of a photograph is charged until the reservation is dropped.
     pub(super) fn decode<'b, T>(
         &self,
         index: usize,
@@ -88,8 +114,8 @@ impl<'a> PlaneDecoder<'a> {
     ) -> Result<(Option<(T, Reservation<'b>)>, DecodedView)> {
         let coded = &self.header.entries[index];
         let (scene, coding) = (&self.scene, &self.header.coding);
-        let part = ViewPart { is_reference, is_photograph: take.is_some(), reduction: self.reduction };
-        let parts = ViewStreams::cut(coded, part.finest_level(coding.prediction_level as usize), streams);
+        let part = self.part(is_reference, take.is_some());
+        let parts = ViewStreams::cut(coded, self.tiles(coded, take.is_some()).includes(), streams);
         let parts = parts.ok_or_else(|| {
             Error::format(Tag::PLANES, coded.offset, "a view's streams are shorter than the head says")
         })?;
@@ -97,7 +123,10 @@ impl<'a> PlaneDecoder<'a> {
         let mut view = picture::decode(&task, &parts, coded.offset, &self.workspaces, budget)?;
         let taken = match take {
             Some(take) => {
-                let camera = low_camera(&self.scene.views[coded.entry.view].camera, self.reduction);
+                let mut camera = low_camera(&self.scene.views[coded.entry.view].camera, self.reduction);
+                if let Some(region) = &self.region {
+                    camera = camera.cropped(region);
+                }
                 let bytes = photograph_bytes(&camera, coding.components.len());
                 let reservation = budget.reserve("a decoded photograph", bytes)?;
                 Some((take(self.radiance(&view)), reservation))
@@ -109,8 +138,8 @@ impl<'a> PlaneDecoder<'a> {
     }
 
     /// Decodes the wanted views and those they depend on, side by side where they do not depend on each other, and calls
-    /// `done` with the wanted ones as linear radiance, some at a time and in any order. `read` returns a range of the section's streams,
-    /// from the first of an entry to the last that is needed; entries for which it returns `None` (a file cut short) are left out with all
+    /// `done` with the wanted ones as linear radiance, some at a time and in any order. `read` returns a range of the section's streams;
+    /// entries for which it returns `None` (a file cut short) are left out with all
     /// that depend on them.
     /// # Errors
     /// [`Error::Format`] if the streams are damaged; [`Error::Limits`] if the memory for one view and those it is predicted
@@ -132,9 +161,12 @@ impl<'a> PlaneDecoder<'a> {
             if coded.entry.dependencies().any(|view| !present[view]) {
                 continue;
             }
-            let end = coded.offset + coded.stream_bytes_above(self.finest_level(wanted(coded.entry.view)));
-            let Some(bytes) = read(coded.offset..end)? else { continue };
-            self.check(index, &bytes)?;
+            let is_wanted = wanted(coded.entry.view);
+            let parts: Result<Option<Vec<Vec<u8>>>> =
+                self.needed_ranges(index, is_wanted).into_iter().map(&mut read).collect();
+            let Some(mut parts) = parts? else { continue };
+            let bytes = if parts.len() == 1 { parts.swap_remove(0) } else { parts.concat() };
+            self.check(index, &bytes, is_wanted)?;
             streams[index] = Some(bytes);
             present[coded.entry.view] = true;
             entries.push(index);

@@ -221,7 +221,7 @@ impl<'a> PlaneEncoder<'a> {
                     })
                     .collect()
             };
-            let part = ViewPart { is_reference, is_photograph: true, reduction: 0 };
+            let part = ViewPart { is_reference, is_photograph: true, reduction: 0, region: None };
             let task = ViewTask { scene: &scene, entry, scale, coding: &header.coding, decoded, part };
             let (streams, view) = picture::encode(&task, &target.mask, quality.lambda, plane)?;
             let photograph = DecodedPhotograph::new(&header, self.white, &view).photograph();

@@ -66,17 +66,31 @@ impl CodedEntry {
     pub fn stream_bytes(&self) -> u64 {
         self.stream_bytes_above(0)
     }
-    /// Whether the checksums of its streams match, as far as `streams` go: all of them, or those of the base and of the coarser levels.
-    pub fn is_intact(&self, streams: &[u8]) -> bool {
+    /// Whether `streams` are those of the base and of the `needed` tiles, one after the other, and their checksums match.
+    pub(crate) fn is_intact(&self, needed: impl Iterator<Item = bool>, streams: &[u8]) -> bool {
         let Some((base, mut rest)) = streams.split_at_checked(total(&self.lengths) as usize) else { return false };
-        crc32fast::hash(base) == self.checksum
-            && self.tiles.iter().filter(|tile| tile.stream_bytes() > 0).all(|tile| {
-                let Some((part, behind)) = rest.split_at_checked(tile.stream_bytes() as usize) else {
-                    return rest.is_empty();
-                };
-                rest = behind;
-                crc32fast::hash(part) == tile.checksum
-            })
+        let mut tiles = self.tiles.iter().zip(needed).filter(|(tile, is_needed)| *is_needed && tile.stream_bytes() > 0);
+        let is_whole = |(tile, _): (&CodedTile, bool)| {
+            let Some((part, behind)) = rest.split_at_checked(tile.stream_bytes() as usize) else { return false };
+            rest = behind;
+            crc32fast::hash(part) == tile.checksum
+        };
+        crc32fast::hash(base) == self.checksum && tiles.all(is_whole)
+    }
+    /// Ranges of the section's streams that hold the base and the `needed` tiles, in their order.
+    pub(crate) fn needed_ranges(&self, needed: impl Iterator<Item = bool>) -> Vec<Range<u64>> {
+        let mut end = self.offset + total(&self.lengths);
+        let mut ranges: Vec<Range<u64>> = std::iter::once(self.offset..end).collect();
+        for (tile, is_needed) in self.tiles.iter().zip(needed) {
+            let start = end;
+            end += tile.stream_bytes();
+            match ranges.last_mut() {
+                Some(last) if is_needed && last.end == start => last.end = end,
+                _ if is_needed && end > start => ranges.push(start..end),
+                _ => {}
+            }
+        }
+        ranges
     }
     /// Bytes of its streams but those of the tiles of the first `level` levels, which stand behind the others.
     pub fn stream_bytes_above(&self, level: usize) -> u64 {
@@ -227,12 +241,8 @@ pub struct PlaneSection {
 impl PlaneSection {
     /// Range of the file that holds an entry's streams.
     pub fn stream_range(&self, entry: &CodedEntry) -> Range<u64> {
-        self.needed_range(entry, 0)
-    }
-    /// Range of the file that holds an entry's streams but those of the tiles of the first `level` levels.
-    pub fn needed_range(&self, entry: &CodedEntry, level: usize) -> Range<u64> {
         let start = self.streams + entry.offset;
-        start..start + entry.stream_bytes_above(level)
+        start..start + entry.stream_bytes()
     }
 }
 

@@ -12,6 +12,7 @@ pub(crate) mod header;
 pub(crate) mod on_demand;
 pub(crate) mod order;
 mod picture;
+mod region;
 #[cfg(feature = "encode")]
 pub(crate) mod repair;
 pub(crate) mod workspace;
@@ -27,10 +28,11 @@ use crate::parallel;
 use crate::quantise::bands::Quantiser;
 use crate::residual::coefficients::{CoefficientModels, Modelling, PictureTask};
 use crate::residual::mask::MaskModels;
-use crate::residual::tiles::{TileGrid, Tiling};
+use crate::residual::tiles::{TileGrid, TileSelection, Tiling};
 use crate::surface::reproject::{ReferenceView, Reprojection, reproject};
 use crate::surface::view_geometry::{ViewGeometry, ViewedMesh};
 use crate::surface::warp::{REFERENCE_RINGS, ReferenceImage};
+use crate::transform::band_masks::low_mask;
 use crate::transform::window::Window;
 use crate::views::{Camera, View};
 
@@ -39,6 +41,8 @@ use crate::transform::shape_adaptive::{ColourLanes, PixelRun, WaveletPlan, level
 use crate::transform::synthesis::{HalfPicture, StripScratch};
 use glam::Vec4;
 use order::{DepthFirst, OrderEntry};
+use picture::ViewPart;
+use region::RegionPart;
 use std::borrow::Cow;
 use std::ops::Range;
 use workspace::{LEAST_PARALLEL_VIEWS, MAX_PARALLEL_VIEWS, ParallelBudget};
@@ -150,10 +154,12 @@ struct PreparedView {
     mask: Mask,
     /// Bounding window of the mask.
     window: Window,
-    /// Transform of the mask in the window.
+    /// Transform of the mask in the window, but for the finest levels that are left out.
     plan: WaveletPlan,
     /// The tiles of its finest levels.
     tiling: Tiling,
+    /// What is wanted of the photograph, if that is not all.
+    region: Option<RegionPart>,
     /// Levels of the transform above the picture that is predicted.
     level: usize,
     /// Geometry at the resolution of the predicted picture.
@@ -161,14 +167,21 @@ struct PreparedView {
 }
 
 impl PreparedView {
-    /// The coefficients of one component, but for the tiles of the first `finest_level` levels.
+    /// The coefficients of one component.
     fn picture_task<'a>(
         &'a self,
         quantiser: &'a Quantiser,
         predicted: Option<&'a [Vec<ColourLanes>]>,
-        finest_level: usize,
     ) -> PictureTask<'a> {
-        PictureTask { plan: &self.plan, quantiser, predicted, tiling: &self.tiling, finest_level }
+        let tiled_bands = match &self.region {
+            Some(region) => region.bands(),
+            None => self.plan.bands().get(self.base_bands()..).unwrap_or_default(),
+        };
+        PictureTask { plan: &self.plan, quantiser, predicted, tiling: &self.tiling, tiled_bands }
+    }
+    /// Bands that are not cut into tiles.
+    fn base_bands(&self) -> usize {
+        self.plan.level_bands(self.level).start
     }
     /// Size of the picture that is predicted.
     fn low_size(&self) -> [usize; 2] {
@@ -195,6 +208,8 @@ pub(crate) struct DecodedView {
     window: Window,
     /// Levels of the transform that the photograph leaves out; 0 at its full size.
     reduction: usize,
+    /// Whether the photograph is a region of the view's.
+    is_region: bool,
     /// Levels of the transform above the picture that later views are predicted from.
     level: usize,
     /// Per component. Empty if the references of the photograph's size hold them, or where only the references were decoded.
@@ -262,7 +277,7 @@ impl DecodedView {
     }
     /// Whether the photograph can be had.
     fn has_signals(&self) -> bool {
-        self.level == self.reduction || !self.signals.is_empty()
+        !self.is_region && self.level == self.reduction || !self.signals.is_empty()
     }
 }
 
@@ -272,11 +287,12 @@ impl<'a> PredictionScene<'a> {
         PredictionScene { surface: ViewedMesh::new(mesh), views }
     }
 
-    /// Renders the geometry of a view; `mask` returns its mask from the coverage of the mesh, `admit` may refuse its window.
+    /// Renders the geometry of a view, of which a part is to be coded; `mask` returns its mask from the coverage of the mesh, `admit` may
+    /// refuse its window.
     fn prepare_view<T>(
         &self,
         view: usize,
-        coding: &PlaneCoding,
+        (coding, part): (&PlaneCoding, ViewPart),
         mask: impl FnOnce(Mask) -> Mask,
         admit: impl FnOnce(&Window) -> Result<T>,
     ) -> Result<(PreparedView, T)> {
@@ -291,10 +307,24 @@ impl<'a> PredictionScene<'a> {
         let window = Window::around_mask(&mask, REFERENCE_RINGS << level);
         let admitted = admit(&window)?;
         let inside = Mask { width: window.width, height: window.height, data: window.crop(&mask.data, width) };
-        let plan = WaveletPlan::with_levels(inside, levels);
+        let (region, grid) = (part.photograph_region(), coding.tile_grid(&view.camera));
+        let mut tiles = part.tiles(grid);
+        // Masks of the levels that are not planned as a whole.
+        let (mut finer, mut low) = (Vec::new(), inside);
+        for _ in 0..if region.is_some() { level } else { tiles.finest_level() } {
+            let next = low_mask(&low);
+            finer.push(std::mem::replace(&mut low, next));
+        }
+        let plan = WaveletPlan::above(&finer, low, levels);
         geometry.extend(&window.low_band(level), plan.row_runs(level));
-        let tiling = Tiling::new(&coding.tile_grid(&view.camera), [window.left, window.top], &plan);
-        Ok((PreparedView { mask, window, plan, tiling, level, geometry }, admitted))
+        let region = region.map(|region| RegionPart::new((&region, part.reduction), &tiles, &window, &finer, &plan));
+        if region.as_ref().is_some_and(|region| !region.has_tiles()) {
+            tiles = TileSelection::above(grid, level);
+        }
+        let base = plan.level_bands(level).start;
+        let bands = region.as_ref().map_or_else(|| plan.bands().get(base..).unwrap_or_default(), RegionPart::bands);
+        let tiling = Tiling::new(&tiles, window.corner(), |level| window.low_band(level).size(), bands);
+        Ok((PreparedView { mask, window, plan, tiling, region, level, geometry }, admitted))
     }
 }
 

@@ -6,10 +6,12 @@ use super::header::PlaneHeader;
 use super::order::{self, OrderEntry};
 use super::workspace::peak_bytes;
 use crate::error::{Error, Result};
+use crate::image::Region;
 use crate::limits::Budget;
 use crate::mesh::Mesh;
 use crate::views::View;
 use std::borrow::Cow;
+use std::ops::Range;
 use std::sync::Arc;
 
 /// Decoder of single views that keeps the references of others.
@@ -59,6 +61,11 @@ impl<'a> ViewDecoder<'a> {
         ViewDecoder { planes: self.planes.reduced_by(levels), ..self }
     }
 
+    /// Decodes only a region of the photographs from now on; those that others are predicted from stay decoded.
+    pub(crate) fn set_region(&mut self, region: Option<Region>) {
+        self.planes.set_region(region);
+    }
+
     /// Returns the entries that must be decoded for `view`, in coding order, its own last; none if it is kept. Its references
     /// are not evicted before this is called for another view.
     /// # Errors
@@ -72,22 +79,26 @@ impl<'a> ViewDecoder<'a> {
         for index in order::closure(&self.order, |v| v == view) {
             self.used[self.order[index].view] = self.clock;
         }
-        let kept = |v: usize| self.decoded[v].as_ref().is_some_and(|decoded| v != view || decoded.has_signals());
+        let kept = |v: usize| self.decoded[v].as_ref().is_some_and(|decoded| v != view || self.is_kept(decoded));
         Ok(order::closure_beyond(&self.order, |v| v == view, kept))
     }
 
     /// Returns a view that is kept with its signals.
     pub(crate) fn kept(&self, view: usize) -> Option<DecodedPhotograph<'_>> {
-        let kept = self.decoded.get(view)?.as_ref().filter(|kept| kept.has_signals())?;
+        let kept = self.decoded.get(view)?.as_ref().filter(|kept| self.is_kept(kept))?;
         Some(self.planes.radiance(kept))
     }
 
-    /// Levels whose streams [`ViewDecoder::decode`] does not need, with `take` or without.
-    pub(crate) fn finest_level(&self, is_taken: bool) -> usize {
-        self.planes.finest_level(is_taken)
+    fn is_kept(&self, decoded: &DecodedView) -> bool {
+        decoded.has_signals() && !self.planes.has_region()
     }
 
-    /// Decodes one of the [`ViewDecoder::missing_entries`], those before it decoded, from its streams; returns what `take`
+    /// Ranges of the section's streams that [`ViewDecoder::decode`] needs of an entry, with `take` or without.
+    pub(crate) fn needed_ranges(&self, index: usize, is_taken: bool) -> Vec<Range<u64>> {
+        self.planes.needed_ranges(index, is_taken)
+    }
+
+    /// Decodes one of the [`ViewDecoder::missing_entries`], those before it decoded, from its needed streams, one after the other; returns what `take`
     /// makes of the view. Without it only what others are predicted from is decoded.
     /// # Errors
     /// [`Error::Format`] if the streams are damaged; [`Error::Limits`] if the memory for the view and those it is predicted
@@ -105,12 +116,12 @@ impl<'a> ViewDecoder<'a> {
         if entry.dependencies().any(|needed| self.decoded[needed].is_none()) {
             return Err(Error::parameter(format!("view {view} is predicted from views that are not decoded")));
         }
-        self.planes.check(index, streams)?;
+        self.planes.check(index, streams, take.is_some())?;
         self.make_room(peak_bytes(&self.planes.scene.views[view].camera, &self.planes.header.coding));
-        let (is_reference, budget) = (self.is_reference[view], self.budget.clone());
+        let (is_reference, budget) = (self.is_reference[view] && self.decoded[view].is_none(), self.budget.clone());
         let (taken, decoded) = self.planes.decode(index, streams, &self.decoded, is_reference, take, &budget)?;
         let taken = taken.map(|(taken, _reservation)| taken);
-        if is_reference && self.decoded[view].is_none() {
+        if is_reference {
             let bytes = decoded.bytes();
             self.make_room(bytes);
             budget.charge("decoded views", bytes)?;

@@ -4,6 +4,7 @@ use super::header::CodedEntry;
 #[cfg(feature = "encode")]
 use super::header::CodedTile;
 use super::order::OrderEntry;
+use super::region;
 use super::workspace::PlaneSignal;
 use super::workspace::{PlaneWorkspace, PlaneWorkspaces, ViewSize};
 use super::{
@@ -13,15 +14,14 @@ use super::{
 use crate::container::Tag;
 use crate::entropy::{BitCoder, RangeDecoder};
 use crate::error::{Error, Result};
-use crate::image::Mask;
+use crate::image::{Mask, Region};
 use crate::limits::Budget;
 use crate::parallel;
 #[cfg(feature = "encode")]
 use crate::quantise::bands::RateDistortion;
 use crate::residual::coefficients::{self, CoefficientModels, PictureStreams};
 use crate::residual::mask;
-#[cfg(feature = "encode")]
-use crate::residual::tiles::TileGrid;
+use crate::residual::tiles::{TileGrid, TileSelection};
 use crate::surface::reproject::ReferenceView;
 use crate::surface::warp::{ReferenceImage, predict};
 use crate::transform::masked::{Coefficients, MaskedPixels};
@@ -66,8 +66,8 @@ impl ViewStreams<Vec<u8>> {
 }
 
 impl<'s> ViewStreams<&'s [u8]> {
-    /// Cuts the streams of an entry apart, but for the tiles of the first `finest_level` levels; `None` where they are too short.
-    pub(super) fn cut(coded: &CodedEntry, finest_level: usize, mut streams: &'s [u8]) -> Option<Self> {
+    /// Cuts the streams of an entry's base and of its `needed` tiles apart; `None` where they are too short.
+    pub(super) fn cut(coded: &CodedEntry, needed: impl Iterator<Item = bool>, mut streams: &'s [u8]) -> Option<Self> {
         let mut next = |length: &u32| {
             let part;
             (part, streams) = streams.split_at_checked(*length as usize)?;
@@ -77,9 +77,9 @@ impl<'s> ViewStreams<&'s [u8]> {
         let mask = next(mask)?;
         let base = |length| Some(PictureStreams { base: next(length)?, tiles: Vec::with_capacity(coded.tiles.len()) });
         let mut components: Vec<PictureStreams<&[u8]>> = components.iter().map(base).collect::<Option<_>>()?;
-        for tile in coded.tiles.iter().take_while(|tile| tile.level as usize > finest_level) {
+        for (tile, is_needed) in coded.tiles.iter().zip(needed) {
             for (component, length) in components.iter_mut().zip(&tile.lengths) {
-                component.tiles.push(next(length)?);
+                component.tiles.push(if is_needed { next(length)? } else { &[] });
             }
         }
         Some(ViewStreams { mask, components })
@@ -95,15 +95,20 @@ pub(crate) struct ViewPart {
     pub is_photograph: bool,
     /// Levels of the transform that photographs leave out; 0 at their full size.
     pub reduction: usize,
+    /// What of the photograph is wanted; none for all of it.
+    pub region: Option<Region>,
 }
 
 impl ViewPart {
-    /// Levels of the transform that are left out; `level` is that of the pictures that later views are predicted from.
-    pub(super) fn finest_level(self, level: usize) -> usize {
-        match (self.is_photograph, self.is_reference) {
-            (true, true) => self.reduction.min(level),
-            (true, false) => self.reduction,
-            (false, _) => level,
+    /// What of the photograph is wanted, if that is not all or nothing.
+    pub(super) fn photograph_region(self) -> Option<Region> {
+        self.region.filter(|_| self.is_photograph)
+    }
+    /// The tiles that are needed, of a grid down to the pictures that later views are predicted from.
+    pub(super) fn tiles(self, grid: TileGrid) -> TileSelection {
+        match self.photograph_region() {
+            Some(region) => TileSelection::of_region(grid, &region::rectangle(&region), self.reduction),
+            None => TileSelection::above(grid, if self.is_photograph { self.reduction } else { grid.levels() }),
         }
     }
 }
@@ -117,6 +122,12 @@ fn signals(
     work: &mut TransformScratch,
 ) -> (Option<DecodedSignal>, Option<MaskedPixels>) {
     let (plan, level) = (&view.plan, view.level);
+    if let Some(region) = &view.region {
+        let first = if part.is_reference { level } else { level.max(part.reduction) };
+        let (fine, coarse) = plan.inverse_keeping(coefficients, [first, part.reduction], work);
+        let pixels = region.pixels(coarse.as_ref().unwrap_or(&fine), coefficients, view.base_bands());
+        return (Some(DecodedSignal::Whole(pixels)), part.is_reference.then_some(fine));
+    }
     let mut inverse = |wanted: usize, kept: usize| plan.inverse_keeping(coefficients, [wanted, kept], work);
     match part.is_photograph.then_some(part.reduction) {
         Some(0) if level > 0 => {
@@ -170,7 +181,7 @@ pub(crate) fn encode(
         let quantiser = task.coding.components[index].quantiser(task.scale);
         let target = view.plan.forward(target(&view.window, index));
         let trade_off = RateDistortion { lambda };
-        let picture = view.picture_task(&quantiser, predicted, 0);
+        let picture = view.picture_task(&quantiser, predicted);
         let (stream, mut decoded) = coefficients::encode(&mut models, &picture, &target, trade_off);
         (models, (stream, signals(&view, task.part, &mut decoded, &mut TransformScratch::default())))
     });
@@ -199,8 +210,15 @@ pub(crate) fn decode(
     let size = ViewSize::new(&captured.camera, task.coding);
     let _drawn = budget.reserve("a view being drawn", size.drawing_bytes())?;
     let admit = |window: &Window| {
-        let size = size.within(window);
-        budget.reserve("a view being decoded", size.coding_bytes(task.part.is_photograph))
+        let (size, grid) = (size.within(window), task.coding.tile_grid(&captured.camera));
+        let bytes = match task.part.photograph_region().filter(|_| grid.levels() > 0) {
+            Some(region) => {
+                let region = region::coding_bytes(&region, &task.part.tiles(grid), window, task.coding);
+                size.coding_bytes(false).saturating_add(region)
+            }
+            None => size.coding_bytes(task.part.is_photograph),
+        };
+        budget.reserve("a view being decoded", bytes)
     };
     let mut coder = RangeDecoder::new(streams.mask);
     let (view, mask_models, _coded) = prepare_view(task, &mut coder, None, admit)?;
@@ -211,8 +229,7 @@ pub(crate) fn decode(
         let quantiser = task.coding.components[index].quantiser(task.scale);
         workspaces.with(|PlaneWorkspace { coefficients, transform }| {
             let scratch = std::mem::take(coefficients);
-            let finest_level = task.part.finest_level(view.level);
-            let picture = view.picture_task(&quantiser, predicted, finest_level);
+            let picture = view.picture_task(&quantiser, predicted);
             *coefficients = coefficients::decode(&streams.components[index], &mut models, &picture, scratch)?;
             Some((models, signals(&view, task.part, coefficients, transform)))
         })
@@ -234,7 +251,7 @@ fn prepare_view<C: BitCoder, T>(
         MaskCoding::Coverage => coverage,
         MaskCoding::Coded => mask::code_mask(coder, &mut models, &coverage, wanted),
     };
-    let (view, admitted) = task.scene.prepare_view(task.entry.view, task.coding, mask, admit)?;
+    let (view, admitted) = task.scene.prepare_view(task.entry.view, (task.coding, task.part), mask, admit)?;
     Ok((view, models, admitted))
 }
 
@@ -274,14 +291,18 @@ fn decoded_view(
     part: ViewPart,
 ) -> DecodedView {
     let (size, low_window, level) = (view.low_size(), view.window.low_band(view.level), view.level);
-    let PreparedView { mut mask, mut window, plan, geometry, .. } = view;
+    let PreparedView { mut mask, mut window, plan, region, geometry, .. } = view;
     let (signals, pictures): (Vec<_>, Vec<_>) = signals.into_iter().unzip();
     let reference = part.is_reference.then(|| {
         let pictures = pictures.into_iter().flatten().map(|pixels| ReferenceImage::new(pixels, size, low_window));
         DecodedReference { pictures: pictures.collect(), seen: ReferenceView::new(geometry), models }
     });
-    let reduction = part.reduction;
-    if reduction > 0 {
+    let (reduction, is_region) = (part.reduction, region.is_some());
+    if let Some(region) = region {
+        (mask, window) = (region.mask(), region.window());
+    } else if !part.is_photograph && reduction < level {
+        mask = Mask::default();
+    } else if reduction > 0 {
         let inside = plan.low_mask(reduction);
         let [width, height] = [mask.width, mask.height].map(|size| size.div_ceil(1 << reduction));
         window = window.low_band(reduction);
@@ -291,5 +312,6 @@ fn decoded_view(
             mask.data[row..row + inside.width].copy_from_slice(inside.row(y));
         }
     }
-    DecodedView { plan, mask, window, reduction, level, signals: signals.into_iter().flatten().collect(), reference }
+    let signals = signals.into_iter().flatten().collect();
+    DecodedView { plan, mask, window, reduction, is_region, level, signals, reference }
 }

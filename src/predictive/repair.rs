@@ -133,7 +133,7 @@ fn find_streams(header: &PlaneHeader, streams: &[u8]) -> Vec<Option<Range<usize>
         let range = start.and_then(|start| Some(start..start.checked_add(length)?))?;
         let bytes = streams.get(range.clone())?;
         work = work.checked_sub(length)?;
-        coded.is_intact(bytes).then_some(range)
+        coded.is_intact(std::iter::repeat(true), bytes).then_some(range)
     };
     // All after a gap have moved by what the whole section is longer or shorter.
     let tail = streams.len() as i64 - header.stream_bytes() as i64;
@@ -196,7 +196,7 @@ impl PlaneRepairer<'_> {
         let nothing = Mask::filled(camera.width as usize, camera.height as usize, false);
         let black = |window: &crate::transform::window::Window, _| vec![[0.0; 4]; window.width * window.height];
         let (scene, coding) = (&self.scene, &self.coding);
-        let part = ViewPart { is_reference: false, is_photograph: true, reduction: 0 };
+        let part = ViewPart { is_reference: false, is_photograph: true, reduction: 0, region: None };
         let task = ViewTask { scene, entry: &step, scale: PLAIN_SCALE, coding, decoded: &[], part };
         let (streams, _) = picture::encode(&task, &nothing, 1.0, black)?;
         Ok(streams.into_entry(step, PLAIN_SCALE, &coding.tile_grid(camera)))

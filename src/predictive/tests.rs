@@ -295,8 +295,8 @@ fn check_order(decoding: DecodeSpeed) {
             for step in steps {
                 let coded = &header.entries[step];
                 let is_wanted = coded.entry.view == view;
-                let (start, length) = (coded.offset, coded.stream_bytes_above(decoder.finest_level(is_wanted)));
-                let streams = &body[start as usize..(start + length) as usize];
+                let [range] = &decoder.needed_ranges(step, is_wanted)[..] else { panic!("one range is needed") };
+                let streams = &body[range.start as usize..range.end as usize];
                 let take = is_wanted.then_some(|picture: DecodedPhotograph| picture.photograph());
                 photograph = decoder.decode(step, streams, take)?;
                 decoded += 1;

@@ -64,8 +64,8 @@ pub fn encode(
     (written.unwrap_or_default(), decoded)
 }
 
-/// Reads what [`encode`] has written, but for the tiles of the first [`PictureTask::finest_level`] levels; `None` where a stream does not
-/// end with its last coefficient. `scratch` is memory to use again: what an earlier call has returned.
+/// Reads what [`encode`] has written, of the tiles those of [`PictureTask::tiling`]; `None` where a stream does not end with its last
+/// coefficient. `scratch` is memory to use again: what an earlier call has returned.
 pub fn decode(
     streams: &PictureStreams<&[u8]>,
     models: &mut CoefficientModels,
@@ -104,7 +104,7 @@ pub(crate) fn code_alone<C: BitCoder>(
 ) -> Coefficients {
     let (mut models, mut coefficients) = (CoefficientState::<MixedModel>::new(), Coefficients::default());
     let tiling = Tiling::default();
-    let task = PictureTask { plan, quantiser, predicted: None, tiling: &tiling, finest_level: 0 };
+    let task = PictureTask { plan, quantiser, predicted: None, tiling: &tiling, tiled_bands: &[] };
     code_base(coder, &mut models, &task, target, &mut coefficients);
     coefficients
 }
@@ -130,7 +130,7 @@ fn code_base<C: BitCoder, K: CoefficientCoder<C>>(
         }
         models.gains.code(coder, &mut gains, &used);
     }
-    coefficients.reset(bands.len());
+    coefficients.reset(task.base_bands() + task.tiled_bands.len());
     let mut known: Vec<CodedBand<K::Magnitudes>> = Vec::with_capacity(bands.len());
     for (index, band) in bands.iter().enumerate().take(task.base_bands()) {
         let step = quantiser.band_step(band);

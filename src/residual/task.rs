@@ -7,7 +7,7 @@ use crate::entropy::{BitCoder, RangeDecoder, RansDecoder};
 #[cfg(feature = "encode")]
 use crate::entropy::{RangeEncoder, RansEncoder};
 use crate::quantise::bands::Quantiser;
-use crate::transform::shape_adaptive::{ColourLanes, WaveletPlan};
+use crate::transform::shape_adaptive::{ColourLanes, Subband, WaveletPlan};
 
 #[derive(Debug, Clone)]
 pub(super) struct CoefficientState<K> {
@@ -32,14 +32,14 @@ pub struct PictureTask<'a> {
     pub predicted: Option<&'a [Vec<ColourLanes>]>,
     /// The tiles of the finest levels, whose bands have no prediction.
     pub tiling: &'a Tiling,
-    /// Levels whose tiles are left out in decoding; 0 none.
-    pub finest_level: usize,
+    /// The bands that they are parts of, from the coarsest level on.
+    pub tiled_bands: &'a [Subband],
 }
 
 impl PictureTask<'_> {
     /// Bands of the base, which one stream holds.
     pub(super) fn base_bands(&self) -> usize {
-        self.plan.bands().len() - 3 * self.tiling.levels()
+        self.plan.level_bands(self.tiling.count).start
     }
 }
 

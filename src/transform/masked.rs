@@ -69,6 +69,10 @@ impl MaskedPixels {
     pub fn runs(&self, lines: &Range<usize>) -> impl Iterator<Item = (&PixelRun, &[ColourLanes])> {
         runs(runs_within(&self.rows, lines), 0, self.width, &self.pixels)
     }
+    /// Columns.
+    pub(super) fn width(&self) -> usize {
+        self.width
+    }
     /// All pixels, of which those of the mask are to be read.
     pub(super) fn pixels(&self) -> &[ColourLanes] {
         &self.pixels

@@ -5,6 +5,7 @@
 //! together, one in each lane. `f32` with `+ *` only, in the order written: the same on every platform (normative,
 //! `spec/planes.md`).
 
+use super::band_masks::LevelMasks;
 pub use super::lifting::ColourLanes;
 pub(crate) use super::lifting::PixelRun;
 use super::lifting::{analyse, scatter};
@@ -63,7 +64,7 @@ pub(crate) fn level_count(width: usize, height: usize) -> usize {
 }
 
 /// Runs along rows, from top to bottom and from left to right.
-fn row_runs(mask: &Mask) -> RowRuns {
+pub(super) fn row_runs(mask: &Mask) -> RowRuns {
     let mut runs = Vec::new();
     for y in 0..mask.height {
         let row = mask.row(y);
@@ -98,28 +99,6 @@ fn column_runs(mask: &Mask) -> Vec<PixelRun> {
     runs
 }
 
-/// Masks of the low and the high half after transforming `runs`.
-fn halves(runs: &[PixelRun], width: usize, height: usize, along_rows: bool) -> [Mask; 2] {
-    let (w, h) = if along_rows { (width.div_ceil(2), height) } else { (width, height.div_ceil(2)) };
-    let mut halves = [Mask::filled(w, h, false), Mask::filled(w, h, false)];
-    for run in runs {
-        let (line, start, end) = (run.line as usize, run.start as usize, (run.start + run.length) as usize);
-        let slots = match run.length {
-            1 => [start / 2..start / 2 + 1, 0..0],
-            _ => [start.div_ceil(2)..end.div_ceil(2), start / 2..end / 2],
-        };
-        for (half, slots) in halves.iter_mut().zip(slots) {
-            if along_rows {
-                half.data[line * w..][slots].fill(true);
-            } else {
-                let places = half.data.iter_mut().skip(slots.start * w + line).step_by(w);
-                places.take(slots.len()).for_each(|place| *place = true);
-            }
-        }
-    }
-    halves
-}
-
 impl WaveletPlan {
     /// Plans the transform of a mask's pixels over [`level_count`] levels.
     pub fn new(mask: &Mask) -> Self {
@@ -128,16 +107,24 @@ impl WaveletPlan {
 
     /// Plans the transform of a mask's pixels.
     pub fn with_levels(mask: Mask, count: usize) -> Self {
-        let mut levels = Vec::new();
+        WaveletPlan::above(&[], mask, count)
+    }
+
+    /// Plans the coarser levels of `count`: from and to the low band whose mask is `low`. Of the picture and the low bands before it, whose masks
+    /// are `finer`, nothing is planned.
+    pub fn above(finer: &[Mask], mut low: Mask, count: usize) -> Self {
+        let mut rows: Vec<RowRuns> = vec![Vec::new().into(); finer.len()];
+        let left_out = |mask: &Mask| PlanLevel { width: mask.width, height: mask.height, columns: Default::default() };
+        let mut levels: Vec<PlanLevel> = finer.iter().map(left_out).collect();
         let mut bands = Vec::new();
-        let mut low = mask;
-        let mut rows = vec![row_runs(&low)];
-        for level in 1..=count {
-            let [left, right] = halves(&rows[level - 1], low.width, low.height, true);
-            let columns = [column_runs(&left), column_runs(&right)];
-            let [next, vertical] = halves(&columns[0], left.width, left.height, false);
-            let [horizontal, diagonal] = halves(&columns[1], right.width, right.height, false);
-            levels.push(PlanLevel { width: low.width, height: low.height, columns });
+        rows.push(row_runs(&low));
+        for level in finer.len() + 1..=count {
+            let LevelMasks { halves, low: next, horizontal, vertical, diagonal } = LevelMasks::new(&low);
+            levels.push(PlanLevel {
+                width: low.width,
+                height: low.height,
+                columns: halves.each_ref().map(column_runs),
+            });
             bands.push(Subband { level, orientation: Orientation::Diagonal, mask: diagonal });
             bands.push(Subband { level, orientation: Orientation::Vertical, mask: vertical });
             bands.push(Subband { level, orientation: Orientation::Horizontal, mask: horizontal });
@@ -187,7 +174,7 @@ impl WaveletPlan {
     }
 
     /// Columns of the low band after `level` levels, 0 the picture itself.
-    fn columns_after(&self, level: usize) -> usize {
+    pub(super) fn columns_after(&self, level: usize) -> usize {
         self.levels.get(level).map_or(self.bands[0].mask.width, |level| level.width)
     }
 

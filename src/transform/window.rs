@@ -34,6 +34,14 @@ impl Window {
         let (right, bottom) = ((right + margin).min(mask.width), (last + 1 + margin).min(mask.height));
         Window { left, top, width: right - left, height: bottom - top }
     }
+    /// Its first pixel.
+    pub(crate) fn corner(&self) -> [usize; 2] {
+        [self.left, self.top]
+    }
+    /// Width and height.
+    pub(crate) fn size(&self) -> [usize; 2] {
+        [self.width, self.height]
+    }
     /// Number of its pixels.
     pub(crate) fn pixel_count(&self) -> u64 {
         self.width as u64 * self.height as u64

@@ -4,7 +4,7 @@ pub(crate) mod codec;
 #[cfg(feature = "encode")]
 pub(crate) mod source;
 
-use crate::image::{Mask, RgbImage};
+use crate::image::{Mask, Region, RgbImage};
 use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 
@@ -59,6 +59,12 @@ impl Camera {
     pub(crate) fn reduced(&self, longest: f64) -> Camera {
         let scale = (longest / f64::from(self.width.max(self.height))).min(1.0);
         self.resized([self.width, self.height].map(|side| ((f64::from(side) * scale).round() as u32).max(1)))
+    }
+    /// Returns the camera of a region of its image.
+    pub fn cropped(&self, region: &Region) -> Camera {
+        let [x, y] = self.principal;
+        let principal = [x - f64::from(region.left), y - f64::from(region.top)];
+        Camera { width: region.width, height: region.height, principal, ..*self }
     }
     /// The camera's place in the world.
     pub fn centre(&self) -> [f64; 3] {
@@ -122,6 +128,16 @@ pub struct Photograph {
     pub mask: Mask,
     /// Linear radiance per component, parallel to [`crate::asset::Asset::components`]; zero outside the mask.
     pub images: Vec<RgbImage>,
+}
+
+impl Photograph {
+    /// Returns the part in a region, which lies within the photograph.
+    pub fn cropped(&self, region: &Region) -> Photograph {
+        Photograph {
+            mask: self.mask.cropped(region),
+            images: self.images.iter().map(|image| image.cropped(region)).collect(),
+        }
+    }
 }
 
 #[cfg(feature = "encode")]

@@ -172,7 +172,7 @@ fn planes() -> Vec<Value> {
                 quantiser: &quantiser,
                 predicted: prediction.as_deref(),
                 tiling: &tiling,
-                finest_level: 0,
+                tiled_bands: &[],
             };
             let (streams, decoded) = internals::residual::coefficients::encode(
                 &mut CoefficientModels::new(modelling),

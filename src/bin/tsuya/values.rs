@@ -5,6 +5,7 @@ use clap::Args;
 use std::path::{Path, PathBuf};
 use tsuya::View;
 use tsuya::capture::{CaptureReadOptions, describe};
+use tsuya::image::Region;
 use tsuya::input::{FileAccess, Folder};
 use tsuya::{Error, Result};
 
@@ -34,6 +35,15 @@ pub fn size(text: &str) -> std::result::Result<[u32; 2], String> {
     match sides {
         Some((Some(width), Some(height))) => Ok([width, height]),
         _ => Err("a size is WIDTHxHEIGHT, each 1 to 16384".into()),
+    }
+}
+
+/// A region, `X,Y,W,H`: its first column and row, its width and height in pixels.
+pub fn region(text: &str) -> std::result::Result<Region, String> {
+    let numbers: Option<Vec<u32>> = text.split(',').map(|part| part.trim().parse().ok()).collect();
+    match numbers.as_deref() {
+        Some(&[left, top, width, height]) if width > 0 && height > 0 => Ok(Region { left, top, width, height }),
+        _ => Err("a region is X,Y,W,H in pixels: its first column and row, its width and height".into()),
     }
 }
 
