@@ -377,3 +377,23 @@ fn check_tells_what_does_not_agree() {
     assert!(!file.exists());
     tsuya(&["encode", text(&sample()), "-o", text(&file), "--invert-masks", "--unchecked", "--quality", "30"]).code(0);
 }
+
+/// The ranges of a plan hold what the encode then takes; nothing is written.
+#[test]
+fn a_plan_holds_what_the_encode_takes() {
+    let sample = sample();
+    let plan = json(&["encode", text(&sample), "--plan", "--json"]);
+    assert_eq!((plan["photographs"].as_u64(), plan["pixels"].as_u64()), (Some(36), Some(36 * 128 * 128)));
+    assert_eq!(plan["largest"], serde_json::json!([128, 128]));
+    let within = |key: &str, value: usize| {
+        let [least, most] = [0, 1].map(|end| plan[key][end].as_u64().unwrap() as usize);
+        assert!(least < value && value < most, "{key}: {value} is not between {least} and {most}");
+    };
+    within("bytes", support::encoded_sample().bytes.len());
+    let frames = support::read(&sample).unwrap().frames;
+    within("masked_pixels", frames.iter().map(|frame| frame.mask.as_ref().unwrap().count()).sum());
+    let coarser = json(&["encode", text(&sample), "--plan", "--quality", "50", "--json"]);
+    assert!(coarser["bytes"][1].as_f64() < plan["bytes"][1].as_f64());
+    assert!(output(&["encode", text(&sample), "--plan"]).starts_with("photographs        36 of 0.6 megapixels"));
+    complaint(1, &["encode", text(&sample), "--plan", "-o", "never.tsuya"]);
+}

@@ -1,5 +1,7 @@
 //! `tsuya encode`: a capture becomes a file.
 
+mod plan;
+
 use crate::values::{CaptureArguments, numbers, triple};
 use crate::{output, progress};
 use anyhow::Result;
@@ -20,8 +22,12 @@ pub struct Encode {
     /// The capture: a folder, its transforms.json, a COLMAP model, or the cameras of another program.
     capture: PathBuf,
     /// The file to write; - is standard output.
-    #[arg(short, long, value_name = "FILE")]
-    output: PathBuf,
+    #[arg(short, long, value_name = "FILE", required_unless_present = "plan")]
+    output: Option<PathBuf>,
+    /// Only says what the encode will take: photographs, time, memory, temporary space and bytes, as rough ranges from their sizes. Nothing is
+    /// read but the capture's description, and nothing is written.
+    #[arg(long, conflicts_with = "output")]
+    plan: bool,
     #[command(flatten)]
     target: TargetArguments,
     /// How photographs are stored.
@@ -164,10 +170,13 @@ enum RefinementName {
 
 impl Encode {
     pub fn run(self) -> Result<()> {
+        let Some(output) = &self.output else {
+            return plan::print(&self.capture, &self.reading.outside.access(), &self.options()?, self.json);
+        };
         let inputs = self.reading.files(&self.capture)?;
         let inputs: Vec<&Path> = inputs.iter().map(PathBuf::as_path).collect();
-        output::check_outputs(&[&self.output], &inputs, self.force)?;
-        if self.json && output::is_stream(&self.output) {
+        output::check_outputs(&[output], &inputs, self.force)?;
+        if self.json && output::is_stream(output) {
             return Err(Error::parameter("--json and the file can't both go to standard output").into());
         }
         let mut options = self.options()?;
@@ -181,7 +190,7 @@ impl Encode {
             let _busy = progress::busy("encoding");
             encode(capture, &options)?
         };
-        output::write(&self.output, &encoded.bytes, self.force)?;
+        output::write(output, &encoded.bytes, self.force)?;
         let seconds = start.elapsed().as_secs_f64();
         output::warn(&encoded.warnings);
         if self.json {
@@ -192,7 +201,7 @@ impl Encode {
             return output::print_json(&report);
         }
         let text = table(&encoded, seconds);
-        if output::is_stream(&self.output) {
+        if output::is_stream(output) {
             output::eprint_line(text.trim_end());
             return Ok(());
         }
