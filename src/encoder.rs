@@ -5,7 +5,7 @@ use crate::capture::OpenCapture;
 use crate::container::metadata::{AchievedError, Metadata};
 use crate::container::{ContainerWriter, SectionCodec, Tag, metadata, thumbnail, write_file};
 use crate::error::{Error, Result};
-use crate::illumination::{self, AssumedLight, LightEvidence};
+use crate::illumination::{self, AssumedLight, EnvironmentEstimate, LightSources};
 use crate::limits::{Budget, Limits};
 use crate::mesh::Mesh;
 use crate::mesh::codec::MeshOptions;
@@ -13,6 +13,7 @@ use crate::metrics::{Distortion, ImagePsnr, to_display};
 use crate::options::{CaptureLight, EncodeOptions, Profile};
 use crate::rate::CodedView;
 use crate::refine::RefinedSurface;
+use crate::reflectance::stage::ReflectanceSurface;
 use crate::separate::{FramesToCode, MaskedPhotographs, SeparatedFrames};
 pub use crate::separate::{Observations, ObservedView, recombine, separate};
 use crate::surface::{atlas, raster};
@@ -58,6 +59,9 @@ pub fn encode(capture: impl Into<OpenCapture>, options: &EncodeOptions) -> Resul
 fn encode_open(mut capture: OpenCapture, options: &EncodeOptions) -> Result<EncodedFile> {
     let mut warnings = std::mem::take(&mut capture.warnings);
     options.light.as_ref().map_or(Ok(()), illumination::check)?;
+    if matches!(options.light, Some(CaptureLight::Environment { .. })) && options.profile == Profile::WaveletTexture {
+        return Err(Error::parameter("option `light`: an environment is estimated in profile `predictive` only"));
+    }
     // 1. Photographs as components of reflection.
     let frames = SeparatedFrames::new(&capture, options.hold_out)?;
     // 2. Mesh: ordered and quantised. All later stages work with the mesh and the views that the decoder will have.
@@ -67,10 +71,11 @@ fn encode_open(mut capture: OpenCapture, options: &EncodeOptions) -> Result<Enco
     let coded_mesh = mesh::codec::encode(&capture.mesh, &MeshOptions { position_bits })?;
     let mesh = coded_mesh.mesh;
     // 3. Views: cameras and lights, which may have to be found first, on lattices.
-    let assumed_light = match &options.light {
+    let assumed = match &options.light {
         Some(light) => Some(assume_light(light, &capture, &mesh, &frames, &mut captured, &mut warnings)?),
         None => None,
     };
+    let (assumed_light, environment) = assumed.map_or((None, None), |(light, environment)| (Some(light), environment));
     let described = ViewsSection { white: capture.white, components: frames.components.clone(), views: captured };
     let views_bytes = views::codec::encode(&described, &mesh.positions)?;
     let views = views::codec::decode(&views_bytes, &Budget::new(Limits::UNLIMITED))?;
@@ -81,6 +86,7 @@ fn encode_open(mut capture: OpenCapture, options: &EncodeOptions) -> Result<Enco
     let photographs = FramesToCode { frames: &frames, covered: &covered };
     // 6. Photographs at the quality that reaches the target.
     let mut sections = vec![(Tag::MESH, coded_mesh.bytes), (Tag::VIEWS, views_bytes)];
+    let light_bytes = environment.as_ref().map_or(0, |environment| environment.section.len() as u64 + 48);
     let source = MaskedPhotographs {
         mesh: &mesh,
         views: &views.views,
@@ -89,11 +95,13 @@ fn encode_open(mut capture: OpenCapture, options: &EncodeOptions) -> Result<Enco
         covered: &covered,
         photographs: &photographs,
     };
-    let other = other_bytes(&sections);
+    let other = other_bytes(&sections) + light_bytes;
     let (coded, figures) = match options.profile {
         Profile::Predictive => {
             let displacements = refined.as_ref().map(RefinedSurface::displacements);
-            (predictive::encode_to_target(&source, other, displacements.as_ref(), options, &mut warnings)?, None)
+            let irradiance = environment.as_ref().map(|environment| &environment.irradiance[..]);
+            let surface = ReflectanceSurface { displacements: displacements.as_ref(), irradiance };
+            (predictive::encode_to_target(&source, other, &surface, options, &mut warnings)?, None)
         }
         Profile::WaveletTexture => {
             let (coded, figures) = wavelet_texture::encode_to_target(&source, other, options, &mut warnings)?;
@@ -101,6 +109,7 @@ fn encode_open(mut capture: OpenCapture, options: &EncodeOptions) -> Result<Enco
         }
     };
     sections.extend(coded.sections);
+    sections.extend(environment.map(|environment| (Tag::LIGHT, environment.section)));
     // 7. Container.
     let metadata = describe(&capture, options, &coded.distortion, assumed_light.as_ref());
     let (bytes, sections) = write_file(&metadata, &thumbnail_png(&coded.views, views.white)?, &sections)?;
@@ -132,14 +141,14 @@ fn assume_light(
     frames: &SeparatedFrames,
     views: &mut [View],
     warnings: &mut Vec<String>,
-) -> Result<AssumedLight> {
+) -> Result<(AssumedLight, Option<EnvironmentEstimate>)> {
     let covered = raster::coverage_runs(mesh, views);
     let photographs = FramesToCode { frames, covered: &covered };
-    let evidence = LightEvidence::gather(mesh, views, &frames.components, &photographs)?;
-    let stated = views.iter().filter(|view| view.light.is_some()).count();
-    let found = illumination::assume(light, &evidence, capture.origin, stated, warnings)?;
+    let components = &frames.components[..];
+    let sources = LightSources { mesh, views, components, photographs: &photographs, origin: capture.origin };
+    let (found, environment) = illumination::assume(light, &sources, warnings)?;
     found.apply(views, capture.origin);
-    Ok(found)
+    Ok((found, environment))
 }
 
 /// Writes a file of nothing but materials and metadata.

@@ -134,6 +134,12 @@ pub enum CaptureLight {
         /// As with [`CaptureLight::Camera`].
         intensity: Option<[f64; 3]>,
     },
+    /// All that is around, standing still relative to the object: estimated from the photographs together with the diffuse reflectance
+    /// (profile `predictive` only). The file holds it as its light.
+    Environment {
+        /// Mean radiance of all directions, red, green, blue. `None`: white, and such that the object's brightest parts are nearly white.
+        mean_radiance: Option<[f64; 3]>,
+    },
 }
 
 /// Model that highlights are fitted with.

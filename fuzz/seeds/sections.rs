@@ -139,8 +139,15 @@ fn atlases(seeds: &Seeds) {
             views.iter_mut().for_each(|view| view.light = None);
         }
         let photographs = &scene::photographs(&mesh, &views, components, false);
-        let sources =
-            ReflectanceSources { mesh: &mesh, surface: None, views: &views, components, photographs, specular };
+        let sources = ReflectanceSources {
+            mesh: &mesh,
+            surface: None,
+            views: &views,
+            components,
+            photographs,
+            specular,
+            irradiance: None,
+        };
         let maps = internals::reflectance::fit_maps(&sources, &charts, &raster).expect("photographs in memory");
         let steps = MapSteps { diffuse: 8.0, specular: 16.0, sigma: 16.0 };
         let (bytes, _) = internals::reflectance::encode(&maps, &mesh, &charts, &steps, 0.15).expect("maps");

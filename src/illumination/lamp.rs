@@ -9,7 +9,7 @@ use glam::DVec3;
 
 /// Albedo of the object's brightest parts under a lamp of unknown intensity, and the share of its surface that is darker.
 pub(super) const BRIGHT_ALBEDO: f64 = 0.8;
-const DARKER: f64 = 0.95;
+pub(super) const DARKER: f64 = 0.95;
 /// Sightings nearer to the mirror direction than this may hold highlight, radians between normal and half vector.
 const HIGHLIGHT: f32 = 0.35;
 /// Halvings of the steps in which the offset of a lamp is looked for; the first is this share of the distance to the object.

@@ -249,7 +249,7 @@ impl TestLobes {
 }
 
 /// Directions spread evenly over the sphere (a Fibonacci spiral).
-pub(super) fn spread_directions(count: usize) -> impl Iterator<Item = [f64; 3]> {
+pub(crate) fn spread_directions(count: usize) -> impl Iterator<Item = [f64; 3]> {
     let turn = std::f64::consts::PI * (3.0 - 5f64.sqrt());
     (0..count).map(move |k| {
         let y = 1.0 - (2.0 * k as f64 + 1.0) / count as f64;

@@ -17,11 +17,10 @@ use crate::mesh::Mesh;
 use crate::options::{DecodeSpeed, EncodeOptions, EncodeTarget};
 use crate::parallel;
 use crate::rate::{self, Candidate, CodedPhotographs};
-use crate::reflectance::stage::ReflectanceEncoder;
+use crate::reflectance::stage::{ReflectanceEncoder, ReflectanceSurface};
 use crate::residual::coefficients::Modelling;
 use crate::residual::tiles::TILE_SIDES_LOG2;
 use crate::separate::{MaskedPhotographs, check_shown};
-use crate::surface::displacement::Displacements;
 use crate::transform::signal;
 use crate::transform::window::Window;
 use crate::views::source::PhotographSource;
@@ -46,13 +45,13 @@ pub struct PlaneEncoder<'a> {
 }
 
 /// Encodes photographs at the coarsest quality that reaches the target of `options`, by default quality 75. `other_bytes` are
-/// the bytes of the file beside the returned sections, `displacements` the surface where it is finer than the mesh.
+/// the bytes of the file beside the returned sections, `surface` what is known of it beside the mesh.
 /// # Errors
 /// [`crate::Error::Parameter`] if the target is out of its range, is for another profile or can't be reached.
 pub(crate) fn encode_to_target(
     source: &MaskedPhotographs,
     other_bytes: u64,
-    displacements: Option<&Displacements>,
+    surface: &ReflectanceSurface,
     options: &EncodeOptions,
     warnings: &mut Vec<String>,
 ) -> Result<CodedPhotographs> {
@@ -60,7 +59,7 @@ pub(crate) fn encode_to_target(
     let encoder = PlaneEncoder::new(source, options.signed_specular)?;
     check_shown(&encoder.shown, warnings)?;
     let first_shown = encoder.shown.iter().position(|&shown| shown);
-    let reflectance = ReflectanceEncoder::new(mesh, views, components, photographs, displacements, options)?;
+    let reflectance = ReflectanceEncoder::new(mesh, views, components, photographs, surface, options)?;
     let other_bytes = other_bytes + reflectance.displacement_bytes().map_or(0, |bytes| bytes.len() as u64 + 48);
     let (decode_speed, tile_side_log2) = (options.decode_speed, tile_side_log2(options.tile_side)?);
     let best = rate::search_step(options.target.unwrap_or(EncodeTarget::Quality(75.0)), |step| {

@@ -47,6 +47,8 @@ const MAX_SIGHTINGS: usize = 400;
 pub fn fit_maps(sources: &ReflectanceSources, charts: &Charts, atlas: &AtlasRaster) -> Result<ReflectanceMaps> {
     let normals = vertex_normals(sources.mesh);
     let relightable = !sources.views.is_empty() && sources.views.iter().all(|v| v.light.is_some());
+    let irradiance = sources.irradiance.filter(|irradiance| irradiance.len() == sources.mesh.positions.len());
+    let floor = irradiance.map_or([0.0; 3], irradiance_floor);
     let (width, height) = (atlas.triangle.width, atlas.triangle.height);
     let used: Vec<usize> = (0..atlas.triangle.data.len()).filter(|&k| atlas.triangle.data[k] != NONE).collect();
     let block_of = |texel: usize| {
@@ -88,7 +90,12 @@ pub fn fit_maps(sources: &ReflectanceSources, charts: &Charts, atlas: &AtlasRast
                 let mut seen = Vec::new();
                 places(used[member]).into_iter().for_each(|place| seen_of_block.next(place, &mut seen));
                 let first = sightings.len();
-                let diffuse = fit_texel(&seen, sources, relightable, &mut sightings);
+                let mut diffuse = fit_texel(&seen, sources, relightable, &mut sightings);
+                if let (Some(irradiance), Some(colour)) = (irradiance, &mut diffuse) {
+                    let texel = used[member];
+                    let corners = sources.mesh.triangles[atlas.triangle.data[texel] as usize];
+                    divide_by_irradiance(colour, irradiance, corners, atlas.weights(texel), floor);
+                }
                 if with_lobes {
                     equations.push(lobe_equations(&sightings[first..]));
                 }
@@ -125,6 +132,7 @@ pub fn fit_maps(sources: &ReflectanceSources, charts: &Charts, atlas: &AtlasRast
         }
     }
     let diffuse = torrance_sparrow::fill_from_neighbours(&diffuse, around);
+    let relightable = relightable || irradiance.is_some();
     let mut maps =
         ReflectanceMaps { relightable, diffuse: Grid::filled(width, height, [0f32; 3]), ..ReflectanceMaps::default() };
     used.iter().zip(&diffuse).for_each(|(&texel, lobe)| maps.diffuse.data[texel] = lobe.specular);
@@ -246,6 +254,28 @@ fn fit_texel(
     let index = of(Component::Diffuse)?;
     seen.iter().for_each(|s| add(&mut sums, s.radiance[index], &s.geometry));
     sums.solve()
+}
+
+/// Irradiance that a texel has at least where it is divided by: this share of the mean over the vertices.
+const FLOOR: f32 = 0.04;
+
+fn irradiance_floor(irradiance: &[[f32; 3]]) -> [f32; 3] {
+    let count = irradiance.len().max(1) as f64;
+    std::array::from_fn(|c| FLOOR * (irradiance.iter().map(|e| f64::from(e[c])).sum::<f64>() / count) as f32)
+}
+
+/// Makes `K_d` of mean radiance; no surface reflects more than it gets.
+fn divide_by_irradiance(
+    colour: &mut [f32; 3],
+    irradiance: &[[f32; 3]],
+    corners: [u32; 3],
+    weights: [f64; 3],
+    floor: [f32; 3],
+) {
+    for c in 0..3 {
+        let here = (0..3).map(|k| weights[k] as f32 * irradiance[corners[k] as usize][c]).sum::<f32>();
+        colour[c] = (colour[c] / here.max(floor[c]).max(f32::MIN_POSITIVE)).min(std::f32::consts::FRAC_1_PI);
+    }
 }
 
 /// Normal equations of the lobes of one texel.

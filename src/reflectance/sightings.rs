@@ -39,6 +39,8 @@ pub struct ReflectanceSources<'a> {
     pub photographs: &'a dyn PhotographSource,
     /// Model of the specular component.
     pub specular: SpecularModel,
+    /// Irradiance of the mesh's vertices in all views, where the light is an environment and the views have none.
+    pub irradiance: Option<&'a [[f32; 3]]>,
 }
 
 /// A point of the surface and its unit normal.

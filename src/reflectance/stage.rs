@@ -26,6 +26,15 @@ pub(crate) struct ReflectanceEncoder<'a> {
     displacement_bytes: Option<Vec<u8>>,
 }
 
+/// What is known of a mesh's surface beside its shape.
+#[derive(Debug, Default)]
+pub(crate) struct ReflectanceSurface<'a> {
+    /// The surface, where it is finer than the mesh.
+    pub(crate) displacements: Option<&'a Displacements<'a>>,
+    /// Irradiance of the mesh's vertices, where the light is an environment and not the lamps of the views.
+    pub(crate) irradiance: Option<&'a [[f32; 3]]>,
+}
+
 /// About the most texels of the atlas, so that readers decode it within their default memory.
 const MAX_TEXELS: f64 = 4e6;
 
@@ -38,7 +47,7 @@ impl<'a> ReflectanceEncoder<'a> {
         views: &[View],
         components: &[Component],
         photographs: &dyn PhotographSource,
-        displacements: Option<&Displacements>,
+        surface: &ReflectanceSurface,
         options: &EncodeOptions,
     ) -> Result<Self> {
         let cameras: Vec<_> = views.iter().map(|v| v.camera).collect();
@@ -54,11 +63,14 @@ impl<'a> ReflectanceEncoder<'a> {
         }
         let chart_bytes = charts::encode(mesh, &charts)?;
         let raster = atlas::rasterise_atlas(mesh, &charts)?;
-        let displaced =
-            displacements.map(|displacements| displacement::encode(displacements, mesh, &charts)).transpose()?;
-        let (displacement_bytes, surface) = displaced.unzip();
-        let (surface, specular) = (surface.as_ref(), options.specular);
-        let sources = ReflectanceSources { mesh, surface, views, components, photographs, specular };
+        let displaced = surface
+            .displacements
+            .map(|displacements| displacement::encode(displacements, mesh, &charts))
+            .transpose()?;
+        let (displacement_bytes, finer) = displaced.unzip();
+        let irradiance = surface.irradiance;
+        let (surface, specular) = (finer.as_ref(), options.specular);
+        let sources = ReflectanceSources { mesh, surface, views, components, photographs, specular, irradiance };
         let maps = fit_maps(&sources, &charts, &raster)?;
         Ok(ReflectanceEncoder { mesh, charts, chart_bytes, maps, displacement_bytes })
     }

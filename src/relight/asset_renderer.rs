@@ -1,5 +1,6 @@
 //! Renders one asset, keeping what images share.
 
+use super::file_light::FileLight;
 use super::residual::{CapturedRadiance, CapturedSample, CapturedView};
 use super::shadow::ShadowMap;
 use super::{RenderLighting, RenderOptions, ViewRender};
@@ -8,7 +9,7 @@ use crate::error::{Error, Result};
 use crate::image::{Grid, RgbImage};
 use crate::mesh::Mesh;
 use crate::reflectance::{ReflectionGeometry, maps};
-use crate::surface::atlas::{atlas_position, smooth_normal};
+use crate::surface::atlas::{atlas_position, sample_colour, smooth_normal};
 use crate::surface::displacement::DisplacedMesh;
 use crate::surface::raster::{Raster, rasterise, vertex_normals};
 use crate::views::{Camera, Component, PointLight, View};
@@ -30,6 +31,7 @@ pub struct AssetRenderer<'a> {
     /// For each view which of the capture's lights it shows, the most used one first.
     light_number: Vec<usize>,
     captured: Vec<OnceLock<Option<CapturedView<'a>>>>,
+    file_light: FileLight,
 }
 
 /// A surface point that a pixel sees.
@@ -91,6 +93,7 @@ impl<'a> AssetRenderer<'a> {
             middle: asset.mesh.bounding_sphere().0,
             light_number: number_lights(&asset.views, asset.mesh.bounding_sphere().0),
             captured: asset.views.iter().map(|_| OnceLock::new()).collect(),
+            file_light: FileLight::default(),
         })
     }
 
@@ -290,6 +293,12 @@ impl<'a> AssetRenderer<'a> {
     fn model(&self, component: Component, surface: &SurfacePoint, geometry: Option<&ReflectionGeometry>) -> [f32; 3] {
         match (&self.asset.reflectance, surface.at) {
             // Radiance maps are of the diffuse or of the combined component.
+            (Some(maps), Some(at)) if maps.relightable && geometry.is_none() && component != Component::Specular => {
+                // Of views under an environment: what stands where no photograph shows a point.
+                let irradiance = self.file_light.irradiance(self.asset.light.as_ref(), surface.normal);
+                let diffuse = sample_colour(&maps.diffuse, at);
+                std::array::from_fn(|c| (diffuse[c] * irradiance[c]) as f32)
+            }
             (Some(maps), Some(at)) => maps::evaluate(maps, component, at, geometry),
             _ => [0.0; 3],
         }

@@ -11,6 +11,7 @@ mod detail;
 mod environment;
 mod environment_light;
 mod evaluator;
+mod file_light;
 mod filtered;
 #[cfg(feature = "encode")]
 mod ground;

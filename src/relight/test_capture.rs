@@ -46,6 +46,7 @@ pub(crate) fn fit_reflectance(asset: &mut Asset, density: f64) -> AtlasRaster {
         components: &asset.components,
         photographs: &photographs,
         specular: Default::default(),
+        irradiance: None,
     };
     asset.reflectance = Some(crate::reflectance::gather::fit_maps(&sources, &charts, &raster).unwrap());
     asset.charts = Some(charts);

@@ -66,7 +66,9 @@ fn main() -> Result<(), Box<dyn Error>> {
         ] {
             let (mesh, components) = (&scan, &observations.components[..]);
             let taken = &photographs;
-            let sources = ReflectanceSources { mesh, surface, views: &views, components, photographs: taken, specular };
+            let (views, irradiance) = (&views[..], None);
+            let sources =
+                ReflectanceSources { mesh, surface, views, components, photographs: taken, specular, irradiance };
             let asset = Asset {
                 mesh: scan.clone(),
                 surface: surface.cloned(),
@@ -74,7 +76,7 @@ fn main() -> Result<(), Box<dyn Error>> {
                 reflectance: Some(fit_maps(&sources, &charts, &atlas)?),
                 white: observations.white,
                 components: components.to_vec(),
-                views: views.clone(),
+                views: views.to_vec(),
                 photographs: photographs.iter().cloned().map(Some).collect(),
                 ..Asset::default()
             };

@@ -53,14 +53,17 @@ pub struct Encode {
     /// What the photographs correct before they are encoded.
     #[arg(long, value_enum, default_value = "none", value_name = "WHAT")]
     refine: RefinementName,
-    /// Light of the photographs, where the capture does not state it: camera[:DX,DY,DZ] or X,Y,Z.
+    /// Light of the photographs, where the capture does not state it: camera[:DX,DY,DZ], X,Y,Z or environment.
     ///
     /// `camera` is a lamp that stands still relative to the camera: a flash, or the lamp of a turntable that turns the object before the
     /// camera. DX, DY, DZ lead from the camera to it, to the right, upwards and backwards in the photograph, in the capture's unit; without
     /// them the place is fitted. X,Y,Z is a lamp that stands still relative to the object, in the coordinates of the capture's cameras.
     /// Either may be followed by :I or :R,G,B, its intensity (irradiance at distance r is I / r^2); without it the light is taken to be white
     /// and so strong that the object's brightest parts are nearly white.
-    #[arg(long, value_name = "LIGHT", value_parser = capture_light, allow_hyphen_values = true, verbatim_doc_comment)]
+    ///
+    /// `environment` estimates all that is around the object, standing still relative to it, together with its diffuse reflectance
+    /// (profile predictive); the file holds it as its light. :I or :R,G,B behind it is its mean radiance.
+    #[arg(long, value_name = "LIGHT", value_parser = capture_light, allow_hyphen_values = true)]
     light: Option<CaptureLight>,
     /// Profile predictive: keeps specular radiance below zero (noise, double bounces), too.
     #[arg(long)]
@@ -285,12 +288,15 @@ fn capture_light(text: &str) -> std::result::Result<CaptureLight, String> {
     });
     let intensity = intensity.transpose()?;
     if parts.next().is_some() {
-        return Err("a light is camera[:DX,DY,DZ[:INTENSITY]] or X,Y,Z[:INTENSITY]".into());
+        return Err("a light is camera[:DX,DY,DZ[:INTENSITY]], X,Y,Z[:INTENSITY] or environment[:RADIANCE]".into());
+    }
+    if first == "environment" {
+        return Ok(CaptureLight::Environment { mean_radiance: intensity });
     }
     if is_camera {
         return Ok(CaptureLight::Camera { offset, intensity });
     }
-    let position = triple(first).map_err(|error| format!("neither `camera` nor a place: {error}"))?;
+    let position = triple(first).map_err(|error| format!("neither `camera`, `environment` nor a place: {error}"))?;
     Ok(CaptureLight::Lamp { position, intensity })
 }
 
