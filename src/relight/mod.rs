@@ -1,12 +1,13 @@
 //! Images of an asset: from any camera, under the capture's light, any point lights, or an environment. See `spec/rendering.md`.
 //!
 //! An image is the reflectance model, evaluated, plus the residual (photograph minus model), interpolated between the nearest
-//! captured views (Miyazaki 2007, equations 12 to 16).
+//! captured views and lights (Miyazaki 2007, equations 12 to 16).
 
 mod appearance;
 mod asset_renderer;
 mod brdf_table;
 mod cameras;
+mod capture_lights;
 mod detail;
 mod environment;
 mod environment_light;
@@ -25,6 +26,8 @@ mod models;
 mod multisample;
 mod occlusion;
 mod octahedral_map;
+mod point_lighting;
+mod prepared_asset;
 mod realtime;
 #[cfg(feature = "encode")]
 mod reference;
@@ -33,6 +36,7 @@ mod scene;
 mod shadow;
 mod spherical_gaussian;
 mod textures;
+mod view_scene;
 
 pub use appearance::{Highlight, Highlights, PreparedSpecular, ShadingModel, ShadingParameters, UniformMaterial};
 pub use asset_renderer::AssetRenderer;
@@ -67,7 +71,8 @@ pub enum RenderLighting {
     /// The light of the nearest captured views. Of a capture under several lights (standing still or moving with the camera) the one of
     /// this number, 0 the most used.
     Capture(usize),
-    /// These point lights. Only for assets whose capture's lights are known.
+    /// These point lights. Only for assets whose capture's lights are known. A captured lamp from its captured camera gives the photograph,
+    /// one near captured lamps takes from theirs what they have beyond the model.
     Points(Vec<PointLight>),
 }
 
@@ -97,7 +102,8 @@ pub struct RenderOptions {
     pub lighting: RenderLighting,
     /// Parts shown.
     pub layers: RenderLayers,
-    /// Captured views between which the residual of a surface point is interpolated, at most. 1 takes only the nearest one.
+    /// Captured views between which the residual of a surface point is interpolated, at most. 1 takes only the nearest one; with more,
+    /// [`RenderLighting::Points`] takes what is near in light and view.
     pub views: usize,
     /// Whether the object shadows itself under [`RenderLighting::Points`].
     pub shadows: bool,

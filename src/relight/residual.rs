@@ -3,6 +3,7 @@
 use crate::image::{Grid, RgbImage, catmull_rom};
 use crate::surface::raster::Raster;
 use crate::views::{Camera, Photograph};
+use std::sync::OnceLock;
 
 /// A captured view counts less within this many pixels of its silhouettes, depth edges and missing pixels.
 const FEATHER: usize = 4;
@@ -12,12 +13,14 @@ const MARGIN_PIXELS: f64 = 6.0;
 /// A captured view, ready to be read.
 pub(super) struct CapturedView<'a> {
     pub(super) camera: Camera,
-    raster: Raster,
+    pub(super) raster: Raster,
     photograph: &'a Photograph,
     /// The model per component, on the pixels of the mask that meet the mesh.
     model: Vec<RgbImage>,
     /// 0 where the view says nothing, 1 away from silhouettes.
     confidence: Grid<f32>,
+    /// Share of the view's light that reaches each pixel, 1 all over where nothing can be shadowed. Only relighting asks for it.
+    reach: OnceLock<Option<Grid<f32>>>,
 }
 
 /// One component of a captured view at a surface point.
@@ -27,14 +30,25 @@ pub(super) struct CapturedRadiance {
     pub(super) model: [f32; 3],
 }
 
+/// What a captured view shows at a surface point that it sees.
+#[derive(Clone, Copy)]
+pub(super) struct CapturedReading {
+    /// Photograph and model by component.
+    pub(super) components: [CapturedRadiance; 2],
+    /// How far they can be trusted, above 0 to 1.
+    pub(super) confidence: f32,
+    /// Share of the view's light that reaches the point, where that is known.
+    pub(super) reach: f32,
+}
+
 /// Reading of a captured view at a surface point.
 pub(super) enum CapturedSample {
     /// Not in the image, or hidden.
     Unseen,
     /// Visible by the mesh, but the mask says that the object is not there.
     Cut,
-    /// Photograph and model per component, and how far they can be trusted, 0 to 1.
-    Seen([CapturedRadiance; 2], f32),
+    /// What it shows.
+    Seen(CapturedReading),
 }
 
 impl<'a> CapturedView<'a> {
@@ -74,7 +88,12 @@ impl<'a> CapturedView<'a> {
         }
         let share = |r: u8| (r as f32 / FEATHER as f32).min(1.0);
         let confidence = Grid { width, height, data: ring.into_iter().map(share).collect() };
-        CapturedView { camera, raster, photograph, model, confidence }
+        CapturedView { camera, raster, photograph, model, confidence, reach: OnceLock::new() }
+    }
+
+    /// Gives the view the share of its light that reaches each pixel, unless it has it.
+    pub(super) fn shadowed(&self, reach: impl FnOnce() -> Option<Grid<f32>>) {
+        self.reach.get_or_init(reach);
     }
 
     /// Reads the view at a surface point: cubic between pixels where all around can be read, else bilinear.
@@ -97,6 +116,8 @@ impl<'a> CapturedView<'a> {
         let mut sum = [CapturedRadiance::default(); 2];
         let mut total = 0f32;
         let mut confidence = 0f32;
+        let mut reach = 0f32;
+        let shares = self.reach.get().and_then(Option::as_ref);
         let mut add = |k: usize, weight: f32| {
             for (sum, (image, model)) in sum.iter_mut().zip(self.photograph.images.iter().zip(&self.model)) {
                 for c in 0..3 {
@@ -106,6 +127,7 @@ impl<'a> CapturedView<'a> {
             }
             total += weight;
             confidence += weight * self.confidence.data[k];
+            reach += weight * shares.map_or(1.0, |shares| shares.data[k]);
         };
         let (columns, rows) = (catmull_rom(s), catmull_rom(t));
         if (-1..3).all(|j| (-1..3).all(|i| pixel(i, j).is_some_and(readable))) {
@@ -116,7 +138,7 @@ impl<'a> CapturedView<'a> {
                     }
                 }
             }
-            return CapturedSample::Seen(sum, confidence);
+            return CapturedSample::Seen(CapturedReading { components: sum, confidence, reach: reach.clamp(0.0, 1.0) });
         }
         let corners = [(0, 0, (1.0 - s) * (1.0 - t)), (1, 0, s * (1.0 - t)), (0, 1, (1.0 - s) * t), (1, 1, s * t)];
         let taps = corners.map(|(i, j, weight)| (pixel(i, j), weight));
@@ -128,7 +150,8 @@ impl<'a> CapturedView<'a> {
         if total > 0.02 {
             let scaled = |x: [f32; 3]| x.map(|x| x / total);
             let sum = sum.map(|s| CapturedRadiance { photograph: scaled(s.photograph), model: scaled(s.model) });
-            return CapturedSample::Seen(sum, confidence.max(1e-4));
+            let (confidence, reach) = (confidence.max(1e-4), (reach / total).clamp(0.0, 1.0));
+            return CapturedSample::Seen(CapturedReading { components: sum, confidence, reach });
         }
         let masked_out = |k: usize| near(k) && !self.photograph.mask.data[k];
         let cut = taps.iter().all(|&(k, weight)| weight < 1e-6 || k.is_some_and(masked_out));

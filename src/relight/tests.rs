@@ -71,7 +71,7 @@ fn without_lights_and_polarisers_views_are_interpolated_but_not_relit() {
 }
 
 #[test]
-fn relighting_with_the_captures_light_changes_little_and_two_lights_add() {
+fn two_lights_add() {
     let Some(mut asset) = load("sample-spot") else { return };
     fit_reflectance(&mut asset, 0.75);
     let renderer = AssetRenderer::new(&asset).unwrap();
@@ -80,12 +80,6 @@ fn relighting_with_the_captures_light_changes_little_and_two_lights_add() {
         let options = RenderOptions { lighting: RenderLighting::Points(lights), ..RenderOptions::default() };
         renderer.render(&camera, &options).unwrap()
     };
-    let captured = asset.photographs[4].as_ref().unwrap();
-    let same = lit(vec![light]);
-    let decoded = Photograph { mask: captured.mask.clone(), images: same.components.clone() };
-    let error = PhotographError::compare(captured, &decoded, &asset.components, &same.hit, asset.white);
-    // Shadows of the mesh and the fade at grazing light are what differs.
-    assert!(error.psnr().sum.unwrap() > 25.0, "{:?}", error.psnr());
     let other = PointLight { position: [2.0, 4.0, -1.0], intensity: [10.0, 30.0, 50.0] };
     let (one, two, both) = (lit(vec![light]), lit(vec![other]), lit(vec![light, other]));
     for k in 0..both.components[0].data.len() {
@@ -95,6 +89,109 @@ fn relighting_with_the_captures_light_changes_little_and_two_lights_add() {
         }
     }
     assert!(two.image.data.iter().flatten().all(|x| x.is_finite() && *x >= 0.0));
+}
+
+/// Images of the asset under lights given by their places.
+fn under(renderer: &AssetRenderer, camera: &Camera, light: PointLight) -> ViewRender {
+    let options = RenderOptions { lighting: RenderLighting::Points(vec![light]), ..RenderOptions::default() };
+    renderer.render(camera, &options).unwrap()
+}
+
+#[test]
+fn captured_lamps_given_by_their_places_give_their_photographs_back() {
+    for name in ["dome", "sample-spot"] {
+        let Some(mut asset) = load(name) else { return };
+        fit_reflectance(&mut asset, 0.75);
+        let renderer = AssetRenderer::new(&asset).unwrap();
+        let error = |brightness: f64| {
+            let mut error = PhotographError::default();
+            for k in (1..asset.views.len()).step_by(5) {
+                let (camera, light) = (asset.views[k].camera, asset.views[k].light.unwrap());
+                let light = PointLight { intensity: light.intensity.map(|x| x * brightness), ..light };
+                let mut rendered = under(&renderer, &camera, light);
+                let scale = |image: &mut RgbImage| {
+                    image.data.iter_mut().flatten().for_each(|x| *x /= brightness as f32);
+                };
+                rendered.components.iter_mut().for_each(scale);
+                let original = asset.photographs[k].as_ref().unwrap();
+                let decoded = Photograph { mask: original.mask.clone(), images: rendered.components };
+                let of_view =
+                    PhotographError::compare(original, &decoded, &asset.components, &rendered.hit, asset.white);
+                error.merge(&of_view);
+            }
+            error.psnr().sum.unwrap_or(f64::INFINITY)
+        };
+        let (same, brighter) = (error(1.0), error(3.0));
+        assert!(same > 80.0 && brighter > 80.0, "{name}: {same:.1} dB, three times as bright {brighter:.1} dB");
+    }
+}
+
+/// Each lamp that views of the dome share is left out with all its photographs.
+#[test]
+fn lamps_that_were_left_out_gain_from_those_around_them() {
+    let Some(all) = load("dome") else { return };
+    let (mut whole, mut model) = (PhotographError::default(), PhotographError::default());
+    let lamp = |view: &View| view.light.unwrap().position;
+    for left_out in [1, 3, 11] {
+        let mut asset = all.clone();
+        let place = lamp(&asset.views[left_out]);
+        let (mut views, mut originals) = (Vec::new(), Vec::new());
+        for k in (0..asset.views.len()).rev().filter(|&k| lamp(&all.views[k]) == place) {
+            views.push(asset.views.remove(k));
+            originals.extend(asset.photographs.remove(k));
+        }
+        fit_reflectance(&mut asset, 0.75);
+        let held = hold_out(&asset, &views, &originals).unwrap();
+        whole.merge(&held.interpolated);
+        model.merge(&held.model);
+    }
+    let (whole, model) = (whole.psnr(), model.psnr());
+    let gains = [whole.diffuse, whole.specular, whole.sum].into_iter().zip([model.diffuse, model.specular, model.sum]);
+    let gains: Vec<f64> = gains.map(|(whole, model)| whole.unwrap() - model.unwrap()).collect();
+    println!("{whole:?}: {gains:.2?} dB more than the model");
+    assert!(gains[0] > 0.6 && gains[1] > 0.9 && gains[2] > 0.6, "{whole:?}: {gains:.2?} dB more than the model");
+}
+
+/// From a captured lamp to places beside it, and to where other photographs begin to count.
+#[test]
+fn an_image_follows_its_light_without_a_leap() {
+    let Some(mut asset) = load("dome") else { return };
+    fit_reflectance(&mut asset, 0.75);
+    let renderer = AssetRenderer::new(&asset).unwrap();
+    let (camera, light) = (asset.views[3].camera, asset.views[3].light.unwrap());
+    let root = |x: f32| (x.max(0.0) as f64 / asset.white[1]).sqrt();
+    let image = |step: f64| {
+        let [x, y, z] = light.position;
+        under(&renderer, &camera, PointLight { position: [x + step, y, z], ..light }).image
+    };
+    let leap = |from: f64, to: f64| {
+        let (a, b) = (image(from), image(to));
+        let squares = a.data.iter().flatten().zip(b.data.iter().flatten());
+        let sum: f64 = squares.map(|(a, b)| (root(*a) - root(*b)).powi(2)).sum();
+        (sum / (3 * a.data.len()) as f64).sqrt()
+    };
+    let wide = leap(0.0, 0.4);
+    assert!(leap(0.0, 1e-5) < 1e-4 && wide > 0.005, "{} beside {wide}", leap(0.0, 1e-5));
+    for k in 0..8 {
+        let from = 0.05 * k as f64;
+        let small = leap(from, from + 1e-3);
+        assert!(small < 0.2 * wide, "{small} at {from}, beside {wide}");
+    }
+}
+
+#[cfg(feature = "parallel")]
+#[test]
+fn an_image_under_a_light_is_the_same_with_any_number_of_threads() {
+    let Some(mut asset) = load("dome") else { return };
+    fit_reflectance(&mut asset, 0.75);
+    let light = PointLight { position: [1.5, 2.5, 2.0], intensity: [40.0, 50.0, 60.0] };
+    let rendered = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| under(&AssetRenderer::new(&asset).unwrap(), &asset.views[4].camera, light))
+    };
+    let one = rendered(1);
+    assert!(one.image.data.iter().flatten().any(|&x| x > 0.0));
+    assert_eq!(one, rendered(3));
 }
 
 #[test]

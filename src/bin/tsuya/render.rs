@@ -41,7 +41,7 @@ pub struct Render {
     #[arg(long, value_name = "WxH", value_parser = size)]
     size: Option<[u32; 2]>,
     /// A point light instead of the capture's: its place, and its intensity as one number or three [default: as the capture's];
-    /// may come several times.
+    /// may come several times. A lamp of the capture gives its photograph.
     #[arg(long, value_name = "X,Y,Z[,I]", value_parser = numbers, allow_hyphen_values = true)]
     light: Vec<Numbers>,
     /// Which of the capture's lights, 0 the most used, where it has several.

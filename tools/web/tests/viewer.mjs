@@ -38,8 +38,10 @@ async function compare(page, name, least) {
   }
   const model = await page_(5, { layers: { residual: false } });
   report(`${name}, model in view 5`, psnr(model, rendered(stream, white, "--view", "5", "--layers", "model")), least);
-  const lit = await page_(3, { lighting: { points: [{ position: light, intensity }] } });
-  report(`${name}, relit`, psnr(lit, rendered(stream, white, "--view", "3", "--light", "2,3,2")), 35);
+  // What photographs under other lights have beyond the model the program takes from more of them.
+  const modelOnly = { layers: { residual: false } };
+  const lit = await page_(3, { ...modelOnly, lighting: { points: [{ position: light, intensity }] } });
+  report(`${name}, relit`, psnr(lit, rendered(stream, white, "--view", "3", "--light", "2,3,2", "--layers", "model")), 35);
   return { white, intensity, page_ };
 }
 
@@ -49,8 +51,8 @@ test("a .tsuya file looks as the program renders it", async () => {
   assert.equal(await page.title(), "spot.tsuya – tsuya");
   const { white, intensity, page_ } = await compare(page, ".tsuya", 40);
   const lights = [{ position: [2, 3, 2], intensity }, { position: [-2, 1, 0], intensity: [20, 20, 20] }];
-  const two = await page_(3, { lighting: { points: lights } });
-  report("two lights", psnr(two, rendered(stream, white, "--view", "3", "--light=2,3,2", "--light=-2,1,0,20")), 35);
+  const two = await page_(3, { layers: { residual: false }, lighting: { points: lights } });
+  report("two lights", psnr(two, rendered(stream, white, "--view", "3", "--light=2,3,2", "--light=-2,1,0,20", "--layers", "model")), 35);
   // Between the captured views: `--camera` looks upright from here to the middle.
   const [eye, focal] = [[0.5, 1.2, 4], 64 / Math.tan((16 * Math.PI) / 180)];
   const between = await page.evaluate((eye) => {
