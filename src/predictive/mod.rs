@@ -346,9 +346,13 @@ pub(crate) fn low_camera(camera: &Camera, levels: usize) -> Camera {
 /// A mask of the low band's size at the picture's.
 fn enlarged(low: &Mask, width: usize, height: usize, levels: usize) -> Mask {
     let mut data = Vec::with_capacity(width * height);
+    let mut line = Vec::with_capacity(low.width << levels);
     for y in 0..height {
-        let row = low.row(y >> levels);
-        data.extend((0..width).map(|x| row[x >> levels]));
+        if y & ((1 << levels) - 1) == 0 {
+            line.clear();
+            low.row(y >> levels).iter().for_each(|&set| line.resize(line.len() + (1 << levels), set));
+        }
+        data.extend_from_slice(&line[..width]);
     }
     Mask { width, height, data }
 }

@@ -60,6 +60,47 @@ const CAUSAL: [(isize, isize); 10] =
 const COVERAGE: [(isize, isize); 10] =
     [(0, 0), (1, 0), (0, 1), (-1, 0), (0, -1), (1, 1), (-1, 1), (2, 0), (0, 2), (3, 0)];
 
+/// Pixels of a row that are looked at together.
+const PART: usize = 64;
+
+/// What bytes of 0 and 1 have in common, eight at a time.
+struct Common {
+    any: u64,
+    all: u64,
+}
+
+impl Default for Common {
+    fn default() -> Self {
+        Common { any: 0, all: ONES }
+    }
+}
+
+const ONES: u64 = 0x0101_0101_0101_0101;
+
+impl Common {
+    #[inline(always)]
+    fn add(&mut self, bits: &[u8]) {
+        let (words, rest) = bits.as_chunks::<8>();
+        for word in words {
+            let word = u64::from_ne_bytes(*word);
+            self.any |= word;
+            self.all &= word;
+        }
+        for &bit in rest {
+            self.any |= u64::from(bit);
+            self.all &= u64::from(bit) * ONES;
+        }
+    }
+    /// The bits' value if they are all the same.
+    fn value(&self) -> Option<u8> {
+        match (self.any, self.all) {
+            (0, _) => Some(0),
+            (_, ONES) => Some(1),
+            _ => None,
+        }
+    }
+}
+
 /// Pixels of a row whose surroundings are alike: each a byte of 0 or 1, for the sides outside and inside. Of the coded
 /// neighbours only those of the rows above count.
 struct PlainPixels([Vec<u8>; 2]);
@@ -69,21 +110,36 @@ impl PlainPixels {
         PlainPixels([vec![0; width], vec![0; width]])
     }
 
-    /// Looks at a row.
-    fn scan_row(&mut self, coded: &PaddedMask, covered: &PaddedMask, y: usize, width: usize) {
+    /// Looks at a row, part by part: of most parts all that is around is alike.
+    fn scan_row(&mut self, coded: &PaddedMask, covered: &PaddedMask, y: usize) {
         let PlainPixels([outside, inside]) = self;
-        outside.fill(0);
-        inside.fill(1);
-        let parts = CAUSAL.iter().filter(|(_, dy)| *dy < 0).map(|offset| (coded, offset));
-        for (grid, (dx, dy)) in parts.chain(COVERAGE.iter().map(|offset| (covered, offset))) {
-            let at = grid.index(0, y) as isize + dy * grid.stride as isize + dx;
-            let row = &grid.bits[at as usize..at as usize + width];
-            for ((outside, inside), bit) in outside.iter_mut().zip(inside.iter_mut()).zip(row) {
-                *outside |= bit;
-                *inside &= bit;
+        let parts = outside.chunks_mut(PART).zip(inside.chunks_mut(PART));
+        for (k, (outside, inside)) in parts.enumerate() {
+            let at = covered.index(k * PART, y);
+            let rows = [(coded, [-2, -1].as_slice()), (covered, &[-1, 0, 1, 2])];
+            let around = rows.into_iter().flat_map(|(grid, rows)| rows.iter().map(move |dy| (grid, dy)));
+            let mut common = Common::default();
+            for (grid, dy) in around {
+                let first = (at as isize + dy * grid.stride as isize) as usize - MARGIN;
+                common.add(&grid.bits[first..first + outside.len() + 2 * MARGIN]);
             }
+            if let Some(side) = common.value() {
+                outside.fill(1 - side);
+                inside.fill(side);
+                continue;
+            }
+            outside.fill(0);
+            inside.fill(1);
+            let parts = CAUSAL.iter().filter(|(_, dy)| *dy < 0).map(|offset| (coded, offset));
+            for (grid, (dx, dy)) in parts.chain(COVERAGE.iter().map(|offset| (covered, offset))) {
+                let at = (at as isize + dy * grid.stride as isize + dx) as usize;
+                for ((outside, inside), bit) in outside.iter_mut().zip(inside.iter_mut()).zip(&grid.bits[at..]) {
+                    *outside |= bit;
+                    *inside &= bit;
+                }
+            }
+            outside.iter_mut().for_each(|any| *any ^= 1);
         }
-        outside.iter_mut().for_each(|any| *any ^= 1);
     }
 }
 
@@ -104,7 +160,7 @@ pub fn code_mask<C: BitCoder>(coder: &mut C, models: &mut MaskModels, coverage: 
         if coder.is_exhausted() {
             break;
         }
-        plain.scan_row(&coded, &covered, y, width);
+        plain.scan_row(&coded, &covered, y);
         let start = covered.index(0, y);
         let wanted = |x: usize| mask.is_some_and(|m| *m.value_at(x, y));
         // The side of a pixel without a border around it; `before` are the two coded before it, the nearer one first.
