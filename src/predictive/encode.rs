@@ -42,6 +42,8 @@ pub struct PlaneEncoder<'a> {
     masks: MaskCoding,
     rotations: Vec<[[i16; 3]; 3]>,
     signed: bool,
+    /// Memory that the trials share.
+    workspaces: PlaneWorkspaces,
 }
 
 /// Encodes photographs at the coarsest quality that reaches the target of `options`, by default quality 75. `other_bytes` are
@@ -167,7 +169,20 @@ impl<'a> PlaneEncoder<'a> {
         })?;
         let masks = if same { MaskCoding::Coverage } else { MaskCoding::Coded };
         let rotations = sums.iter().map(ColourSums::rotation).collect();
-        Ok(PlaneEncoder { mesh, views, white, components, photographs, shown, order, masks, rotations, signed })
+        let workspaces = PlaneWorkspaces::default();
+        Ok(PlaneEncoder {
+            mesh,
+            views,
+            white,
+            components,
+            photographs,
+            shown,
+            order,
+            masks,
+            rotations,
+            signed,
+            workspaces,
+        })
     }
 
     /// Codes all views.
@@ -193,13 +208,13 @@ impl<'a> PlaneEncoder<'a> {
         let all: Vec<usize> = (0..self.order.len()).collect();
         let mut header = PlaneHeader { coding, entries: Vec::new() };
         let scale = 64;
-        let (budget, workspaces) = (Budget::new(Limits::UNLIMITED), PlaneWorkspaces::default());
+        let budget = Budget::new(Limits::UNLIMITED);
         let room = ParallelBudget {
             views: self.views,
             coding: &header.coding,
             budget: &budget,
             most: SIDE_BY_SIDE_BYTES,
-            workspaces: &workspaces,
+            workspaces: &self.workspaces,
         };
         let mut results = Vec::with_capacity(all.len());
         let encode = |index: usize, decoded: &[Option<DecodedView>], is_reference: bool| {
@@ -222,8 +237,9 @@ impl<'a> PlaneEncoder<'a> {
             };
             let part = ViewPart { is_reference, is_photograph: true, reduction: 0, region: None };
             let task = ViewTask { scene: &scene, entry, scale, coding: &header.coding, decoded, part };
-            let (streams, view) = picture::encode(&task, &target.mask, quality.lambda, plane)?;
+            let (streams, mut view) = picture::encode(&task, &target.mask, quality.lambda, plane, &self.workspaces)?;
             let photograph = DecodedPhotograph::new(&header, self.white, &view).photograph();
+            self.workspaces.recycle(&mut view);
             Ok(((streams, take(entry.view, target, photograph)), view))
         };
         run_entries(&self.order, &all, &room, encode, |given| {

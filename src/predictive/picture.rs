@@ -166,13 +166,14 @@ pub(super) struct ViewTask<'a> {
 }
 
 /// Codes a view; returns its streams, and the view as the decoder has it. `target` returns a component's signal in a window;
-/// `lambda` is the value of a bit in squared steps.
+/// `lambda` is the value of a bit in squared steps. Trials of one capture share their memory by `workspaces`.
 #[cfg(feature = "encode")]
 pub(crate) fn encode(
     task: &ViewTask,
     wanted_mask: &Mask,
     lambda: f32,
     target: impl Fn(&Window, usize) -> PlaneSignal + Sync + Send,
+    workspaces: &PlaneWorkspaces,
 ) -> Result<(ViewStreams<Vec<u8>>, DecodedView)> {
     let mut coder = crate::entropy::RangeEncoder::new();
     let (view, mask_models, ()) = prepare_view(task, &mut coder, Some(wanted_mask), |_| Ok(()))?;
@@ -182,8 +183,12 @@ pub(crate) fn encode(
         let target = view.plan.forward(target(&view.window, index));
         let trade_off = RateDistortion { lambda };
         let picture = view.picture_task(&quantiser, predicted);
-        let (stream, mut decoded) = coefficients::encode(&mut models, &picture, &target, trade_off);
-        (models, (stream, signals(&view, task.part, &mut decoded, &mut TransformScratch::default())))
+        workspaces.with(|PlaneWorkspace { coefficients, transform }| {
+            let scratch = std::mem::take(coefficients);
+            let stream;
+            (stream, *coefficients) = coefficients::encode(&mut models, &picture, &target, trade_off, scratch);
+            (models, (stream, signals(&view, task.part, coefficients, transform)))
+        })
     });
     let (components, parts): (Vec<_>, Vec<_>) = parts.into_iter().unzip();
     let (streams, signals): (Vec<_>, Vec<_>) = parts.into_iter().unzip();

@@ -198,7 +198,7 @@ impl PlaneRepairer<'_> {
         let (scene, coding) = (&self.scene, &self.coding);
         let part = ViewPart { is_reference: false, is_photograph: true, reduction: 0, region: None };
         let task = ViewTask { scene, entry: &step, scale: PLAIN_SCALE, coding, decoded: &[], part };
-        let (streams, _) = picture::encode(&task, &nothing, 1.0, black)?;
+        let (streams, _) = picture::encode(&task, &nothing, 1.0, black, &Default::default())?;
         Ok(streams.into_entry(step, PLAIN_SCALE, &coding.tile_grid(camera)))
     }
 }

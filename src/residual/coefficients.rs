@@ -48,15 +48,17 @@ impl CoefficientModels {
     }
 }
 
-/// Writes the coefficients of one picture as streams; returns them as the decoder has them, too. `target` are the picture's.
+/// Writes the coefficients of one picture as streams; returns them as the decoder has them, too. `target` are the picture's; `decoded` is
+/// memory to use again, as for [`decode`].
 #[cfg(feature = "encode")]
 pub fn encode(
     models: &mut CoefficientModels,
     task: &PictureTask,
     target: &[Vec<ColourLanes>],
     choice: RateDistortion,
+    mut decoded: Coefficients,
 ) -> (PictureStreams<Vec<u8>>, Coefficients) {
-    let (target, streams, mut decoded) = (Some((target, choice)), PictureStreams::default(), Coefficients::default());
+    let (target, streams) = (Some((target, choice)), PictureStreams::default());
     let written = match &mut models.0 {
         ModellingState::Mixed(state) => code_streams::<RangeEncoder, _>(state, task, target, &streams, &mut decoded),
         ModellingState::Direct(state) => code_streams::<RansEncoder, _>(state, task, target, &streams, &mut decoded),

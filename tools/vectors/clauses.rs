@@ -179,6 +179,7 @@ fn planes() -> Vec<Value> {
                 &task,
                 &plan.forward(target.clone()),
                 RateDistortion { lambda: 0.1 },
+                Default::default(),
             );
             cases.push(json!({
                 "clause": "6 and 7", "modelling": name, "mask": rows(&mask),
