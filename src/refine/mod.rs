@@ -200,7 +200,7 @@ impl RefinementProgress {
             let normals = surface.normals(&points);
             look(signals, &points);
             look(left_out, &points);
-            let weights = lobes(signals, &points, &normals, scale);
+            let weights = lobes(signals, &points, &normals, scale, &[]);
             let state = SurfaceState { points: &points, normals: &normals, along: &along, weights: &weights };
             let evidence = evidence::gather(signals, &state, &[], stage.scales);
             let roots: Vec<f32> = evidence.iter().map(|evidence| evidence.root).collect();
@@ -216,7 +216,7 @@ impl RefinementProgress {
                 look(signals, &points);
             }
             if iteration % stage.lobes_every == 0 {
-                weights = lobes(signals, &points, &normals, scale);
+                weights = lobes(signals, &points, &normals, scale, &weights);
             }
             let wide = 1.0 + 2.0 * (1.0 - iteration as f64 / WIDE_ITERATIONS).max(0.0);
             let scales = LossScales { diffuse: wide * stage.scales.diffuse, specular: wide * stage.scales.specular };
@@ -242,14 +242,15 @@ impl RefinementProgress {
     }
 }
 
-/// Fits the lobes of grey highlights, shared between neighbouring vertices.
+/// Fits the lobes of grey highlights, shared between neighbouring vertices; `before` are those of each vertex from the last time, or empty.
 fn lobes(
     signals: &[SignalView],
     points: &[[f64; 3]],
     normals: &[[f64; 3]],
     scale: SharingScale,
+    before: &[[[f32; LOBES]; 1]],
 ) -> Vec<[[f32; LOBES]; 1]> {
-    share_weights(points, &[], scale, |v| {
+    share_weights(points, scale, |v| {
         let mut equations = LobeEquations::<1>::default();
         for view in signals {
             let Some(sighting) = view.sight(points[v], normals[v], LOBE_COS_VIEW) else { continue };
@@ -257,8 +258,10 @@ fn lobes(
             let radiance = (root * root - SPECULAR_FLOOR).max(0.0);
             let [view, light, half] = sighting.cosines;
             let values = lobe_values(&LobeCosines { light, view, half }).map(|value| value * sighting.irradiance);
-            // Errors count by their share of the radiance: bright highlights are not all that matters.
-            equations.add(&values, [radiance], view / (radiance + 0.01));
+            // Errors count by their share of the radiance: bright highlights are not all that matters. Of the radiance expected, as soon as
+            // there is one: by that seen, what lies too dark would count for more than what lies too bright.
+            let expected = before.get(v).map(|before| (0..LOBES).map(|k| before[0][k] as f64 * values[k]).sum());
+            equations.add(&values, [radiance], view / (expected.unwrap_or(radiance) + 0.01));
         }
         equations
     })

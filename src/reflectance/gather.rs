@@ -144,7 +144,7 @@ pub fn fit_maps(sources: &ReflectanceSources, charts: &Charts, atlas: &AtlasRast
         let points: Vec<[f64; 3]> = used.iter().map(|&texel| atlas.position(sources.mesh, texel).to_array()).collect();
         let shared = (SHARED * sources.mesh.half_longest_side()).max(SHARED_TEXELS / charts.texels_per_unit);
         let scale = SharingScale { cell: shared, smoothing: shared };
-        let weights = share_weights(&points, &[], scale, |k| equations[k]);
+        let weights = share_weights(&points, scale, |k| equations[k]);
         maps.lobes = vec![Grid::filled(width, height, [0f32; 3]); LOBES];
         for (&texel, weights) in used.iter().zip(&weights) {
             for (k, map) in maps.lobes.iter_mut().enumerate() {

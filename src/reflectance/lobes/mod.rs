@@ -2,8 +2,11 @@
 //!
 //! Diffuse: `K_d E cos(theta_i) (1 - F(theta_i)) (1 - F(theta_r))` with Schlick's Fresnel term `F` (1994) of a refractive index of 1.5.
 //! Specular: `E sum_k W_k D_k G_k / (4 cos(theta_r))`, Trowbridge-Reitz distribution `D` and Smith's `G` (Walter et al. 2007, equations
-//! 33 and 34), with the light's irradiance `E`. Only `+ - * /` and square roots, so that every platform computes the same bits.
+//! 33 and 34), with the light's irradiance `E`, times Schlick's Fresnel term over its value at normal incidence, the sum of the weights
+//! ([`grazing_gain`]). Only `+ - * /` and square roots, so that every platform computes the same bits.
 
+#[cfg(feature = "encode")]
+mod kinds;
 #[cfg(feature = "encode")]
 pub(crate) mod share;
 
