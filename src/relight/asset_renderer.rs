@@ -6,11 +6,13 @@ use super::view_scene::{RenderedPixel, SceneLighting, ViewScene};
 use super::{RenderLighting, RenderOptions, ViewRender};
 use crate::asset::Asset;
 use crate::error::{Error, Result};
-use crate::image::{Grid, RgbImage};
+use crate::image::{Grid, Mask, RgbImage};
 use crate::views::{Camera, View};
 
-/// Pixels of the largest image.
+/// Samples of the largest image.
 const MAX_PIXELS: u64 = 1 << 28;
+/// Samples of a pixel along each side, at most.
+const MAX_SAMPLES: u32 = 8;
 
 /// Renders images of one asset. Captured views are prepared when first needed.
 pub struct AssetRenderer<'a> {
@@ -36,9 +38,46 @@ impl<'a> AssetRenderer<'a> {
     ///
     /// # Errors
     ///
-    /// [`Error::Parameter`] for an image without pixels or of more than 2^28, a camera that is not finite, a light that no view
+    /// [`Error::Parameter`] for an image without samples or of more than 2^28, a camera that is not finite, a light that no view
     /// shows; [`Error::Unsupported`] for point lights where those of the capture are unknown.
     pub fn render(&self, camera: &Camera, options: &RenderOptions) -> Result<ViewRender> {
+        match options.samples {
+            1 => self.render_middles(camera, options),
+            2..=MAX_SAMPLES => self.render_means(camera, options),
+            _ => Err(Error::parameter(format!("a pixel has 1 to {MAX_SAMPLES} samples along each side"))),
+        }
+    }
+
+    /// The means of the samples in each pixel.
+    fn render_means(&self, camera: &Camera, options: &RenderOptions) -> Result<ViewRender> {
+        let fine = [camera.width, camera.height].map(|side| side.saturating_mul(options.samples));
+        let fine = self.render_middles(&camera.resized(fine), options)?;
+        let (width, height, n) = (camera.width as usize, camera.height as usize, options.samples as usize);
+        let within = |k: usize| {
+            let first = k / width * n * width * n + k % width * n;
+            (0..n * n).map(move |sample| first + sample / n * width * n + sample % n)
+        };
+        let mean = |image: &RgbImage| {
+            let of_pixel = |k: usize| {
+                let sum = within(k).fold([0f32; 3], |sum, at| std::array::from_fn(|c| sum[c] + image.data[at][c]));
+                sum.map(|x| x / (n * n) as f32)
+            };
+            Grid { width, height, data: (0..width * height).map(of_pixel).collect() }
+        };
+        let any = |mask: &Mask| {
+            let of_pixel = |k: usize| within(k).any(|at| mask.data[at]);
+            Grid { width, height, data: (0..width * height).map(of_pixel).collect() }
+        };
+        Ok(ViewRender {
+            image: mean(&fine.image),
+            components: fine.components.iter().map(mean).collect(),
+            hit: any(&fine.hit),
+            coverage: any(&fine.coverage),
+        })
+    }
+
+    /// What the rays through the middles of the pixels meet.
+    fn render_middles(&self, camera: &Camera, options: &RenderOptions) -> Result<ViewRender> {
         let prepared = &self.prepared;
         if camera.width == 0 || camera.height == 0 || camera.width as u64 * camera.height as u64 > MAX_PIXELS {
             return Err(Error::parameter("the image has no pixels or too many"));

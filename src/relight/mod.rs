@@ -107,11 +107,15 @@ pub struct RenderOptions {
     pub views: usize,
     /// Whether the object shadows itself under [`RenderLighting::Points`].
     pub shadows: bool,
+    /// Samples of a pixel along each side, 1 to 8: time and memory follow its square. With 1 a pixel is what the ray through its middle
+    /// meets, and a captured camera gives its photograph.
+    pub samples: u32,
 }
 
 impl Default for RenderOptions {
     fn default() -> Self {
-        RenderOptions { lighting: RenderLighting::Capture(0), layers: RenderLayers::default(), views: 3, shadows: true }
+        let lighting = RenderLighting::Capture(0);
+        RenderOptions { lighting, layers: RenderLayers::default(), views: 3, shadows: true, samples: 1 }
     }
 }
 
@@ -125,11 +129,12 @@ impl RenderOptions {
 /// Image of an asset, whole and by components.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ViewRender {
-    /// Linear radiance of the layers asked for: the sum of the components, each not below 0. 0 where nothing is hit.
+    /// Linear radiance of the layers asked for: the sum of the components, each not below 0. 0 where nothing is hit. Of several samples the
+    /// mean.
     pub image: RgbImage,
     /// Radiance of each component, parallel to [`Asset::components`]; may be negative.
     pub components: Vec<RgbImage>,
-    /// Pixels whose central ray meets the mesh.
+    /// Pixels whose central ray meets the mesh; of several samples, any's.
     pub hit: Mask,
     /// Pixels that show the object: `hit` without those that the nearest captured masks cut off.
     pub coverage: Mask,

@@ -195,6 +195,25 @@ fn an_image_under_a_light_is_the_same_with_any_number_of_threads() {
 }
 
 #[test]
+fn samples_of_a_pixel_tend_to_its_mean() {
+    let Some(mut asset) = load("sample-spot") else { return };
+    fit_reflectance(&mut asset, 0.75);
+    let renderer = AssetRenderer::new(&asset).unwrap();
+    let camera = look_at([0.5, 1.2, 4.0], [0.0; 3], [0.0, 1.0, 0.0], 32.0, 96, 96);
+    let render = |samples| renderer.render(&camera, &RenderOptions { samples, ..RenderOptions::default() });
+    let exact = render(8).unwrap();
+    let error = |samples| {
+        let found = render(samples).unwrap();
+        assert_eq!((found.image.width, found.components.len(), found.hit.data.len()), (96, 2, 96 * 96));
+        let pairs = found.image.data.as_flattened().iter().zip(exact.image.data.as_flattened());
+        pairs.map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>()
+    };
+    let [one, two, four] = [1, 2, 4].map(error);
+    assert!(two < 0.4 * one && four < 0.4 * two, "{one} {two} {four}");
+    assert!([0, 9].into_iter().all(|samples| matches!(render(samples), Err(Error::Parameter(_)))));
+}
+
+#[test]
 fn what_does_not_belong_together_is_refused() {
     let mesh = crate::surface::atlas::tests::bumpy_sphere(8);
     let camera = look_at([0.0, 0.0, 4.0], [0.0; 3], [0.0, 1.0, 0.0], 60.0, 48, 48);

@@ -59,6 +59,9 @@ pub struct Render {
     /// Brighter by this many stops.
     #[arg(long, value_name = "STOPS", default_value_t = 0.0, allow_hyphen_values = true)]
     exposure: f64,
+    /// Samples of a pixel along each side, 1 to 8 [default: 2; under lamps 1 from a captured camera, which gives its photograph].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=8))]
+    samples: Option<u32>,
     #[command(flatten)]
     outside: OutsideArgument,
     /// Overwrites existing images.
@@ -83,9 +86,6 @@ struct EnvironmentArguments {
     /// Sums direct light by brute force: slow, exact.
     #[arg(long, conflicts_with = "evaluator", requires = "around")]
     reference: bool,
-    /// Samples of a pixel along each side, 1 to 8, under an environment [default: 2].
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=8), requires = "around")]
-    samples: Option<u32>,
 }
 
 #[derive(Clone, Copy, PartialEq, ValueEnum)]
@@ -149,11 +149,13 @@ impl Render {
         if let Some(environment) = &self.surround.env {
             return self.run_environment(asset, environment, is_exr);
         }
+        let is_captured = self.place.orbit.is_none() && self.place.camera.is_none();
         let options = RenderOptions {
             lighting: self.lighting(&asset)?,
             layers,
             views: if self.nearest { 1 } else { RenderOptions::default().views },
             shadows: !self.no_shadows,
+            samples: self.samples.unwrap_or(if is_captured { 1 } else { 2 }),
         };
         let cameras = self.cameras(&asset)?;
         let paths = self.paths(cameras.len());
@@ -174,7 +176,7 @@ impl Render {
         let quality = EnvironmentSettings {
             evaluator: self.evaluator(job.evaluator),
             shadows: job.shadows && !self.no_shadows,
-            samples: self.surround.samples.or(job.samples).unwrap_or(2),
+            samples: self.samples.or(job.samples).unwrap_or(2),
             detail: self.layers().residual,
         };
         let _busy = progress::busy("rendering");
@@ -192,7 +194,7 @@ impl Render {
         let quality = EnvironmentSettings {
             evaluator: self.evaluator(JobEvaluator::Filtered),
             shadows: !self.no_shadows,
-            samples: self.surround.samples.unwrap_or(2),
+            samples: self.samples.unwrap_or(2),
             detail: self.layers().residual,
         };
         let EnvironmentArguments { env_scale: scale, env_rotation: rotation_y_deg, .. } = self.surround;
