@@ -1,7 +1,8 @@
 //! Gathers what the photographs show of each texel and fits the reflectance maps.
 
 use super::lambert::LambertSums;
-use super::lobes::share::{LobeEquations, SharingScale, share_weights};
+use super::lobes::equations::LobeEquations;
+use super::lobes::share::{SharingScale, share_weights};
 use super::lobes::{self, LOBES, LobeCosines, lobe_values};
 use super::maps::ReflectanceMaps;
 pub use super::sightings::ReflectanceSources;

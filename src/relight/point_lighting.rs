@@ -21,6 +21,8 @@ const EDGE: f64 = 0.35;
 const DARK: f32 = 0.05;
 /// A photograph of the same light and camera as asked for, by their distance.
 const SAME: f64 = 1e-9;
+/// Distance within which a photograph tells what shines where no light falls.
+const NEARLY_SAME: f64 = 0.2;
 
 /// How far the residual of a part of reflection reaches over light and view.
 struct Reach {
@@ -276,8 +278,10 @@ impl LitPoint {
         let mut total = if reach.is_steep { own * own } else { own };
         let mut sum = model.map(|x| total * (x.max(0.0) as f64).sqrt());
         for captured in near {
-            let led_to = |c: usize| self.led_to(captured, component, c, model[c], reach.floor);
             let distance = self.directions.distance(&captured.directions, part);
+            let nearness = 1.0 - (distance / NEARLY_SAME).min(1.0) as f32;
+            let floor = [(0.5 * self.lit / DARK).min(1.0).max(nearness) * reach.floor, reach.floor];
+            let led_to = |c: usize| self.led_to(captured, component, c, model[c], floor);
             if distance < SAME {
                 return std::array::from_fn(led_to);
             }
@@ -295,10 +299,10 @@ impl LitPoint {
 
     /// The radiance that a photograph leads to under this light: it has to the model here the ratio, both over the floor, that it has to
     /// the model there. It is the photograph's, in proportion to the irradiance, where the models agree. What is darker here than there
-    /// takes less of it.
-    fn led_to(&self, captured: &LitReading, component: usize, c: usize, model: f32, floor: f32) -> f32 {
+    /// takes less of it, and what lies in the dark nothing from afar: edges of shadows would be drawn there.
+    fn led_to(&self, captured: &LitReading, component: usize, c: usize, model: f32, floor: [f32; 2]) -> f32 {
         let shown = &captured.reading.components[component];
-        let [here, there] = [floor * self.irradiance[c], floor * captured.irradiance[c]];
+        let [here, there] = [floor[0] * self.irradiance[c], floor[1] * captured.irradiance[c]];
         let expected = shown.model[c] * captured.reading.reach + there;
         let radiance = (model + here) * ((shown.photograph[c] + there) / expected) - here;
         let share = ((self.lit + DARK) / (captured.lit + DARK)).min(1.0);

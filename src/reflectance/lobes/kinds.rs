@@ -4,7 +4,7 @@
 //! best. Kinds are added one by one, each starting from the cell that has most to gain by one of its own.
 
 use super::LOBES;
-use super::share::LobeEquations;
+use super::equations::{LobeEquations, Weights};
 use crate::parallel;
 
 /// Kinds, at most.
@@ -13,9 +13,6 @@ const KINDS: usize = 8;
 const ROUNDS: usize = 8;
 /// Passes of the minimiser over the lobes of a kind, and of a cell.
 const SWEEPS: [usize; 2] = [200, 60];
-
-/// Weights of the lobes, for `C` colours.
-pub(super) type Weights<const C: usize> = [[f64; LOBES]; C];
 
 /// Kinds of highlight.
 pub(super) struct HighlightKinds<const C: usize> {

@@ -6,6 +6,8 @@
 //! ([`grazing_gain`]). Only `+ - * /` and square roots, so that every platform computes the same bits.
 
 #[cfg(feature = "encode")]
+pub(crate) mod equations;
+#[cfg(feature = "encode")]
 mod kinds;
 #[cfg(feature = "encode")]
 pub(crate) mod share;
