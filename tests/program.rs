@@ -190,6 +190,9 @@ fn views_between_are_interpolated_and_one_view_is_read_alone() {
     let nearest = picture("nearest.png", &["--view", "9", "--nearest", "--layers", "model,residual"]);
     picture("free.exr", &["--camera", "0,1.5,4,0,0,0", "--fov", "40", "--size", "60x40", "--layers", "model"]);
     assert!(captured != relit && captured != nearest);
+    // A captured camera gives its photograph unless more samples are asked for.
+    let sampled = |samples: &str| picture(&format!("{samples}.png"), &["--view", "9", "--samples", samples]);
+    assert!(sampled("1") == captured && sampled("2") != captured);
     tsuya(&["render", file, "-o", text(&path("o.png")), "--orbit", "2", "--size", "32x32"]).code(0);
     assert!(path("o-000.png").exists() && path("o-001.png").exists());
     assert!(complaint(2, &["render", file, "-o", text(&path("relit.png"))]).contains("--force"));
@@ -197,7 +200,7 @@ fn views_between_are_interpolated_and_one_view_is_read_alone() {
     let refused = |more: &[&str]| complaint(1, &[&["render", file, "-o", text(&path("no.png"))], more].concat());
     assert!(refused(&["--env", "sky.hdr", "--layers", "diffuse"]).contains("both reflections"));
     assert!(refused(&["--env", "sky.hdr", "--nearest"]).contains("--nearest"));
-    assert!(refused(&["--samples", "3"]).contains("--env"));
+    assert!(refused(&["--evaluator", "sg"]).contains("--env"));
 }
 
 #[test]

@@ -49,7 +49,6 @@ impl Camera {
         Camera { width, height, focal, principal, ..*self }
     }
     /// Returns the camera of the same view in an image of another size, width and height in pixels.
-    #[cfg(feature = "encode")]
     pub(crate) fn resized(&self, size: [u32; 2]) -> Camera {
         let factor = [f64::from(size[0]) / f64::from(self.width), f64::from(size[1]) / f64::from(self.height)];
         self.scaled(size, factor)
