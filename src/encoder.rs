@@ -86,7 +86,6 @@ fn encode_open(mut capture: OpenCapture, options: &EncodeOptions) -> Result<Enco
     let photographs = FramesToCode { frames: &frames, covered: &covered };
     // 6. Photographs at the quality that reaches the target.
     let mut sections = vec![(Tag::MESH, coded_mesh.bytes), (Tag::VIEWS, views_bytes)];
-    let light_bytes = environment.as_ref().map_or(0, |environment| environment.section.len() as u64 + 48);
     let source = MaskedPhotographs {
         mesh: &mesh,
         views: &views.views,
@@ -95,7 +94,8 @@ fn encode_open(mut capture: OpenCapture, options: &EncodeOptions) -> Result<Enco
         covered: &covered,
         photographs: &photographs,
     };
-    let other = other_bytes(&sections) + light_bytes;
+    let light_section = environment.as_ref().map(|environment| &environment.section);
+    let other = other_bytes(sections.iter().map(|(_, bytes)| bytes).chain(light_section));
     let (coded, figures) = match options.profile {
         Profile::Predictive => {
             let displacements = refined.as_ref().map(RefinedSurface::displacements);
@@ -167,8 +167,8 @@ pub fn encode_materials(materials: &[NamedMaterial], metadata: &Metadata) -> Res
 const GENERATOR: &str = concat!("tsuya ", env!("CARGO_PKG_VERSION"));
 
 /// Bytes of a file with these sections, of the container and of the metadata, about.
-fn other_bytes(sections: &[(Tag, Vec<u8>)]) -> u64 {
-    sections.iter().map(|(_, bytes)| bytes.len() as u64 + 48).sum::<u64>() + 4096
+fn other_bytes<'a>(sections: impl Iterator<Item = &'a Vec<u8>>) -> u64 {
+    sections.map(|bytes| bytes.len() as u64 + 48).sum::<u64>() + 4096
 }
 
 fn describe(

@@ -321,14 +321,8 @@ impl IncrementalDecoder {
                 let is_last = entries.len() == 1;
                 let ranges = stream_ranges(&header, decoder, (first, is_last))?;
                 // What is there is decoded while the rest arrives.
-                if let Poll::NeedRanges(mut missing) = self.file.require(&ranges)? {
-                    for (k, &entry) in entries.iter().enumerate().skip(1) {
-                        let ranges = stream_ranges(&header, decoder, (entry, k + 1 == entries.len()))?;
-                        if let Poll::NeedRanges(more) = self.file.require(&ranges)? {
-                            missing.extend(more);
-                        }
-                    }
-                    return Ok(Poll::NeedRanges(missing));
+                if let Poll::NeedRanges(_) = self.file.require(&ranges)? {
+                    ready!(self.file.require(&all_stream_ranges(&header, decoder, &entries)?)?);
                 }
                 let take = is_last.then_some(|view: DecodedPhotograph| take(ViewPhotograph::Predictive(view)));
                 let decoded = match &ranges[..] {
@@ -359,11 +353,7 @@ impl IncrementalDecoder {
             return Ok(Vec::new());
         };
         let entries = decoder.missing_entries(index)?;
-        let mut ranges = Vec::new();
-        for (k, &entry) in entries.iter().enumerate() {
-            ranges.extend(stream_ranges(header, decoder, (entry, k + 1 == entries.len()))?);
-        }
-        Ok(match self.file.require(&ranges)? {
+        Ok(match self.file.require(&all_stream_ranges(header, decoder, &entries)?)? {
             Poll::Ready(()) => Vec::new(),
             Poll::NeedRanges(ranges) => ranges,
         })
@@ -375,6 +365,13 @@ impl IncrementalDecoder {
     pub fn verify(&mut self) -> Result<Poll<()>> {
         self.file.verify()
     }
+}
+
+/// Ranges of the file that hold what is needed of entries of the coding order: of the last one the photograph, of those before it what it is
+/// predicted from.
+fn all_stream_ranges(header: &FileHeader, decoder: &ViewDecoder, entries: &[usize]) -> Result<Vec<Range<u64>>> {
+    let of_entry = |(k, &entry): (usize, &usize)| stream_ranges(header, decoder, (entry, k + 1 == entries.len()));
+    Ok(entries.iter().enumerate().map(of_entry).collect::<Result<Vec<_>>>()?.concat())
 }
 
 /// Ranges of the file that hold what is needed of an entry of the coding order: of its photograph, or of what others are predicted from.

@@ -5,7 +5,7 @@
 //! are not told apart by photographs alone: taken is the environment that explains most with few albedos, which are grouped anew while
 //! it is solved for. Scale and colour stay unknown: the light is white on the mean, the brightest parts of the object are nearly so.
 
-use super::lamp::{BRIGHT_ALBEDO, DARKER};
+use super::lamp::{BRIGHT_ALBEDO, brightest};
 use super::transport::{LOBES, VertexRays, VertexTransport};
 use super::vertex_radiance::VertexRadiance;
 use crate::error::Result;
@@ -78,7 +78,10 @@ pub(super) fn estimate(
     // The light of the object itself has the scale of the photographs, only the environment's is free: not solved in one step.
     for _ in 0..SCALINGS {
         let factors = match mean_radiance {
-            Some(wanted) => std::array::from_fn(|c| wanted[c] / mean(&lobes, &amplitudes)[c].max(1e-12)),
+            Some(wanted) => {
+                let found = mean(&lobes, &amplitudes);
+                std::array::from_fn(|c| wanted[c] / found[c].max(1e-12))
+            }
             None => factors(&equations, &amplitudes),
         };
         amplitudes.iter_mut().for_each(|amplitude| (0..3).for_each(|c| amplitude[c] *= factors[c]));
@@ -226,14 +229,13 @@ fn centres(logs: &[[f64; 3]], groups: usize) -> Vec<[f64; 3]> {
 fn factors(equations: &[Equation], amplitudes: &[[f64; 3]; LOBES]) -> [f64; 3] {
     let mean: [f64; 3] = std::array::from_fn(|c| (0..LOBES).map(|l| amplitudes[l][c]).sum::<f64>().max(1e-12));
     let white = mean.map(|m| mean[1] / m);
-    let mut bright: Vec<f64> = equations
+    let bright: Vec<f64> = equations
         .iter()
         .map(|e| {
             (0..3).map(|c| PI * e.radiance[c] / (white[c] * e.irradiance(amplitudes, c)).max(1e-12)).fold(0.0, f64::max)
         })
         .collect();
-    bright.sort_by(f64::total_cmp);
-    let at = bright.get((DARKER * bright.len() as f64) as usize).copied().unwrap_or(BRIGHT_ALBEDO);
+    let at = brightest(bright);
     white.map(|w| w * at / BRIGHT_ALBEDO)
 }
 

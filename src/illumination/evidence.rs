@@ -49,7 +49,7 @@ impl LightEvidence {
         let chosen: Vec<usize> =
             (0..views.len().min(VIEWS)).map(|k| k * views.len() / views.len().min(VIEWS)).collect();
         let looked_at: Vec<View> = chosen.iter().map(|&view| views[view].clone()).collect();
-        let shown = components.iter().position(|&component| component != Component::Specular).unwrap_or(0);
+        let shown = super::matte(components);
         let mut sightings = vec![Vec::new(); points.len()];
         for run in open_together(&looked_at, photographs.at_once()) {
             let opened = parallel::map(run.len(), |k| photographs.photograph(chosen[run.start + k]));

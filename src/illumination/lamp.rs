@@ -9,7 +9,7 @@ use glam::DVec3;
 
 /// Albedo of the object's brightest parts under a lamp of unknown intensity, and the share of its surface that is darker.
 pub(super) const BRIGHT_ALBEDO: f64 = 0.8;
-pub(super) const DARKER: f64 = 0.95;
+const DARKER: f64 = 0.95;
 /// Sightings nearer to the mirror direction than this may hold highlight, radians between normal and half vector.
 const HIGHLIGHT: f32 = 0.35;
 /// Halvings of the steps in which the offset of a lamp is looked for; the first is this share of the distance to the object.
@@ -93,6 +93,12 @@ fn matte(evidence: &LightEvidence, point: usize, lamp: &(dyn Fn(&Camera) -> Poin
     if away.weight() > 1.0 { away } else { all }
 }
 
+/// The albedo of the object's brightest parts; [`BRIGHT_ALBEDO`] where there is none.
+pub(super) fn brightest(mut albedo: Vec<f64>) -> f64 {
+    albedo.sort_by(f64::total_cmp);
+    albedo.get((DARKER * albedo.len() as f64) as usize).copied().unwrap_or(BRIGHT_ALBEDO)
+}
+
 /// The intensity, white, under which the object's brightest parts are nearly white.
 fn find_intensity(
     evidence: &LightEvidence,
@@ -103,9 +109,7 @@ fn find_intensity(
         let solved = matte(evidence, point, lamp).solve()?;
         Some(std::f64::consts::PI * solved.into_iter().fold(0f32, f32::max) as f64)
     });
-    let mut albedo: Vec<f64> = seen.into_iter().flatten().filter(|albedo| *albedo > 0.0).collect();
-    albedo.sort_by(f64::total_cmp);
-    let bright = albedo.get((DARKER * albedo.len() as f64) as usize).copied().unwrap_or(BRIGHT_ALBEDO);
+    let bright = brightest(seen.into_iter().flatten().filter(|albedo| *albedo > 0.0).collect());
     let intensity = bright / BRIGHT_ALBEDO;
     warnings.push(format!(
         "photographs tell neither the intensity nor the colour of their light: it is taken to be white, of intensity {intensity:.4}, with \

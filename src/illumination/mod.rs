@@ -94,6 +94,11 @@ pub(crate) struct LightSources<'a> {
     pub(crate) origin: [f64; 3],
 }
 
+/// The component that highlights are not in, or else the combined one.
+fn matte(components: &[Component]) -> usize {
+    components.iter().position(|&component| component != Component::Specular).unwrap_or(0)
+}
+
 /// Finds what is not given of a light, and adds what the user should know to `warnings`.
 /// # Errors
 /// Those of opening the photographs; [`Error::Parameter`] if no photograph shows the mesh.

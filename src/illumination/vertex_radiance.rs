@@ -39,7 +39,7 @@ impl VertexRadiance {
         let normals = vertex_normals(mesh);
         let places: Vec<Place> =
             mesh.positions.iter().zip(normals).map(|(point, normal)| (point.map(f64::from), normal)).collect();
-        let shown = components.iter().position(|&component| component != Component::Specular).unwrap_or(0);
+        let shown = super::matte(components);
         let mut sums = vec![LogSum::default(); places.len()];
         for run in open_together(views, photographs.at_once()) {
             let opened = open_run(photographs, &run)?;

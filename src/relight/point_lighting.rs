@@ -3,9 +3,8 @@
 //! Equations 13 to 16 of Miyazaki 2007, with each captured photograph as a sample of light and view together.
 
 use super::RenderOptions;
-use super::capture_lights::angle;
 use super::prepared_asset::{PreparedAsset, SurfacePoint};
-use super::residual::{CapturedReading, CapturedSample, CapturedView};
+use super::residual::{CapturedReading, CapturedSample, CapturedView, nearest_first};
 use super::shadow::ShadowMap;
 use crate::reflectance::ReflectionGeometry;
 use crate::views::{Camera, Component, PointLight};
@@ -181,13 +180,7 @@ impl<'r, 'a> PointLighting<'r, 'a> {
 
     /// Whether the nearest captured mask that tells lets a surface point stand.
     pub(super) fn covers(&self, camera: &Camera, surface: &SurfacePoint) -> bool {
-        let point = DVec3::from_array(surface.point);
-        let towards = |centre: [f64; 3]| (DVec3::from_array(centre) - point).normalize_or_zero();
-        let wanted = towards(camera.centre());
-        let mut order: Vec<(f64, &CapturedView)> =
-            self.outlines.iter().map(|c| (angle(towards(c.camera.centre()), wanted), *c)).collect();
-        order.sort_by(|a, b| a.0.total_cmp(&b.0));
-        for (_, captured) in order {
+        for (_, captured) in nearest_first(&self.outlines, surface.point, camera.centre()) {
             match captured.sample_at(surface.point) {
                 CapturedSample::Seen(_) => return true,
                 CapturedSample::Cut => return false,

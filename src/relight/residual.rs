@@ -1,8 +1,10 @@
 //! Captured views, photograph and model, read at surface points.
 
+use super::capture_lights::angle;
 use crate::image::{Grid, RgbImage, catmull_rom};
 use crate::surface::raster::Raster;
 use crate::views::{Camera, Photograph};
+use glam::DVec3;
 use std::sync::OnceLock;
 
 /// A captured view counts less within this many pixels of its silhouettes, depth edges and missing pixels.
@@ -39,6 +41,20 @@ pub(super) struct CapturedReading {
     pub(super) confidence: f32,
     /// Share of the view's light that reaches the point, where that is known.
     pub(super) reach: f32,
+}
+
+/// Captured views by the angle at a surface point between their camera and another, the nearest first.
+pub(super) fn nearest_first<'r, 'a>(
+    captured: &[&'r CapturedView<'a>],
+    point: [f64; 3],
+    centre: [f64; 3],
+) -> Vec<(f64, &'r CapturedView<'a>)> {
+    let point = DVec3::from_array(point);
+    let towards = |centre: [f64; 3]| (DVec3::from_array(centre) - point).normalize_or_zero();
+    let wanted = towards(centre);
+    let mut order: Vec<_> = captured.iter().map(|c| (angle(towards(c.camera.centre()), wanted), *c)).collect();
+    order.sort_by(|a, b| a.0.total_cmp(&b.0));
+    order
 }
 
 /// Reading of a captured view at a surface point.

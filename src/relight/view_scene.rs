@@ -1,14 +1,13 @@
 //! One image in the making: what each pixel shows.
 
 use super::RenderOptions;
-use super::capture_lights::{angle, weights};
+use super::capture_lights::weights;
 use super::point_lighting::{PointLighting, ShownPart};
 use super::prepared_asset::{PreparedAsset, SurfacePoint};
-use super::residual::{CapturedRadiance, CapturedSample, CapturedView};
+use super::residual::{CapturedRadiance, CapturedSample, CapturedView, nearest_first};
 use crate::reflectance::ReflectionGeometry;
 use crate::surface::raster::Raster;
 use crate::views::{Camera, Component, PointLight};
-use glam::DVec3;
 
 /// Radiance and coverage of one pixel.
 #[derive(Clone, Copy)]
@@ -88,14 +87,8 @@ impl ViewScene<'_, '_> {
         surface: &SurfacePoint,
         centre: [f64; 3],
     ) -> (Vec<([CapturedRadiance; 2], f32)>, bool) {
-        let point = DVec3::from_array(surface.point);
-        let towards = |centre: [f64; 3]| (DVec3::from_array(centre) - point).normalize_or_zero();
-        let wanted = towards(centre);
-        let mut order: Vec<(f64, &CapturedView)> =
-            captured.iter().map(|c| (angle(towards(c.camera.centre()), wanted), *c)).collect();
-        order.sort_by(|a, b| a.0.total_cmp(&b.0));
         let (mut seen, mut angles, mut cut) = (Vec::new(), Vec::new(), false);
-        for (angle, captured) in order {
+        for (angle, captured) in nearest_first(captured, surface.point, centre) {
             if seen.len() > self.options.views {
                 break;
             }
