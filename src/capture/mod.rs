@@ -174,9 +174,7 @@ fn read_mesh(
         ));
     }
     let mesh = mesh.around(origin);
-    if mesh.positions.iter().flatten().any(|c| !c.is_finite()) {
-        return Err(Error::input(&path, "scaled and moved, the mesh has a vertex that is not finite"));
-    }
+    crate::mesh::read::check_range(&path, &mesh)?;
     let (mesh, report) = crate::mesh::clean::clean(mesh);
     if mesh.triangles.is_empty() {
         return Err(Error::input(&path, "the mesh has only degenerate triangles"));

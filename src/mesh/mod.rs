@@ -25,6 +25,15 @@ pub struct Mesh {
     pub triangles: Vec<[u32; 3]>,
 }
 
+/// Largest coordinate of a position, on either side of 0. Products of four coordinates, summed over a mesh, stay within single precision
+/// as the squares of this bound do.
+pub(crate) const MAX_COORDINATE: f32 = 1e12;
+
+/// Whether all coordinates of a position are numbers within [`MAX_COORDINATE`].
+pub(crate) fn is_within_range(position: &[f32; 3]) -> bool {
+    position.iter().all(|x| x.abs() <= MAX_COORDINATE)
+}
+
 impl Mesh {
     /// Returns the lowest and the highest corner of the axis-aligned bounding box; `None` without a finite vertex.
     pub fn bounding_box(&self) -> Option<[[f32; 3]; 2]> {

@@ -97,7 +97,15 @@ impl<'a> AssetRenderer<'a> {
                 }
                 let light =
                     relightable.then(|| prepared.lights.between(prepared.asset, camera, &near, views)).flatten();
-                SceneLighting::Capture(near.iter().filter_map(|&(view, _)| prepared.captured(view)).collect(), light)
+                // Where no view was captured its shadows were not, either.
+                let captured_here = near.first().is_some_and(|&(view, _)| prepared.is_captured_from(view, camera));
+                match light.filter(|_| !captured_here) {
+                    Some(light) => SceneLighting::Points(PointLighting::new(prepared, camera, &[light], options)),
+                    None => {
+                        let captured = near.iter().filter_map(|&(view, _)| prepared.captured(view)).collect();
+                        SceneLighting::Capture(captured, light)
+                    }
+                }
             }
             RenderLighting::Points(_) if !relightable => {
                 let message = "relighting: the lights of this asset's capture are unknown, so it has no reflectance";

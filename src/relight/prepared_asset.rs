@@ -102,6 +102,12 @@ impl<'a> PreparedAsset<'a> {
         self.captured[view].get_or_init(|| self.prepare(view)).as_ref()
     }
 
+    /// Whether a view was captured from where a camera stands.
+    pub(super) fn is_captured_from(&self, view: usize, camera: &Camera) -> bool {
+        let [own, other] = [&self.asset.views[view].camera, camera].map(|c| DVec3::from_array(c.centre()));
+        (own - other).length() <= 1e-9 * (own - DVec3::from_array(self.middle())).length()
+    }
+
     /// Middle of the object.
     pub(super) fn middle(&self) -> [f64; 3] {
         self.lights.middle

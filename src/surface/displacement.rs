@@ -16,7 +16,7 @@ use crate::entropy::RangeDecoder;
 use crate::error::{Error, Result};
 use crate::image::{Grid, Mask};
 use crate::limits::Budget;
-use crate::mesh::Mesh;
+use crate::mesh::{Mesh, is_within_range};
 use crate::quantise::bands::Quantiser;
 #[cfg(feature = "encode")]
 use crate::quantise::bands::RateDistortion;
@@ -72,8 +72,8 @@ impl DisplacedMesh {
                 let place = mesh.positions[vertex].map(f64::from);
                 let moved = displacement(vertex, triangle >> (2 * levels), place);
                 mesh.positions[vertex] = std::array::from_fn(|k| (place[k] + moved * along[vertex][k]) as f32);
-                if mesh.positions[vertex].iter().any(|x| !x.is_finite()) {
-                    return Err(Error::format(Tag::DISPLACEMENT, 3u64, "a displacement leads beyond all numbers"));
+                if !is_within_range(&mesh.positions[vertex]) {
+                    return Err(Error::format(Tag::DISPLACEMENT, 3u64, "a displacement leads beyond 1e12"));
                 }
             }
         }

@@ -54,8 +54,8 @@ pub(crate) fn layout_within(mesh: &Mesh, texels_per_unit: f64, max_texels: f64) 
     if !(texels_per_unit.is_finite() && texels_per_unit > 0.0) {
         return Err(Error::parameter("the texel density must be a positive number"));
     }
-    if mesh.positions.iter().flatten().any(|x| !x.is_finite()) {
-        return Err(Error::parameter("the mesh has a vertex that is not finite"));
+    if !mesh.positions.iter().all(crate::mesh::is_within_range) {
+        return Err(Error::parameter("the mesh has a vertex that is not finite or beyond 1e12"));
     }
     check_work(mesh, texels_per_unit, max_texels.min(MAX_TEXELS))?;
     let neighbours = neighbours(mesh);

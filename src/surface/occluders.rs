@@ -1,7 +1,7 @@
 //! Visibility of surface points in photographs: ray casting against the mesh, the mask, and a margin to depth edges.
 
 use crate::image::{Grid, Mask, RgbImage};
-use crate::mesh::Mesh;
+use crate::mesh::{Mesh, is_within_range};
 use crate::vector::{cross, dot};
 use crate::views::Camera;
 use obvhs::BvhBuildParams;
@@ -30,11 +30,11 @@ pub(crate) struct SurfaceHit {
 }
 
 impl Occluders {
-    /// Builds the hierarchy. Triangles with coordinates that are not finite are left out of it.
+    /// Builds the hierarchy. Vertices that no mesh of a file or capture has (not finite, or beyond 1e12) lie in the origin.
     pub(crate) fn new(mesh: &Mesh) -> Self {
         let vertex = |v: u32| -> [f32; 3] {
             let p = mesh.positions[v as usize];
-            if p.iter().all(|x| x.is_finite()) { p } else { [0.0; 3] }
+            if is_within_range(&p) { p } else { [0.0; 3] }
         };
         let triangles: Vec<Triangle> = mesh
             .triangles
@@ -232,6 +232,19 @@ mod tests {
         let wide = Camera { focal: [64.0, 1e-44], ..camera };
         assert!(occluders.first_hit(&wide, [32.0, 34.0]).is_none());
         assert!(occluders.is_visible([0.8, 0.1, 0.0], [1e200, 0.0, 0.0]));
+    }
+
+    /// The hierarchy's costs are single-precision areas; infinite ones would lead it astray.
+    #[test]
+    fn hierarchies_of_any_extent_are_built() {
+        for scale in [0.0, 1e-40, 1e-20, 1e-3, 1e6, 1e11, 1e15, 1e25, f32::MAX, f32::NAN] {
+            let positions = (0..40).map(|k| [(k % 7) as f32 * scale, (k % 5) as f32 * scale, (k % 3) as f32 * scale]);
+            let triangles = (0..38).map(|k| [k, k + 1, k + 2]).collect();
+            let occluders = Occluders::new(&Mesh { positions: positions.collect(), triangles });
+            assert_eq!(occluders.triangles.len(), 38);
+            let met = occluders.first_hit_from([2.2 * scale, 1.1 * scale, -9.0 * scale], [0.0, 0.0, 1.0]).is_some();
+            assert_eq!(met, (1e-3..=1e11).contains(&scale), "extent {scale:e}");
+        }
     }
 
     #[test]

@@ -147,8 +147,8 @@ fn check(mesh: &Mesh, options: &BakeOptions) -> Result<()> {
         return Err(Error::parameter("visibility needs a mesh with a triangle"));
     }
     let corner_missing = mesh.triangles.as_flattened().iter().any(|&v| v as usize >= mesh.positions.len());
-    if corner_missing || !mesh.positions.as_flattened().iter().all(|x| x.is_finite()) {
-        return Err(Error::parameter("visibility needs a mesh whose positions are finite and whose corners exist"));
+    if corner_missing || !mesh.positions.iter().all(crate::mesh::is_within_range) {
+        return Err(Error::parameter("visibility needs a mesh whose positions are numbers within 1e12 and whose corners exist"));
     }
     if !codec::SIZES.contains(&options.size) {
         return Err(Error::parameter("the grid of directions must have 8 to 128 cells a side"));

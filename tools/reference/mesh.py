@@ -406,6 +406,8 @@ def decode(data):
     vertices, triangles, bits = (header.decode(coder) for _ in range(3))
     origin, step = [coder.float() for _ in range(3)], coder.float()
     connectivity = Connectivity(coder, vertices, triangles)
+    if not all(abs(to_single(o + i * step)) <= to_single(1e12) for o in origin for i in (0, 2**bits - 1)):
+        raise Damaged("lattice of MESH beyond 1e12")
     lattice = Positions(coder, connectivity, vertices, 2**bits - 1).at
     coder.end_mark()
     if not coder.ends_rightly(max(vertices, triangles) // 16384):

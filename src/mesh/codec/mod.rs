@@ -5,7 +5,7 @@ mod lattice;
 mod positions;
 mod prediction;
 
-use super::Mesh;
+use super::{Mesh, is_within_range};
 use crate::container::Tag;
 use crate::entropy::{NumberModel, RangeDecoder, code_end, code_raw};
 use crate::limits::{Budget, check};
@@ -50,6 +50,9 @@ impl MeshHeader {
     /// The place of a lattice point: computed in double precision, rounded once.
     fn position(&self, lattice: Lattice) -> [f32; 3] {
         std::array::from_fn(|k| (self.origin[k] as f64 + lattice[k] as f64 * self.step as f64) as f32)
+    }
+    fn is_within_range(&self) -> bool {
+        [0, self.max_coordinate()].iter().all(|&end| is_within_range(&self.position([end; 3])))
     }
     fn code<C: crate::entropy::BitCoder>(&self, coder: &mut C) -> MeshHeader {
         let mut number = NumberModel::default();
@@ -99,7 +102,7 @@ pub fn decode(bytes: &[u8], budget: &Budget) -> Result<Mesh> {
 }
 
 fn check_header(header: &MeshHeader, stream_bytes: usize, budget: &Budget) -> Result<()> {
-    let &MeshHeader { vertices, triangles, bits, origin, step } = header;
+    let &MeshHeader { vertices, triangles, bits, step, .. } = header;
     let most = MAX_COUNT.min(budget.limits().mesh_elements as u64);
     check("vertices of the mesh", vertices as u64, most)?;
     check("triangles of the mesh", triangles as u64, most)?;
@@ -109,11 +112,11 @@ fn check_header(header: &MeshHeader, stream_bytes: usize, budget: &Budget) -> Re
     if !POSITION_BITS.contains(&bits) {
         return Err(wrong("lattice of less than 1 or more than 24 bits"));
     }
-    if !origin.iter().all(|x| x.is_finite()) || !step.is_finite() || step < 0.0 {
-        return Err(wrong("origin or step of the lattice not finite"));
+    if !step.is_finite() || step < 0.0 {
+        return Err(wrong("step of the lattice below 0 or not finite"));
     }
-    if !header.position([header.max_coordinate(); 3]).iter().all(|x| x.is_finite()) {
-        return Err(wrong("lattice reaches beyond finite numbers"));
+    if !header.is_within_range() {
+        return Err(wrong("lattice reaches beyond 1e12"));
     }
     budget.charge("triangles of the mesh", triangles as u64 * TRIANGLE_BYTES)?;
     budget.charge("vertices of the mesh", vertices as u64 * VERTEX_BYTES)

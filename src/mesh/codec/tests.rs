@@ -218,6 +218,26 @@ fn hostile_bytes_are_refused() {
     }
 }
 
+#[test]
+fn positions_beyond_the_bound_are_refused() {
+    let scaled = |by: f32| {
+        let mut mesh = grid(3);
+        let longest = mesh.positions.as_flattened().iter().fold(0.0, |most: f32, x| most.max(x.abs()));
+        mesh.positions.iter_mut().flatten().for_each(|x| *x *= by / longest);
+        mesh
+    };
+    let near = encode(&scaled(1e11), &MeshOptions::default()).unwrap();
+    assert_eq!(decode(&near.bytes, &budget()).unwrap(), near.mesh);
+    for by in [1.1e12, 1e18] {
+        assert!(matches!(encode(&scaled(by), &MeshOptions::default()), Err(Error::Parameter(_))), "{by:e}");
+    }
+    for (origin, step) in [(1.1e12, 0.0), (-1.1e12, 0.0), (0.0, 1e10), (f32::NAN, 1.0), (0.0, f32::INFINITY)] {
+        let header = MeshHeader { vertices: 3, triangles: 1, bits: 8, origin: [0.0, origin, 0.0], step };
+        let error = check_header(&header, 100, &budget()).unwrap_err();
+        assert!(error.to_string().contains("lattice"), "{error}");
+    }
+}
+
 /// A header alone that claims what its few bytes could never tell costs nothing.
 #[test]
 fn large_claims_need_bytes() {

@@ -64,8 +64,8 @@ fn lattice_of(mesh: &Mesh, options: &MeshOptions) -> Result<MeshHeader> {
     if !POSITION_BITS.contains(&bits) {
         return Err(Error::parameter("position bits must be 1 to 24"));
     }
-    if !mesh.positions.as_flattened().iter().all(|x| x.is_finite()) {
-        return Err(Error::parameter("mesh with a position that is not finite"));
+    if !mesh.positions.iter().all(is_within_range) {
+        return Err(Error::parameter("mesh with a position that is not finite or beyond 1e12"));
     }
     let [origin, end] = mesh.bounding_box().unwrap_or_default();
     let longest = (0..3).map(|k| end[k] as f64 - origin[k] as f64).fold(0.0, f64::max);
@@ -74,8 +74,9 @@ fn lattice_of(mesh: &Mesh, options: &MeshOptions) -> Result<MeshHeader> {
     let step = if exact as f32 as f64 >= exact { exact as f32 } else { (exact as f32).next_up() };
     let (vertices, triangles) = (mesh.positions.len() as u32, mesh.triangles.len() as u32);
     let header = MeshHeader { vertices, triangles, bits, origin, step };
-    if !header.position([header.max_coordinate(); 3]).iter().all(|x| x.is_finite()) {
-        return Err(Error::parameter("mesh larger than numbers reach"));
+    // The lattice is a cube and reaches as far along all axes.
+    if !header.is_within_range() {
+        return Err(Error::parameter("mesh whose longest side leads beyond 1e12"));
     }
     Ok(header)
 }

@@ -6,7 +6,7 @@ mod ply;
 
 pub use obj::texture_coordinates;
 
-use super::Mesh;
+use super::{Mesh, is_within_range};
 use crate::error::{Error, Result};
 use crate::input::FileAccess;
 use std::io::Read;
@@ -56,9 +56,18 @@ pub fn parse(path: impl AsRef<Path>, bytes: &[u8], access: &FileAccess) -> Resul
 
 fn single(path: &Path, mesh: PreciseMesh) -> Result<Mesh> {
     let mesh = mesh.around([0.0; 3]);
-    match mesh.positions.iter().position(|p| !p.iter().all(|c| c.is_finite())) {
-        Some(index) => Err(Error::input(path, format!("vertex {index} lies beyond the range of single precision"))),
-        None => Ok(mesh),
+    check_range(path, &mesh)?;
+    Ok(mesh)
+}
+
+/// Checks that a mesh about its origin lies where single precision suffices.
+pub(crate) fn check_range(path: &Path, mesh: &Mesh) -> Result<()> {
+    match mesh.positions.iter().position(|p| !is_within_range(p)) {
+        Some(index) => {
+            let [x, y, z] = mesh.positions[index];
+            Err(Error::input(path, format!("vertex {index} is too far away: ({x:e}, {y:e}, {z:e}); 1e12 is the limit")))
+        }
+        None => Ok(()),
     }
 }
 

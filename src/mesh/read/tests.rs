@@ -79,6 +79,10 @@ fn ply_of_every_encoding() {
     let third = whole.windows(11).position(|w| w == b"end_header\n").unwrap() + 11 + 2 * 12;
     not_finite[third..third + 4].copy_from_slice(&f32::NAN.to_le_bytes());
     assert!(fault("x.ply", &not_finite).contains("vertex 2 is not finite: (NaN, 1.5, 0)"));
+    for far in ["1e13", "-2e30"] {
+        let text = ASCII_PLY.replace("1 1.5 0 1", &format!("1 {far} 0 1"));
+        assert!(fault("x.ply", text.as_bytes()).contains("vertex 2 is too far away"));
+    }
     let text = ASCII_PLY.replace("3 0 1 4", "3 0 -1 4");
     fault("x.ply", text.as_bytes());
     let text = ASCII_PLY.replace("element vertex 5", "element vertex 4000000000");
