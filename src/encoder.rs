@@ -11,8 +11,7 @@ use crate::mesh::Mesh;
 use crate::mesh::codec::MeshOptions;
 use crate::metrics::{Distortion, ImagePsnr, to_display};
 use crate::options::{CaptureLight, EncodeOptions, Profile};
-use crate::rate::CodedView;
-use crate::refine::RefinedSurface;
+use crate::rate::{self, CodedView};
 use crate::reflectance::stage::ReflectanceSurface;
 use crate::separate::{FramesToCode, MaskedPhotographs, SeparatedFrames};
 pub use crate::separate::{Observations, ObservedView, recombine, separate};
@@ -98,7 +97,9 @@ fn encode_open(mut capture: OpenCapture, options: &EncodeOptions) -> Result<Enco
     let other = other_bytes(sections.iter().map(|(_, bytes)| bytes).chain(light_section));
     let (coded, figures) = match options.profile {
         Profile::Predictive => {
-            let displacements = refined.as_ref().map(RefinedSurface::displacements);
+            let displacements = refined
+                .as_ref()
+                .map(|surface| surface.displacements(rate::expected_step(options.target, samples(&views))));
             let irradiance = environment.as_ref().map(|environment| &environment.irradiance[..]);
             let surface = ReflectanceSurface { displacements: displacements.as_ref(), irradiance };
             (predictive::encode_to_target(&source, other, &surface, options, &mut warnings)?, None)
@@ -131,6 +132,12 @@ fn encode_open(mut capture: OpenCapture, options: &EncodeOptions) -> Result<Enco
         assumed_light,
         warnings,
     })
+}
+
+/// Samples of the photographs that views show: pixels of each component.
+fn samples(section: &ViewsSection) -> u64 {
+    let pixels = section.views.iter().map(|view| u64::from(view.camera.width) * u64::from(view.camera.height));
+    section.components.len() as u64 * pixels.sum::<u64>()
 }
 
 /// Finds what is not known of the photographs' light, and gives it to the views.

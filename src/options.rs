@@ -108,8 +108,10 @@ impl Default for EncodeOptions {
 /// What of a capture's geometry is corrected by its photographs before they are encoded.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Refinement {
-    /// Nothing.
+    /// [`Refinement::Surface`] where that is possible and holds, [`Refinement::None`] elsewhere.
     #[default]
+    Automatic,
+    /// Nothing.
     None,
     /// The surface: the mesh is subdivided and displaced until it explains the shading and the highlights of the photographs, and kept
     /// if it explains views that it was not fitted to. The file holds the displacements as an image (profile `predictive` only). Takes
@@ -145,8 +147,11 @@ pub enum CaptureLight {
 /// Model that highlights are fitted with.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum SpecularModel {
-    /// Torrance and Sparrow's lobe for every texel.
+    /// [`SpecularModel::GgxLobes`] where the surface was refined, [`SpecularModel::TorranceSparrow`] where it stays as the mesh has it: on
+    /// normals of a scan better lobes show nothing better.
     #[default]
+    Automatic,
+    /// Torrance and Sparrow's lobe for every texel.
     TorranceSparrow,
     /// Widths as in Torrance-Sparrow, shapes from a palette of measured lobes (DSBRDF).
     Dsbrdf,

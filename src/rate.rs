@@ -58,6 +58,22 @@ fn step_of_quality(quality: f64) -> f64 {
     0.4 * (-quality / 25.0).exp2()
 }
 
+/// Quantiser step of profile `predictive` that a target leads to, about; `samples` are the pixels of all photographs' components.
+pub(crate) fn expected_step(target: Option<EncodeTarget>, samples: u64) -> f64 {
+    // Decibels at a step of 1, and bytes a sample at quality 75, of objects that fill a good third of their photographs.
+    const PSNR: f64 = 13.4;
+    const BYTES: f64 = 0.03;
+    let default = step_of_quality(75.0);
+    let step = match target {
+        None | Some(EncodeTarget::KeepPercent(_)) => default,
+        Some(EncodeTarget::Quality(quality)) => step_of_quality(quality),
+        Some(EncodeTarget::PsnrDb(db)) => 10f64.powf((PSNR - db) / 20.0),
+        Some(EncodeTarget::MaxError(error)) => error / 3.0,
+        Some(EncodeTarget::MaxBytes(bytes)) => default * BYTES * samples as f64 / bytes as f64,
+    };
+    if step.is_nan() { default } else { step.clamp(STEP_RANGE[1], STEP_RANGE[0]) }
+}
+
 /// Searches the quantiser step of profile `predictive`.
 pub(crate) fn search_step<T>(
     target: EncodeTarget,
@@ -191,6 +207,19 @@ fn unreachable_target(target: EncodeTarget) -> Error {
 mod tests {
     use super::*;
     use crate::metrics::{PhotographError, SquaredError};
+
+    #[test]
+    fn expected_steps_follow_their_targets() {
+        let step = |target| expected_step(Some(target), 10_600_000);
+        assert_eq!(step(EncodeTarget::Quality(75.0)), expected_step(None, 1));
+        assert_eq!(step(EncodeTarget::Quality(100.0)), 0.5 * expected_step(None, 1));
+        for near in [EncodeTarget::PsnrDb(39.4), EncodeTarget::MaxBytes(320_000), EncodeTarget::MaxError(0.15)] {
+            assert!((step(near) / 0.05).ln().abs() < 0.05, "{near:?}: {}", step(near));
+        }
+        for odd in [EncodeTarget::PsnrDb(f64::NAN), EncodeTarget::MaxBytes(0), EncodeTarget::MaxError(-1.0)] {
+            assert!((STEP_RANGE[1]..=STEP_RANGE[0]).contains(&step(odd)), "{odd:?}: {}", step(odd));
+        }
+    }
 
     /// An encoder whose PSNR and bytes follow the step as real ones do.
     fn trial(step: f32) -> Result<Candidate<f32>> {

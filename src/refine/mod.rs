@@ -29,7 +29,7 @@ use rings::Rings;
 use schedule::{STAGES, Stage};
 use signal_view::{SPECULAR_FLOOR, SignalView};
 use std::borrow::Cow;
-use std::ops::Range;
+use std::ops::{Range, RangeInclusive};
 use system::DisplacedSurface;
 
 /// Edge of the finest mesh, in pixels of the reduced photographs.
@@ -64,13 +64,16 @@ pub struct RefinedSurface {
     pub left_out_loss: [f64; 2],
 }
 
-/// Step of coded displacements, in pixels: finer ones cost bytes, and normals differ by less than from the true ones.
-const CODED_STEP: f64 = 0.07;
+/// Step of coded displacements, in pixels, for photographs with a quantiser step of 1, and its range: below it normals differ by less than
+/// from the true ones, above it the surface is no better than the mesh.
+const CODED_STEP: f64 = 2.8;
+const CODED_STEPS: RangeInclusive<f64> = 0.07..=0.28;
 
 impl RefinedSurface {
-    /// The displacements as they are to be coded.
-    pub fn displacements(&self) -> Displacements<'_> {
-        Displacements { levels: self.levels, values: &self.displacement, step: CODED_STEP * self.pixel }
+    /// The displacements as they are to be coded beside photographs with this quantiser step.
+    pub fn displacements(&self, photograph_step: f64) -> Displacements<'_> {
+        let step = (CODED_STEP * photograph_step).clamp(*CODED_STEPS.start(), *CODED_STEPS.end());
+        Displacements { levels: self.levels, values: &self.displacement, step: step * self.pixel }
     }
     /// Returns the displaced scan.
     /// # Errors
@@ -287,11 +290,14 @@ pub(crate) fn refined_surface(
     options: &EncodeOptions,
     warnings: &mut Vec<String>,
 ) -> Result<Option<RefinedSurface>> {
+    let is_asked_for = options.refine == Refinement::Surface;
     if options.refine == Refinement::None {
         return Ok(None);
     }
     if options.profile != Profile::Predictive {
-        warnings.push("the surface stays as the mesh has it: option `refine` goes with profile predictive".into());
+        if is_asked_for {
+            warnings.push("the surface stays as the mesh has it: option `refine` goes with profile predictive".into());
+        }
         return Ok(None);
     }
     let refined = match frames.components == [Component::Diffuse, Component::Specular] {
@@ -301,7 +307,7 @@ pub(crate) fn refined_surface(
         }
         false => None,
     };
-    if refined.is_none() {
+    if refined.is_none() && is_asked_for {
         warnings.push(
             "the surface stays as the mesh has it: refining it takes polarised photographs under known lights, 14 views or more, and \
              it has to explain views better that it was not fitted to"

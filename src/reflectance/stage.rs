@@ -6,7 +6,7 @@ use super::maps::{COLOUR_LEVELS, ReflectanceMaps};
 use super::torrance_sparrow::SIGMA_LEVELS;
 use crate::error::Result;
 use crate::mesh::Mesh;
-use crate::options::EncodeOptions;
+use crate::options::{EncodeOptions, SpecularModel};
 use crate::surface::atlas;
 use crate::surface::charts::{self, Charts};
 use crate::surface::displacement::{self, Displacements};
@@ -15,6 +15,9 @@ use crate::views::{Component, View};
 
 /// Value of a bit of the reflectance maps, in squared steps.
 const MAP_LAMBDA: f32 = 0.15;
+
+/// Step of the weights of lobes, in those of other colours.
+const LOBE_STEP: f32 = 1.0;
 
 /// Reflectance maps fitted once, to be coded at the quality of each trial of the rate control.
 #[derive(Debug)]
@@ -69,7 +72,12 @@ impl<'a> ReflectanceEncoder<'a> {
             .transpose()?;
         let (displacement_bytes, finer) = displaced.unzip();
         let irradiance = surface.irradiance;
-        let (surface, specular) = (finer.as_ref(), options.specular);
+        let surface = finer.as_ref();
+        let specular = match options.specular {
+            SpecularModel::Automatic if surface.is_some() => SpecularModel::GgxLobes,
+            SpecularModel::Automatic => SpecularModel::TorranceSparrow,
+            chosen => chosen,
+        };
         let sources = ReflectanceSources { mesh, surface, views, components, photographs, specular, irradiance };
         let maps = fit_maps(&sources, &charts, &raster)?;
         Ok(ReflectanceEncoder { mesh, charts, chart_bytes, maps, displacement_bytes })
@@ -92,8 +100,7 @@ impl<'a> ReflectanceEncoder<'a> {
         let relative = (step * 2.0).clamp(0.08, 0.25);
         let colour = relative * COLOUR_LEVELS as f32;
         let sigma = 2.0 * relative * SIGMA_LEVELS as f32;
-        // Weights of lobes tell them apart by little.
-        let specular = if self.maps.lobes.is_empty() { colour } else { 0.4 * colour };
+        let specular = if self.maps.lobes.is_empty() { colour } else { LOBE_STEP * colour };
         let steps = MapSteps { diffuse: 0.5 * colour, specular, sigma };
         Ok(codec::encode(&self.maps, self.mesh, &self.charts, &steps, MAP_LAMBDA)?.0)
     }

@@ -148,7 +148,9 @@ fn check(mesh: &Mesh, options: &BakeOptions) -> Result<()> {
     }
     let corner_missing = mesh.triangles.as_flattened().iter().any(|&v| v as usize >= mesh.positions.len());
     if corner_missing || !mesh.positions.iter().all(crate::mesh::is_within_range) {
-        return Err(Error::parameter("visibility needs a mesh whose positions are numbers within 1e12 and whose corners exist"));
+        return Err(Error::parameter(
+            "visibility needs a mesh whose positions are numbers within 1e12 and whose corners exist",
+        ));
     }
     if !codec::SIZES.contains(&options.size) {
         return Err(Error::parameter("the grid of directions must have 8 to 128 cells a side"));

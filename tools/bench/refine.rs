@@ -56,7 +56,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     for density in [0.4, 0.8] {
         let texels = density / refined.pixel;
         let charts = surface::atlas::layout(&scan, texels)?;
-        let (bytes, fine) = surface::displacement::encode(&refined.displacements(), &scan, &charts)?;
+        let (bytes, fine) = surface::displacement::encode(&refined.displacements(0.05), &scan, &charts)?;
         let atlas = surface::atlas::rasterise_atlas(&scan, &charts)?;
         for (name, surface, specular) in [
             ("scan, Torrance-Sparrow", None, SpecularModel::TorranceSparrow),

@@ -48,10 +48,10 @@ pub struct Encode {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(8..=20))]
     position_bits: Option<u8>,
     /// Profile predictive: model that highlights are fitted with.
-    #[arg(long, value_enum, default_value = "torrance-sparrow", value_name = "MODEL")]
+    #[arg(long, value_enum, default_value = "auto", value_name = "MODEL")]
     specular: SpecularName,
     /// What the photographs correct before they are encoded.
-    #[arg(long, value_enum, default_value = "none", value_name = "WHAT")]
+    #[arg(long, value_enum, default_value = "auto", value_name = "WHAT")]
     refine: RefinementName,
     /// Light of the photographs, where the capture does not state it: camera[:DX,DY,DZ], X,Y,Z or environment.
     ///
@@ -153,6 +153,8 @@ enum FasterDecoding {
 
 #[derive(Clone, Copy, PartialEq, ValueEnum)]
 enum SpecularName {
+    /// `ggx` where the surface was refined, else `torrance-sparrow`.
+    Auto,
     /// The lobe of Torrance and Sparrow.
     TorranceSparrow,
     /// Measured shapes: a palette of lobes of half and difference angle.
@@ -163,6 +165,8 @@ enum SpecularName {
 
 #[derive(Clone, Copy, PartialEq, ValueEnum)]
 enum RefinementName {
+    /// `surface` where photographs are polarised and their lights known, else `none`.
+    Auto,
     /// The mesh stays as it is.
     None,
     /// Profile predictive: the mesh is subdivided and displaced until it explains shading and highlights under known lights, and that is
@@ -235,11 +239,12 @@ impl Encode {
             ProfileName::WaveletTexture => Profile::WaveletTexture,
         };
         let specular = match self.specular {
+            SpecularName::Auto => SpecularModel::Automatic,
             SpecularName::TorranceSparrow => SpecularModel::TorranceSparrow,
             SpecularName::Dsbrdf => SpecularModel::Dsbrdf,
             SpecularName::Ggx => SpecularModel::GgxLobes,
         };
-        if specular != SpecularModel::TorranceSparrow && profile == Profile::WaveletTexture {
+        if matches!(specular, SpecularModel::Dsbrdf | SpecularModel::GgxLobes) && profile == Profile::WaveletTexture {
             let message =
                 "--specular dsbrdf and ggx go with profile predictive: profile wavelet-texture has the published model";
             return Err(Error::parameter(message).into());
@@ -257,6 +262,7 @@ impl Encode {
         Ok(EncodeOptions {
             specular,
             refine: match self.refine {
+                RefinementName::Auto => Refinement::Automatic,
                 RefinementName::None => Refinement::None,
                 RefinementName::Surface => Refinement::Surface,
             },

@@ -7,7 +7,7 @@ use std::ops::Range;
 use std::path::Path;
 use tsuya::capture::{CaptureDescription, FrameDescription, describe};
 use tsuya::input::FileAccess;
-use tsuya::{EncodeOptions, EncodeTarget, Profile};
+use tsuya::{EncodeOptions, EncodeTarget, Profile, Refinement};
 
 /// Share of the photographs' pixels that show the object, where masks say so, and where there are none.
 const MASKED: [Range<f64>; 2] = [0.08..0.6, 0.1..1.0];
@@ -19,6 +19,10 @@ const SECONDS: Range<f64> = 0.4e-6..3e-6;
 /// Bytes of memory for each pixel of the largest photograph and component, for all photographs that are worked on at once, and for the rest.
 const MEMORY: Range<f64> = 40.0..500.0;
 const OTHER_MEMORY: Range<f64> = 25e6..80e6;
+/// Processor seconds and bytes of memory for each pixel that the surface is refined by, and the most of these pixels.
+const REFINING_SECONDS: Range<f64> = 2e-6..24e-6;
+const REFINING_MEMORY: Range<f64> = 10.0..90.0;
+const REFINING_PIXELS: u64 = 16 << 20;
 /// Bytes of the temporary file for each pixel of the object and component.
 const TEMPORARY: Range<f64> = 4.0..16.0;
 
@@ -70,7 +74,13 @@ impl EncodePlan {
             None | Some(EncodeTarget::Quality(_) | EncodeTarget::KeepPercent(_)) => 1.0..1.0,
             Some(_) => 1.5..5.0,
         };
-        let processor_seconds = times(&times(&SECONDS, &whole(samples)), &effort);
+        let is_refined = options.profile == Profile::Predictive
+            && options.refine != Refinement::None
+            && frames.iter().all(|frame| frame.cross.is_some() && frame.view.light.is_some());
+        let refining = whole(if is_refined { pixels.min(REFINING_PIXELS) } else { 0 });
+        let coding_seconds = times(&times(&SECONDS, &whole(samples)), &effort);
+        let processor_seconds = sum(&coding_seconds, &times(&REFINING_SECONDS, &refining));
+        let coding_memory = sum(&times(&MEMORY, &whole(most)), &OTHER_MEMORY);
         let threads = rayon::current_num_threads() as f64;
         // A quarter of the scale of qualities halves the quantiser's step, which takes almost twice the bytes.
         let at_quality = |quality: f64| sum(&times(&times(&BYTES, &masked), &rate(quality)), &OTHER_BYTES);
@@ -88,7 +98,7 @@ impl EncodePlan {
                 .max_by_key(|frame| area(frame))
                 .map_or([0; 2], |frame| [frame.view.camera.width, frame.view.camera.height]),
             masked_pixels: times(&share, &whole(pixels)),
-            memory: sum(&times(&MEMORY, &whole(most)), &OTHER_MEMORY),
+            memory: sum(&coding_memory, &times(&REFINING_MEMORY, &refining)),
             temporary: times(&masked, &TEMPORARY),
             seconds: processor_seconds.start / threads..processor_seconds.end / threads.min(2.0),
             processor_seconds,
