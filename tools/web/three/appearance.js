@@ -4,6 +4,7 @@ import {
   BufferAttribute,
   BufferGeometry,
   ClampToEdgeWrapping,
+  DataArrayTexture,
   DataTexture,
   EventDispatcher,
   FloatType,
@@ -22,7 +23,7 @@ import { openTsuya } from "tsuya";
 import { Atlas, transformed } from "./binding.js";
 import { Captured } from "./captured.js";
 import { LOBES, MOST_TERMS, environment, setEnvironment, visibilityTexture } from "./environment.js";
-import { CANDIDATES, LIGHTS, fragment, reflectance, residual, vertex } from "./shading.js";
+import { CANDIDATES, GGX_LOBES, LIGHTS, fragment, reflectance, residual, vertex } from "./shading.js";
 import { Shadows } from "./shadows.js";
 import { SPARE_VIEWS, VIEWS, bounds, captureLight, centre, dot, length, nearest, numberLights, subtract } from "./views.js";
 
@@ -42,6 +43,21 @@ function atlasTexture(data, width, height) {
   return texture;
 }
 
+/** Weights of the lobes, three numbers each, one after the other in four layers of four. */
+function lobeTexture(lobes, width, height, scale) {
+  const data = new Float32Array(16 * width * height);
+  lobes.forEach(({ weights }, lobe) => {
+    for (let k = 0; k < weights.length; k++) {
+      const place = 3 * lobe + (k % 3);
+      data[4 * ((place >> 2) * width * height + Math.floor(k / 3)) + (place & 3)] = weights[k] * scale[k % 3];
+    }
+  });
+  const texture = new DataArrayTexture(data, width, height, 4);
+  Object.assign(texture, { format: RGBAFormat, type: FloatType, internalFormat: "RGBA16F", minFilter: LinearFilter, magFilter: LinearFilter });
+  Object.assign(texture, { wrapS: ClampToEdgeWrapping, wrapT: ClampToEdgeWrapping, needsUpdate: true });
+  return texture;
+}
+
 const list = (count, make) => Array.from({ length: count }, make);
 
 /**
@@ -49,23 +65,29 @@ const list = (count, make) => Array.from({ length: count }, make);
  * itself, each once, and dispatches `change` when a picture would look different, `error` when a view can't be decoded.
  */
 export class Appearance extends EventDispatcher {
-  /** Opens a stream: `source` as for `openTsuya`, or a file that it gave. */
+  /**
+   * Opens a stream: `source` as for `openTsuya`, or a file that it gave. With `surface: false` its own geometry is the mesh where the file has
+   * a finer surface, too.
+   */
   static async open(source, options = {}) {
     const file = typeof source?.view === "function" ? source : await openTsuya(source, options);
     try {
-      const [mesh, maps] = await Promise.all([file.mesh(), file.reflectance()]);
+      const finer = options.surface === false ? null : file.surface();
+      const [mesh, maps, surface] = await Promise.all([file.mesh(), file.reflectance(), finer]);
       if (!mesh || !mesh.indices.length) throw new Error("the file holds no mesh, so there is nothing to show");
-      return new Appearance(file, mesh, maps);
+      return new Appearance(file, mesh, maps, surface);
     } catch (error) {
       file.close();
       throw error;
     }
   }
 
-  constructor(file, mesh, maps) {
+  constructor(file, mesh, maps, surface = null) {
     super();
     this.file = file;
     this.source = mesh;
+    /** The finer surface, where the file has one. */
+    this.surface = surface;
     this.layers = { ...ALL_LAYERS };
     /** `{capture: number}`, `{points: [{position, intensity}]}` in the stream's world and units, or `{environment, turn}`. */
     this.lighting = { capture: 0 };
@@ -89,6 +111,7 @@ export class Appearance extends EventDispatcher {
     this.lightNumbers = numberLights(file.views, this.shape.middle);
     this.prepareUnits();
     this.geometry = this.makeGeometry();
+    this.ggx = this.relightable && maps.lobes.length === GGX_LOBES;
     const dark = new Float32Array(4);
     const scale = this.relightable ? this.unit : file.facts.white.map((w) => 1 / w);
     const scaled = (data) => data.map((x, k) => (k % 4 < 3 ? x * scale[k % 4] : x));
@@ -98,10 +121,16 @@ export class Appearance extends EventDispatcher {
       relightable: { value: this.relightable },
       hasSpecular: { value: Boolean(maps?.specular) },
     };
+    if (this.ggx) {
+      this.maps.lobeMap = { value: lobeTexture(maps.lobes, maps.width, maps.height, scale) };
+      this.maps.lobeRoughness = { value: maps.lobes.map(({ roughness }) => roughness) };
+      this.maps.lobeUnit = { value: new Vector3(...scale) };
+    }
     this.captured = new Captured({
       views: file.views,
       geometry: this.geometry,
       maps: this.maps,
+      ggx: this.ggx,
       kinds: this.kinds,
       white: file.facts.white,
       lightOf: (view) => this.inUnits(file.views[view].light),
@@ -143,7 +172,7 @@ export class Appearance extends EventDispatcher {
   }
 
   makeGeometry() {
-    const { positions, normals, uvs, indices } = this.source;
+    const { positions, normals, uvs, indices } = this.surface ?? this.source;
     const geometry = new BufferGeometry();
     geometry.setAttribute("position", new BufferAttribute(positions, 3));
     geometry.setAttribute("normal", new BufferAttribute(normals, 3));
@@ -162,7 +191,7 @@ export class Appearance extends EventDispatcher {
     const material = new ShaderMaterial({
       name: "TsuyaAppearance",
       // Shaders without the environment compile faster.
-      defines: { COMPONENTS: this.kinds.length, VISIBILITY: terms, ENVIRONMENT: 0 },
+      defines: { COMPONENTS: this.kinds.length, VISIBILITY: terms, ENVIRONMENT: 0, GGX: Number(this.ggx) },
       vertexShader,
       fragmentShader: `uniform vec3 eye;\n${reflectance}${residual}\n#if ENVIRONMENT\n${environment}\n#endif\n${fragment}`,
       toneMapped: false,
@@ -212,7 +241,7 @@ export class Appearance extends EventDispatcher {
     return material;
   }
 
-  /** A mesh of the stream's own geometry, in the stream's world. */
+  /** A mesh of the stream's own geometry, in the stream's world: the finer surface, where the file has one. */
   mesh() {
     const mesh = new Mesh(this.geometry, this.material);
     this.bind(mesh, {});
@@ -352,17 +381,29 @@ export class Appearance extends EventDispatcher {
     const visibility = await this.file.visibility();
     if (!visibility || this.closed) return false;
     const vectors = Math.ceil(Math.min(visibility.terms, MOST_TERMS) / 4);
+    const { terms } = visibility;
     const { sourceVertices } = this.source;
-    list(vectors, (_, k) => {
+    // Four terms of the mesh's vertices; those of a finer surface lie between three of them.
+    const ofMesh = list(vectors, (_, k) => {
       const weights = new Float32Array(sourceVertices.length * 4);
       sourceVertices.forEach((vertex, at) => {
-        for (let c = 0; c < 4 && 4 * k + c < visibility.terms; c++) {
-          weights[4 * at + c] = visibility.weights[vertex * visibility.terms + 4 * k + c];
-        }
+        for (let c = 0; c < 4 && 4 * k + c < terms; c++) weights[4 * at + c] = visibility.weights[vertex * terms + 4 * k + c];
       });
-      this.geometry.setAttribute(`occlusion${k}`, new BufferAttribute(weights, 4));
+      return weights;
     });
-    this.bound.forEach((mesh) => this.carryVisibility(mesh, vectors));
+    const ofSurface = ({ vertices, weights: shares }, k) => {
+      const weights = new Float32Array((vertices.length / 3) * 4);
+      vertices.forEach((vertex, corner) => {
+        const at = 4 * Math.floor(corner / 3);
+        for (let c = 0; c < 4 && 4 * k + c < terms; c++) weights[at + c] += shares[corner] * visibility.weights[vertex * terms + 4 * k + c];
+      });
+      return weights;
+    };
+    ofMesh.forEach((weights, k) => {
+      const own = this.surface ? ofSurface(this.surface.between, k) : weights;
+      this.geometry.setAttribute(`occlusion${k}`, new BufferAttribute(own, 4));
+    });
+    this.bound.forEach((mesh) => this.carryVisibility(mesh, ofMesh));
     const material = this.makeMaterial(vectors);
     this.material.defines.VISIBILITY = vectors;
     this.material.vertexShader = material.vertexShader;
@@ -374,20 +415,19 @@ export class Appearance extends EventDispatcher {
     return true;
   }
 
-  /** Gives the vertices of a document's mesh the visibility that the stream's surface has at their texture coordinates. */
-  carryVisibility({ geometry, userData }, vectors) {
+  /** Gives the vertices of a document's mesh the visibility that the stream's mesh has at their texture coordinates. */
+  carryVisibility({ geometry, userData }, ofMesh) {
     if (geometry === this.geometry) return;
     const atlas = this.atlas();
     const at = geometry.attributes.atlas;
     const places = list(at.count, (_, k) => atlas.find(...transformed(userData.tsuya.atlasTransform, at.getX(k), at.getY(k))));
-    list(vectors, (_, k) => {
-      const own = this.geometry.attributes[`occlusion${k}`].array;
+    ofMesh.forEach((own, k) => {
       const values = places.flatMap((place) => (place ? atlas.read(own, 4, place) : [0, 0, 0, 0]));
       geometry.setAttribute(`occlusion${k}`, new BufferAttribute(new Float32Array(values), 4));
     });
   }
 
-  /** The surface by its atlas coordinates; null without an atlas. */
+  /** The mesh by its atlas coordinates; null without an atlas. */
   atlas() {
     if (!this.source.uvs.length || !this.atlasSize) return null;
     this.lookUp ??= new Atlas(this.source, this.atlasSize);
@@ -417,6 +457,7 @@ export class Appearance extends EventDispatcher {
     this.material.uniforms.visibilityBases.value?.dispose();
     this.maps.diffuseMap.value.dispose();
     this.maps.specularMap.value.dispose();
+    this.maps.lobeMap?.value.dispose();
   }
 }
 

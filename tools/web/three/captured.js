@@ -29,7 +29,7 @@ import { bounds, centre, subtract, dot } from "./views.js";
 const MEMORY = 320 << 20;
 /** Layers at most: what is near from the next places of the camera stays. */
 const MOST_LAYERS = 16;
-const HEAD = "precision highp float;\nprecision highp int;\nprecision highp sampler2D;\n";
+const HEAD = "precision highp float;\nprecision highp int;\nprecision highp sampler2D;\nprecision highp sampler2DArray;\n";
 
 const camera = new OrthographicCamera();
 
@@ -67,10 +67,10 @@ const pixelExact = { minFilter: NearestFilter, magFilter: NearestFilter, generat
 
 export class Captured {
   /**
-   * `views` as the file has them, `geometry` the stream's own mesh, `maps` the uniforms of its reflectance, `kinds` what the components are,
-   * `white` the white board, `lightOf` a view's light in units of the maps.
+   * `views` as the file has them, `geometry` the stream's own surface, `maps` the uniforms of its reflectance, `ggx` whether it has lobes,
+   * `kinds` what the components are, `white` the white board, `lightOf` a view's light in units of the maps.
    */
-  constructor({ views, geometry, maps, kinds, white, lightOf }) {
+  constructor({ views, geometry, maps, ggx, kinds, white, lightOf }) {
     this.views = views;
     this.kinds = kinds;
     this.lightOf = lightOf;
@@ -88,6 +88,7 @@ export class Captured {
       geometry,
       new RawShaderMaterial({
         glslVersion: GLSL3,
+        defines: { GGX: Number(ggx) },
         vertexShader: HEAD + captureVertex,
         fragmentShader: HEAD + reflectance + captureFragment,
         side: DoubleSide,

@@ -87,11 +87,14 @@ export function environmentOfPicture(picture: { data: ArrayLike<number>; width: 
  * (with `error` and `view`) that a view can't be decoded, and is left out. Lighting and layers may be changed any time; draw again after it.
  */
 export class Appearance extends EventDispatcher<{ change: {}; error: { error: Error; view: number } }> {
-  /** Opens a stream; `source` may be an open file, which the appearance then owns. */
-  static open(source: TsuyaSource | TsuyaFile, options?: OpenOptions): Promise<Appearance>;
+  /**
+   * Opens a stream; `source` may be an open file, which the appearance then owns. With `surface: false` the mesh is shown where the file has a
+   * finer surface, too: for documents whose meshes are bound.
+   */
+  static open(source: TsuyaSource | TsuyaFile, options?: OpenOptions & { surface?: boolean }): Promise<Appearance>;
 
   readonly file: TsuyaFile;
-  /** The stream's own mesh, in its world. */
+  /** The stream's own mesh, or its finer surface, in its world. */
   readonly geometry: BufferGeometry;
   readonly material: ShaderMaterial;
   /** Meshes that show it. */
