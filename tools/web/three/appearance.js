@@ -23,9 +23,9 @@ import { openTsuya } from "tsuya";
 import { Atlas, transformed } from "./binding.js";
 import { Captured } from "./captured.js";
 import { LOBES, MOST_TERMS, environment, setEnvironment, visibilityTexture } from "./environment.js";
-import { CANDIDATES, GGX_LOBES, LIGHTS, fragment, reflectance, residual, vertex } from "./shading.js";
+import { CANDIDATES, GGX_LOBES, LIGHTS, fragment, reflectance, residual, shadow, vertex } from "./shading.js";
 import { Shadows } from "./shadows.js";
-import { SPARE_VIEWS, VIEWS, bounds, captureLight, centre, dot, length, nearest, numberLights, subtract } from "./views.js";
+import { SPARE_VIEWS, VIEWS, add, bounds, captureLight, centre, dot, length, nearest, normalize, numberLights, subtract } from "./views.js";
 
 const KINDS = { diffuse: 0, specular: 1, combined: 2 };
 /** Key views decoded before those that are nearest, so that every side has something. */
@@ -56,6 +56,14 @@ function lobeTexture(lobes, width, height, scale) {
   Object.assign(texture, { format: RGBAFormat, type: FloatType, internalFormat: "RGBA16F", minFilter: LinearFilter, magFilter: LinearFilter });
   Object.assign(texture, { wrapS: ClampToEdgeWrapping, wrapT: ClampToEdgeWrapping, needsUpdate: true });
   return texture;
+}
+
+/** Two arrays, one after the other. */
+function joined(first, second) {
+  const both = new first.constructor(first.length + second.length);
+  both.set(first);
+  both.set(second, first.length);
+  return both;
 }
 
 const list = (count, make) => Array.from({ length: count }, make);
@@ -111,6 +119,7 @@ export class Appearance extends EventDispatcher {
     this.lightNumbers = numberLights(file.views, this.shape.middle);
     this.prepareUnits();
     this.geometry = this.makeGeometry();
+    const shape = surface ? bounds(surface.positions) : this.shape;
     this.ggx = this.relightable && maps.lobes.length === GGX_LOBES;
     const dark = new Float32Array(4);
     const scale = this.relightable ? this.unit : file.facts.white.map((w) => 1 / w);
@@ -120,11 +129,11 @@ export class Appearance extends EventDispatcher {
       specularMap: { value: maps?.specular ? atlasTexture(scaled(maps.specular), maps.width, maps.height) : atlasTexture(dark, 1, 1) },
       relightable: { value: this.relightable },
       hasSpecular: { value: Boolean(maps?.specular) },
+      unit: { value: new Vector3(...scale) },
     };
     if (this.ggx) {
       this.maps.lobeMap = { value: lobeTexture(maps.lobes, maps.width, maps.height, scale) };
       this.maps.lobeRoughness = { value: maps.lobes.map(({ roughness }) => roughness) };
-      this.maps.lobeUnit = { value: new Vector3(...scale) };
     }
     this.captured = new Captured({
       views: file.views,
@@ -134,8 +143,10 @@ export class Appearance extends EventDispatcher {
       kinds: this.kinds,
       white: file.facts.white,
       lightOf: (view) => this.inUnits(file.views[view].light),
+      shape,
+      shadows: new Shadows(this.geometry, shape, 1),
     });
-    this.shadowMaps = new Shadows(this.geometry);
+    this.shadowMaps = new Shadows(this.geometry, shape);
     this.material = this.makeMaterial(0);
     this.bound = [];
     this.arrived = [];
@@ -172,14 +183,22 @@ export class Appearance extends EventDispatcher {
   }
 
   makeGeometry() {
-    const { positions, normals, uvs, indices } = this.surface ?? this.source;
+    const { source: mesh, surface } = this;
+    const front = (surface ?? mesh).positions.length / 3;
+    // Behind a finer surface the mesh, shown where only that is met: what photographs say of silhouettes is in it.
+    const array = (name) => (surface ? joined(surface[name], mesh[name]) : mesh[name]);
     const geometry = new BufferGeometry();
+    const positions = array("positions");
     geometry.setAttribute("position", new BufferAttribute(positions, 3));
-    geometry.setAttribute("normal", new BufferAttribute(normals, 3));
+    geometry.setAttribute("normal", new BufferAttribute(array("normals"), 3));
+    const uvs = array("uvs");
     const atlas = uvs.length ? uvs : new Float32Array((positions.length / 3) * 2);
     geometry.setAttribute("uv", new BufferAttribute(atlas, 2));
     geometry.setAttribute("atlas", geometry.attributes.uv);
+    const indices = array("indices");
+    if (surface) for (let k = surface.indices.length; k < indices.length; k++) indices[k] += front;
     geometry.setIndex(new BufferAttribute(indices, 1));
+    if (surface) geometry.setAttribute("behind", new BufferAttribute(new Float32Array(positions.length / 3).fill(1, front), 1));
     return geometry;
   }
 
@@ -191,9 +210,9 @@ export class Appearance extends EventDispatcher {
     const material = new ShaderMaterial({
       name: "TsuyaAppearance",
       // Shaders without the environment compile faster.
-      defines: { COMPONENTS: this.kinds.length, VISIBILITY: terms, ENVIRONMENT: 0, GGX: Number(this.ggx) },
+      defines: { COMPONENTS: this.kinds.length, VISIBILITY: terms, ENVIRONMENT: 0, GGX: Number(this.ggx), BEHIND: Number(this.surface !== null) },
       vertexShader,
-      fragmentShader: `uniform vec3 eye;\n${reflectance}${residual}\n#if ENVIRONMENT\n${environment}\n#endif\n${fragment}`,
+      fragmentShader: `uniform vec3 eye;\n${reflectance}${shadow}${residual}\n#if ENVIRONMENT\n${environment}\n#endif\n${fragment}`,
       toneMapped: false,
       uniforms: {
         ...this.maps,
@@ -223,6 +242,8 @@ export class Appearance extends EventDispatcher {
         viewCentre: { value: list(CANDIDATES, () => new Vector3()) },
         viewSize: { value: list(CANDIDATES, () => new Vector3()) },
         viewDepth: { value: list(CANDIDATES, () => new Vector2()) },
+        viewLight: { value: list(CANDIDATES, () => this.inUnits(null)) },
+        farthest: { value: [1, 1] },
         firstPhotograph: { value: null },
         firstModel: { value: null },
         secondPhotograph: { value: null },
@@ -238,6 +259,8 @@ export class Appearance extends EventDispatcher {
         visibilitySize: { value: 1 },
       },
     });
+    // Of meshes of other documents.
+    material.defaultAttributeValues.behind = [0];
     return material;
   }
 
@@ -306,8 +329,11 @@ export class Appearance extends EventDispatcher {
     const light = captureLight(this.file.views, near.slice(0, used), frame, this.views);
     uniforms.captureLight.value = this.inUnits(light);
     const { points, environment: around, turn } = this.relightable ? this.lighting : {};
-    uniforms.lighting.value = around ? 2 : points ? 1 : 0;
-    const lights = (points ?? []).slice(0, LIGHTS);
+    // Where no view was captured its shadows were not, either.
+    const free = this.relightable && light && !this.isCapturedFrom(near[0].view, eye);
+    uniforms.lighting.value = around ? 2 : points ? 1 : free ? 3 : 0;
+    if (free) this.kinds.forEach((kind, k) => (uniforms.farthest.value[k] = this.farthest(kind, light, eye, near)));
+    const lights = (points ?? (around || !free ? [] : [light])).slice(0, LIGHTS);
     lights.forEach((l, k) => (uniforms.lights.value[k] = this.inUnits(l)));
     uniforms.lightCount.value = lights.length;
     this.shadowMaps.update(renderer, uniforms, lights, this.shadows && lights.length > 0);
@@ -322,6 +348,34 @@ export class Appearance extends EventDispatcher {
       const scale = new Vector3().setScalar(WHITE_ALBEDO / Math.PI);
       setEnvironment(uniforms, around, (axis) => axis.transformDirection(rotation), scale);
     }
+  }
+
+  /** Whether a view was captured from a place. */
+  isCapturedFrom(view, eye) {
+    const place = centre(this.file.views[view].camera);
+    return length(subtract(place, eye)) <= 1e-6 * length(subtract(place, this.shape.middle));
+  }
+
+  /**
+   * How unlike in light and camera, told at the object's middle, the nearest photograph is that does not take part: a photograph takes part
+   * less the nearer it comes to that.
+   */
+  farthest(kind, light, eye, near) {
+    const { middle } = this.shape;
+    const directions = (position, place) => {
+      const [l, v] = [position, place].map((target) => normalize(subtract(target, middle)));
+      return { l, v, h: normalize(add(l, v)) };
+    };
+    const asked = directions(light.position, eye);
+    const gap = (own, name) => dot(subtract(asked[name], own[name]), subtract(asked[name], own[name]));
+    const apart = near.slice(this.wanted.length).flatMap(({ view }) => {
+      const { camera, light } = this.file.views[view];
+      if (!light) return [];
+      const own = directions(light.position, centre(camera));
+      const [l, v, h] = ["l", "v", "h"].map((name) => gap(own, name));
+      return Math.sqrt(kind === KINDS.diffuse ? l + 0.25 * v : h + 0.01 * (l + v));
+    });
+    return Math.max(Math.min(...apart, kind === KINDS.diffuse ? 2 : 1), 1e-5);
   }
 
   /** All views under one of the capture's lights, the nearest first. */
@@ -400,7 +454,7 @@ export class Appearance extends EventDispatcher {
       return weights;
     };
     ofMesh.forEach((weights, k) => {
-      const own = this.surface ? ofSurface(this.surface.between, k) : weights;
+      const own = this.surface ? joined(ofSurface(this.surface.between, k), weights) : weights;
       this.geometry.setAttribute(`occlusion${k}`, new BufferAttribute(own, 4));
     });
     this.bound.forEach((mesh) => this.carryVisibility(mesh, ofMesh));

@@ -31,11 +31,11 @@ uniform sampler2D diffuseMap;
 uniform sampler2D specularMap;
 uniform bool relightable;
 uniform bool hasSpecular;
+/** What the maps were multiplied with. */
+uniform vec3 unit;
 #if GGX
 uniform sampler2DArray lobeMap;
 uniform float lobeRoughness[5];
-/** What the maps were multiplied with. */
-uniform vec3 lobeUnit;
 const float NORMAL_REFLECTANCE = 0.04;
 
 /** Share of the light that passes the surface above the diffuse layer at the cosine of an angle. */
@@ -48,7 +48,7 @@ float transmission(float cosine) {
 vec3 grazingGain(Maps maps) {
   vec3 sum = vec3(0.0);
   for (int k = 0; k < 5; k++) sum += maps.weights[k];
-  return max(1.0 / max(sum / lobeUnit, NORMAL_REFLECTANCE) - 1.0, 0.0);
+  return max(1.0 / max(sum / unit, NORMAL_REFLECTANCE) - 1.0, 0.0);
 }
 
 /** Radiance of the lobes for an irradiance of 1; light and view are above the surface. */
@@ -120,6 +120,39 @@ Parts modelOf(Maps maps, Geometry g) {
 }
 `;
 
+/** What lights reach of a surface. */
+export const shadow = /* glsl */ `
+#define LIGHTS ${LIGHTS}
+/** Depth maps of the lights, side by side. */
+uniform sampler2D shadowMaps;
+uniform vec4 shadowRows[3 * LIGHTS];
+/** Focal length in pixels (0 without shadows), then what depths are stored relative to. */
+uniform vec3 shadowLens[LIGHTS];
+const float SHADOW_SIDE = 1024.0;
+float shadowAt(ivec2 at, int light, float nearest) {
+  float depth = texelFetch(shadowMaps, at + ivec2(light * int(SHADOW_SIDE), 0), 0).r;
+  return depth <= 0.0 || depth * shadowLens[light].z + shadowLens[light].y > nearest ? 1.0 : 0.0;
+}
+
+/** Share of a light that reaches a surface point: bilinear between four depth tests. */
+float reachOf(int light, vec3 point, float cosLight) {
+  vec3 lens = shadowLens[light];
+  if (lens.x <= 0.0) return 1.0;
+  vec4 p = vec4(point, 1.0);
+  vec3 q = vec3(dot(shadowRows[3 * light], p), dot(shadowRows[3 * light + 1], p), dot(shadowRows[3 * light + 2], p));
+  if (q.z <= 0.0) return 1.0;
+  vec2 at = lens.x * q.xy / q.z + 0.5 * SHADOW_SIDE - 0.5;
+  vec2 corner = floor(at);
+  if (any(lessThan(corner, vec2(0.0))) || any(greaterThanEqual(corner + 1.0, vec2(SHADOW_SIDE)))) return 1.0;
+  vec2 part = at - corner;
+  float nearest = q.z - 5.0 * q.z / lens.x / clamp(cosLight, 0.2, 1.0);
+  ivec2 c = ivec2(corner);
+  float upper = mix(shadowAt(c, light, nearest), shadowAt(c + ivec2(1, 0), light, nearest), part.x);
+  float lower = mix(shadowAt(c + ivec2(0, 1), light, nearest), shadowAt(c + ivec2(1, 1), light, nearest), part.x);
+  return mix(upper, lower, part.y);
+}
+`;
+
 /** Captured views read at a surface point: photograph and model of each, as `captured.js` prepares them. */
 export const residual = /* glsl */ `
 #define CANDIDATES ${CANDIDATES}
@@ -136,14 +169,17 @@ uniform vec2 viewDepth[CANDIDATES];
 uniform int candidates;
 uniform int blended;
 uniform bool cubic;
-/** rgb: photograph of the first component; a: confidence, -1 where the mask is not set. */
+/** Light of each candidate. */
+uniform PointLight viewLight[CANDIDATES];
+/** rgb: photograph of the first component; a: steps from what says nothing, 0 to 4, plus half the share of the light; -1 beside the mask. */
 uniform sampler2DArray firstPhotograph;
 /** rgb: model of the first component; a: depth. */
 uniform sampler2DArray firstModel;
 uniform sampler2DArray secondPhotograph;
 uniform sampler2DArray secondModel;
 
-struct Shown { vec3 photograph[2]; vec3 model[2]; };
+/** Photograph and model by component, and the share of the view's light that reaches the place. */
+struct Shown { vec3 photograph[2]; vec3 model[2]; float reach; };
 const int UNSEEN = 0;
 const int CUT = 1;
 const int SEEN = 2;
@@ -159,7 +195,7 @@ Texel texelOf(ivec2 at, int k, float depth, float margin) {
   t.photograph = texelFetch(firstPhotograph, ivec3(at, size.z), 0);
   t.model = texelFetch(firstModel, ivec3(at, size.z), 0);
   t.near = t.model.a > -1000.0 && abs(t.model.a * viewDepth[k].y + viewDepth[k].x - depth) < margin;
-  t.readable = t.near && t.photograph.a > 0.0;
+  t.readable = t.near && t.photograph.a >= 1.0;
   return t;
 }
 
@@ -171,7 +207,9 @@ void addTexel(inout Shown sum, inout float confidence, Texel t, ivec2 at, int k,
     sum.photograph[1] += weight * texelFetch(secondPhotograph, place, 0).rgb;
     sum.model[1] += weight * texelFetch(secondModel, place, 0).rgb;
   }
-  confidence += weight * t.photograph.a;
+  float steps = floor(t.photograph.a);
+  confidence += weight * 0.25 * steps;
+  sum.reach += weight * 2.0 * (t.photograph.a - steps);
 }
 
 vec4 catmullRom(float t) {
@@ -181,7 +219,7 @@ vec4 catmullRom(float t) {
 
 /** What candidate k shows at a surface point: cubic between pixels where all around can be read, else bilinear. */
 int look(int k, vec3 point, bool colours, out Shown shown, out float confidence) {
-  shown = Shown(vec3[2](vec3(0.0), vec3(0.0)), vec3[2](vec3(0.0), vec3(0.0)));
+  shown = Shown(vec3[2](vec3(0.0), vec3(0.0)), vec3[2](vec3(0.0), vec3(0.0)), 0.0);
   confidence = 0.0;
   vec4 p = vec4(point, 1.0);
   vec3 q = vec3(dot(viewRows[3 * k], p), dot(viewRows[3 * k + 1], p), dot(viewRows[3 * k + 2], p));
@@ -202,8 +240,9 @@ int look(int k, vec3 point, bool colours, out Shown shown, out float confidence)
         addTexel(shown, confidence, t, place, k, columns[i] * rows[j]);
       }
     }
+    shown.reach = clamp(shown.reach, 0.0, 1.0);
     if (all16) return SEEN;
-    shown = Shown(vec3[2](vec3(0.0), vec3(0.0)), vec3[2](vec3(0.0), vec3(0.0)));
+    shown = Shown(vec3[2](vec3(0.0), vec3(0.0)), vec3[2](vec3(0.0), vec3(0.0)), 0.0);
     confidence = 0.0;
   }
   float total = 0.0;
@@ -223,6 +262,7 @@ int look(int k, vec3 point, bool colours, out Shown shown, out float confidence)
       shown.photograph[c] /= total;
       shown.model[c] /= total;
     }
+    shown.reach /= total;
     confidence = max(confidence, 1e-4);
     return SEEN;
   }
@@ -306,6 +346,77 @@ vec3 residualOf(Sight s, int component, vec3 model, vec3 irradiance, int bound) 
   }
   return sum * abs(sum) - model;
 }
+
+/** Smallest cosine to a light under which a surface is lit in full. */
+const float GRAZING = 0.2;
+/** Smallest cosine to its camera at which a photograph counts in full. */
+const float EDGE = 0.35;
+/** Lit shares below this are alike. */
+const float DARK = 0.05;
+/** Distance within which a photograph tells what shines where no light falls. */
+const float NEARLY_SAME = 0.2;
+/** Distances, by component, from which on photographs say nothing. */
+uniform float farthest[2];
+
+/** How unlike directions to light and camera are, for diffuse reflection or for highlights. */
+float unlike(vec3 light, vec3 view, vec3 otherLight, vec3 otherView, bool diffuse) {
+  vec3 l = light - otherLight, v = view - otherView, h = normalize(light + view) - normalize(otherLight + otherView);
+  return sqrt(diffuse ? dot(l, l) + 0.25 * dot(v, v) : dot(h, h) + 0.01 * (dot(l, l) + dot(v, v)));
+}
+
+/** Each component's radiance under a light and from a camera that were not captured: spec/rendering.md, "Point lights". */
+struct Lit { vec3 radiance[2]; bool cut; };
+
+Lit between(vec3 point, vec3 normal, vec3 eye, PointLight light, float reach, vec3 models[2], int parts[2]) {
+  vec3 gap = light.position - point, l = normalize(gap), v = normalize(eye - point);
+  vec3 irradiance = light.intensity / dot(gap, gap) * unit;
+  float lit = reach * clamp(dot(l, normal) / GRAZING, 0.0, 1.0);
+  Lit result;
+  float totals[2] = float[2](0.0, 0.0);
+  for (int c = 0; c < COMPONENTS; c++) {
+    totals[c] = parts[c] == 0 ? 0.25 : 6.25;
+    result.radiance[c] = totals[c] * sqrt(max(models[c], 0.0));
+  }
+  float nearestSeen = 10.0, nearestCut = 10.0;
+  for (int k = 0; k < candidates; k++) {
+    Shown shown;
+    float confidence;
+    int sight = look(k, point, true, shown, confidence);
+    float away = angleBetween(viewCentre[k] - point, v);
+    if (sight == CUT) nearestCut = min(nearestCut, away);
+    if (sight != SEEN) continue;
+    nearestSeen = min(nearestSeen, away);
+    if (blended == 1 && k > 0) continue;
+    vec3 otherGap = viewLight[k].position - point, otherLight = normalize(otherGap), otherView = normalize(viewCentre[k] - point);
+    vec3 otherIrradiance = viewLight[k].intensity / dot(otherGap, otherGap) * unit;
+    float facing = clamp(dot(otherView, normal) / EDGE, 0.1, 1.0);
+    float otherLit = shown.reach * clamp(dot(otherLight, normal) / GRAZING, 0.0, 1.0);
+    float alike = 1.0 - abs(lit - otherLit), share = min((lit + DARK) / (otherLit + DARK), 1.0);
+    for (int c = 0; c < COMPONENTS; c++) {
+      bool diffuse = parts[c] == 0;
+      float apart = max(unlike(l, v, otherLight, otherView, diffuse), 1e-6);
+      float near = max(1.0 / apart - 1.0 / farthest[c], 0.0);
+      float weight = (diffuse ? near : near * near) * alike * alike * confidence * facing * facing;
+      float least = diffuse ? 0.02 : 0.005;
+      vec3 here = max(min(0.5 * lit / DARK, 1.0), 1.0 - min(apart / NEARLY_SAME, 1.0)) * least * irradiance;
+      vec3 there = least * otherIrradiance;
+      vec3 expected = shown.model[c] * shown.reach + there;
+      vec3 radiance = (models[c] + here) * ((shown.photograph[c] + there) / max(expected, 1e-20)) - here;
+      radiance = mix(models[c], radiance, share);
+      for (int i = 0; i < 3; i++) {
+        float value = expected[i] > 0.0 ? radiance[i] : models[c][i];
+        result.radiance[c][i] += weight * sign(value) * sqrt(abs(value));
+      }
+      totals[c] += weight;
+    }
+  }
+  for (int c = 0; c < COMPONENTS; c++) {
+    vec3 mean = result.radiance[c] / totals[c];
+    result.radiance[c] = mean * abs(mean);
+  }
+  result.cut = nearestCut < nearestSeen;
+  return result;
+}
 `;
 
 /** A mesh in the stream's world, seen by any camera. */
@@ -320,6 +431,10 @@ varying vec3 vPoint;
 varying vec3 vNormal;
 varying vec2 vAtlas;
 varying float vDepth;
+#if BEHIND
+/** 1 of the mesh that is drawn where its finer surface is not. */
+attribute float behind;
+#endif
 #if VISIBILITY > 0
 // Weights of the visibility's terms, four by four.
 OCCLUSION_ATTRIBUTES
@@ -336,12 +451,15 @@ void main() {
   vec4 seen = modelViewMatrix * vec4(position, 1.0);
   vDepth = -seen.z;
   gl_Position = projectionMatrix * seen;
+#if BEHIND
+  // Near the far plane.
+  if (behind > 0.5) gl_Position.z = gl_Position.w - (gl_Position.w - gl_Position.z) / 64.0;
+#endif
 }
 `;
 
 /** A picture's pixel: model and residual under the capture's light, point lights, or an environment. */
 export const fragment = /* glsl */ `
-#define LIGHTS ${LIGHTS}
 varying vec3 vPoint;
 varying vec3 vNormal;
 varying vec2 vAtlas;
@@ -350,7 +468,7 @@ varying float vDepth;
 /** From a pixel to its ray in the stream's world, depth 1. */
 uniform mat3 rays;
 uniform bool perspective;
-/** 0: the capture's light, 1: point lights, 2: from all around. */
+/** 0: the capture's light, 1: point lights, 2: from all around, 3: the capture's light, from where no view was captured. */
 uniform int lighting;
 uniform PointLight captureLight;
 uniform PointLight lights[LIGHTS];
@@ -365,38 +483,6 @@ uniform bool showResidual;
 uniform bool signedResidual;
 uniform bool cutByMasks;
 uniform float exposure;
-/** Depth maps of the lights, side by side. */
-uniform sampler2D shadowMaps;
-uniform vec4 shadowRows[3 * LIGHTS];
-/** Focal length in pixels (0 without shadows), then what depths are stored relative to. */
-uniform vec3 shadowLens[LIGHTS];
-const float SHADOW_SIDE = 1024.0;
-/** Smallest cosine to a light under which the residual is shown in full. */
-const float GRAZING = 0.2;
-
-float shadowAt(ivec2 at, int light, float nearest) {
-  float depth = texelFetch(shadowMaps, at + ivec2(light * int(SHADOW_SIDE), 0), 0).r;
-  return depth <= 0.0 || depth * shadowLens[light].z + shadowLens[light].y > nearest ? 1.0 : 0.0;
-}
-
-/** Share of a light that reaches a surface point: bilinear between four depth tests. */
-float reachOf(int light, vec3 point, float cosLight) {
-  vec3 lens = shadowLens[light];
-  if (lens.x <= 0.0) return 1.0;
-  vec4 p = vec4(point, 1.0);
-  vec3 q = vec3(dot(shadowRows[3 * light], p), dot(shadowRows[3 * light + 1], p), dot(shadowRows[3 * light + 2], p));
-  if (q.z <= 0.0) return 1.0;
-  vec2 at = lens.x * q.xy / q.z + 0.5 * SHADOW_SIDE - 0.5;
-  vec2 corner = floor(at);
-  if (any(lessThan(corner, vec2(0.0))) || any(greaterThanEqual(corner + 1.0, vec2(SHADOW_SIDE)))) return 1.0;
-  vec2 part = at - corner;
-  float nearest = q.z - 5.0 * q.z / lens.x / clamp(cosLight, 0.2, 1.0);
-  ivec2 c = ivec2(corner);
-  float upper = mix(shadowAt(c, light, nearest), shadowAt(c + ivec2(1, 0), light, nearest), part.x);
-  float lower = mix(shadowAt(c + ivec2(0, 1), light, nearest), shadowAt(c + ivec2(1, 1), light, nearest), part.x);
-  return mix(upper, lower, part.y);
-}
-
 vec3 partOf(Parts parts, int kind) {
   return kind == 0 ? parts.diffuse : kind == 1 ? parts.specular : parts.diffuse + parts.specular;
 }
@@ -408,11 +494,30 @@ void main() {
   Sight sight;
   sight.count = 0;
   sight.cut = false;
-  if (showResidual || cutByMasks) sight = sightOf(point, eye);
+  if (lighting != 3 && (showResidual || cutByMasks)) sight = sightOf(point, eye);
   if (sight.cut && cutByMasks) discard;
   Geometry underCapture = geometryOf(point, normal, eye, captureLight);
   Parts captured = modelOf(maps, underCapture);
   vec3 sum = vec3(0.0);
+  if (lighting == 3) {
+    float reach = reachOf(0, point, underCapture.cosLight);
+    vec3 models[2] = vec3[2](vec3(0.0), vec3(0.0)), values[2] = models;
+    int parts[2] = kinds;
+    // A photograph of both together has a residual of both only.
+    for (int k = 0; k < COMPONENTS; k++) {
+      if (kinds[k] == 2 && showDiffuse != showSpecular) parts[k] = showDiffuse ? 0 : 1;
+      models[k] = reach * partOf(captured, parts[k]);
+    }
+    Lit lit = between(point, normal, eye, captureLight, reach, models, parts);
+    if (lit.cut && cutByMasks) discard;
+    for (int k = 0; k < COMPONENTS; k++) {
+      bool whole = parts[k] == kinds[k];
+      if (whole && !(kinds[k] == 1 ? showSpecular : showDiffuse)) continue;
+      vec3 radiance = whole && showResidual ? lit.radiance[k] : models[k];
+      values[k] = showModel ? radiance : radiance - models[k];
+    }
+    sum = signedResidual ? values[0] + values[1] : max(values[0], 0.0) + max(values[1], 0.0);
+  } else
 #if ENVIRONMENT
   if (lighting == 2) {
     Parts around = environmentOf(point, normal, maps);
