@@ -350,10 +350,10 @@ export class Appearance extends EventDispatcher {
     }
   }
 
-  /** Whether a view was captured from a place. */
+  /** Whether a view was captured from a place, as exactly as documents in single precision lie on the stream. */
   isCapturedFrom(view, eye) {
     const place = centre(this.file.views[view].camera);
-    return length(subtract(place, eye)) <= 1e-6 * length(subtract(place, this.shape.middle));
+    return length(subtract(place, eye)) <= 1e-4 * length(subtract(place, this.shape.middle));
   }
 
   /**

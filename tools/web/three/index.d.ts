@@ -94,7 +94,7 @@ export class Appearance extends EventDispatcher<{ change: {}; error: { error: Er
   static open(source: TsuyaSource | TsuyaFile, options?: OpenOptions & { surface?: boolean }): Promise<Appearance>;
 
   readonly file: TsuyaFile;
-  /** The stream's own mesh, or its finer surface, in its world. */
+  /** The stream's own mesh, or its finer surface with the mesh behind it, in its world. */
   readonly geometry: BufferGeometry;
   readonly material: ShaderMaterial;
   /** Meshes that show it. */
@@ -120,7 +120,7 @@ export class Appearance extends EventDispatcher<{ change: {}; error: { error: Er
   exposure: number;
   /** Captured views that the residual is interpolated between: 1 to 3. */
   views: number;
-  /** Whether the object shadows itself under point lights and, after `loadVisibility`, environments. */
+  /** Whether the object shadows itself under point lights, the capture's own where no view was captured, and, after `loadVisibility`, environments. */
   shadows: boolean;
   /** Reads photographs by cubic interpolation; bilinear is faster. */
   cubic: boolean;
