@@ -21,6 +21,7 @@ const report = (name, figure, least) => {
 before(() => {
   tsuya("encode", join(root, "tests/data/sample-spot"), "-o", stream);
   tsuya("gltf", "export", stream, "-o", glb);
+  tsuya("encode", join(root, "tests/data/sample-spot"), "-o", finer, "--refine", "surface", "--specular", "ggx");
 });
 after(closeAll);
 afterEach(closeBrowser);
@@ -78,7 +79,6 @@ test("a .tsuya file looks as the program renders it", async () => {
 });
 
 test("a finer surface with GGX lobes looks as the program renders it", async () => {
-  tsuya("encode", join(root, "tests/data/sample-spot"), "-o", finer, "--refine", "surface", "--specular", "ggx");
   const server = await view(finer);
   const { page, complaints } = await open(server.address);
   const has = await page.evaluate(() => {
@@ -88,6 +88,12 @@ test("a finer surface with GGX lobes looks as the program renders it", async () 
   assert.deepEqual(has, [true, true]);
   const pictures = await compare(page, "finer surface", { file: finer, ofModel: 35 });
   await compareBetween(page, "finer surface", { file: finer, ...pictures });
+  // A document's mesh has silhouettes of its own.
+  const document = at("finer.glb");
+  tsuya("gltf", "export", finer, "-o", document);
+  await drop(page, ["finer.glb", readFileSync(document)]);
+  await page.waitForFunction(() => window.tsuyaViewer.state.model?.appearance?.surface === null);
+  report("GLB of it", psnr(await pictures.page_(7), rendered(finer, pictures.white, "--view", "7"), Math.min), 40);
   assert.deepEqual(complaints, []);
   await page.close();
   server.end();
@@ -161,18 +167,28 @@ test("surroundings of one's own light it, with its own shadows", async () => {
   await messageOf(page, /broken\.hdr can't be used as surroundings/);
   await drop(page, ["surroundings.hdr", readFileSync(picture)]);
   await page.waitForFunction(() => window.tsuyaViewer.state.light === "own");
-  const environment = await page.evaluate(async () => {
+  const environmentOf = () => page.evaluate(async () => {
     const { appearance } = window.tsuyaViewer.state.model;
     await appearance.loadVisibility();
     return window.tsuyaViewer.state.environments.own;
   });
   // Radiance 1 is white in both. Where the normal between the vertices' turns away from the camera the program shows nothing.
   // Spherical Gaussians and direct light only, as in the browser.
-  const wanted = rendered(baked, [1, 1, 1], "--view", "3", "--env", picture, "--samples", "1", "--evaluator", "sg");
-  const figure = async (shadows) => psnr(await drawn(page, 3, { cutByMasks: false, lighting: { environment, turn: 0 }, shadows }), wanted, Math.min);
-  const [with_, without] = [await figure(true), await figure(false)];
-  report("own surroundings", with_, 28);
-  assert.ok(with_ > without + 0.7, `${without} dB without the object's shadows`);
+  const compareAround = async (name, file) => {
+    const environment = await environmentOf();
+    const wanted = rendered(file, [1, 1, 1], "--view", "3", "--env", picture, "--samples", "1", "--evaluator", "sg");
+    const figure = async (shadows) => psnr(await drawn(page, 3, { cutByMasks: false, lighting: { environment, turn: 0 }, shadows }), wanted, Math.min);
+    const [with_, without] = [await figure(true), await figure(false)];
+    report(name, with_, 28);
+    assert.ok(with_ > without + 0.7, `${without} dB without the object's shadows`);
+  };
+  await compareAround("own surroundings", baked);
+  // Highlights are one lobe for the five, here.
+  const bakedFiner = at("baked-finer.tsuya");
+  tsuya("bake", finer, "-o", bakedFiner);
+  await drop(page, ["baked-finer.tsuya", readFileSync(bakedFiner)]);
+  await page.waitForFunction(() => window.tsuyaViewer.state.model?.appearance?.surface);
+  await compareAround("own surroundings, finer surface", bakedFiner);
   // The browser's complaint of the broken picture is its loader's.
   assert.deepEqual(complaints.filter((text) => !/HDRLoader/.test(text)), []);
   await page.close();
