@@ -2,7 +2,7 @@
 
 import type { BufferGeometry, Camera, EventDispatcher, Matrix3, Matrix4, Mesh, Quaternion, ShaderMaterial, WebGLRenderer } from "three";
 import type { GLTF, GLTFLoaderPlugin, GLTFParser } from "three/addons/loaders/GLTFLoader.js";
-import type { OpenOptions, TsuyaFile, TsuyaSource } from "tsuya";
+import type { OpenOptions, Surface, TsuyaFile, TsuyaSource } from "tsuya";
 
 /** Name of the glTF extension. */
 export const EXTENSION: "TSUYA_materials_appearance";
@@ -96,6 +96,8 @@ export class Appearance extends EventDispatcher<{ change: {}; error: { error: Er
   readonly file: TsuyaFile;
   /** The stream's own mesh, or its finer surface with the mesh behind it, in its world. */
   readonly geometry: BufferGeometry;
+  /** The finer surface alone; null where the file has none or it was not asked for. */
+  readonly surface: Surface | null;
   readonly material: ShaderMaterial;
   /** Meshes that show it. */
   readonly bound: Mesh[];

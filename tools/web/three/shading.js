@@ -379,26 +379,31 @@ Lit between(vec3 point, vec3 normal, vec3 eye, PointLight light, float reach, ve
   }
   float nearestSeen = 10.0, nearestCut = 10.0;
   for (int k = 0; k < candidates; k++) {
+    vec3 otherGap = viewLight[k].position - point, otherLight = normalize(otherGap), otherView = normalize(viewCentre[k] - point);
+    float apart[2], near[2];
+    bool counts = false;
+    for (int c = 0; c < COMPONENTS; c++) {
+      apart[c] = max(unlike(l, v, otherLight, otherView, parts[c] == 0), 1e-6);
+      near[c] = max(1.0 / apart[c] - 1.0 / farthest[c], 0.0);
+      counts = counts || near[c] > 0.0;
+    }
+    counts = counts && (blended > 1 || k == 0);
     Shown shown;
-    float confidence;
-    int sight = look(k, point, true, shown, confidence);
-    float away = angleBetween(viewCentre[k] - point, v);
+    float confidence, away = angleBetween(viewCentre[k] - point, v);
+    int sight = look(k, point, counts, shown, confidence);
     if (sight == CUT) nearestCut = min(nearestCut, away);
     if (sight != SEEN) continue;
     nearestSeen = min(nearestSeen, away);
-    if (blended == 1 && k > 0) continue;
-    vec3 otherGap = viewLight[k].position - point, otherLight = normalize(otherGap), otherView = normalize(viewCentre[k] - point);
+    if (!counts) continue;
     vec3 otherIrradiance = viewLight[k].intensity / dot(otherGap, otherGap) * unit;
     float facing = clamp(dot(otherView, normal) / EDGE, 0.1, 1.0);
     float otherLit = shown.reach * clamp(dot(otherLight, normal) / GRAZING, 0.0, 1.0);
     float alike = 1.0 - abs(lit - otherLit), share = min((lit + DARK) / (otherLit + DARK), 1.0);
     for (int c = 0; c < COMPONENTS; c++) {
       bool diffuse = parts[c] == 0;
-      float apart = max(unlike(l, v, otherLight, otherView, diffuse), 1e-6);
-      float near = max(1.0 / apart - 1.0 / farthest[c], 0.0);
-      float weight = (diffuse ? near : near * near) * alike * alike * confidence * facing * facing;
+      float weight = (diffuse ? near[c] : near[c] * near[c]) * alike * alike * confidence * facing * facing;
       float least = diffuse ? 0.02 : 0.005;
-      vec3 here = max(min(0.5 * lit / DARK, 1.0), 1.0 - min(apart / NEARLY_SAME, 1.0)) * least * irradiance;
+      vec3 here = max(min(0.5 * lit / DARK, 1.0), 1.0 - min(apart[c] / NEARLY_SAME, 1.0)) * least * irradiance;
       vec3 there = least * otherIrradiance;
       vec3 expected = shown.model[c] * shown.reach + there;
       vec3 radiance = (models[c] + here) * ((shown.photograph[c] + there) / max(expected, 1e-20)) - here;
