@@ -35,6 +35,10 @@ pub struct ReflectanceMaps {
 }
 
 impl ReflectanceMaps {
+    /// Roughness of each of the lobes; empty for other models.
+    pub fn lobe_roughness(&self) -> &'static [f64] {
+        if self.lobes.is_empty() { &[] } else { &lobes::ROUGHNESS }
+    }
     /// Weights of the lobes at an atlas position.
     pub(crate) fn lobe_weights(&self, at: [f64; 2]) -> [[f32; 3]; LOBES] {
         std::array::from_fn(|k| match self.lobes.get(k) {

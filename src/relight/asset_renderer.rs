@@ -98,7 +98,12 @@ impl<'a> AssetRenderer<'a> {
                 let light =
                     relightable.then(|| prepared.lights.between(prepared.asset, camera, &near, views)).flatten();
                 // Where no view was captured its shadows were not, either.
-                let captured_here = near.first().is_some_and(|&(view, _)| prepared.is_captured_from(view, camera));
+                let is_here = |view: usize| prepared.is_captured_from(view, camera);
+                // Whether its photograph is there or only the model is shown: a captured camera has one model.
+                let captured_here = match near.first() {
+                    Some(&(view, _)) => is_here(view),
+                    None => (0..prepared.asset.views.len()).any(is_here),
+                };
                 match light.filter(|_| !captured_here) {
                     Some(light) => SceneLighting::Points(PointLighting::new(prepared, camera, &[light], options)),
                     None => {

@@ -2,7 +2,7 @@
 import { TsuyaError } from "./errors.js";
 
 /** Numbers of the operations. */
-export const OPERATION = { open: 0, mesh: 1, reflectance: 2, visibility: 3, light: 4, materials: 5, view: 6, verify: 7, ahead: 8, sections: 9 };
+export const OPERATION = { open: 0, mesh: 1, reflectance: 2, visibility: 3, light: 4, materials: 5, view: 6, verify: 7, ahead: 8, sections: 9, surface: 10 };
 /** How a call ended. */
 export const STATUS = { here: 0, missing: 1, error: 2, again: 3 };
 

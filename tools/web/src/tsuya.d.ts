@@ -53,6 +53,8 @@ export interface TsuyaFile {
 
   /** The mesh, cut along the borders of the atlas' charts as glTF wants it; null where the file has none. */
   mesh(options?: Options): Promise<Mesh | null>;
+  /** The finer surface that photographs show of the mesh; null where the file has none, or one of more than two million triangles. */
+  surface(options?: Options): Promise<Surface | null>;
   /** The fitted reflectance; null where the file has none. */
   reflectance(options?: Options): Promise<Reflectance | null>;
   /** What the vertices see; null where the file has none. Its place is behind the photographs. */
@@ -170,13 +172,32 @@ export interface Mesh {
   sourceVertexCount: number;
 }
 
+/** The mesh subdivided and displaced, cut along the borders of the atlas' charts. Photographs and reflectance are of this surface. */
+export interface Surface {
+  /** Three for each vertex. */
+  positions: Float32Array;
+  /** Unit vectors, smooth; three for each vertex. */
+  normals: Float32Array;
+  /** As the mesh's; a place has those of the place on the mesh that it was before it was displaced. */
+  uvs: Float32Array;
+  /** Three for each triangle, counter-clockwise from outside. */
+  indices: Uint32Array;
+  between: {
+    /** For each vertex the three vertices of the file's own mesh that it lies between: the numbers of `Visibility.weights`. */
+    vertices: Uint32Array;
+    /** Their shares, which sum to 1. */
+    weights: Float32Array;
+  };
+}
+
 /**
  * Maps on the atlas, `width * height` texels from the top left; the texel under `uvs` (u, v) is the one at
  * `(u * width, v * height)`, centres at 0.5. Texels that no chart reaches are filled from their neighbours.
  *
  * A point light of intensity `L` at distance `r` gives, with `E = L / r^2`: diffuse radiance `K_d E cos(theta_i)`, specular radiance
  * `K_s E exp(-alpha^2 / (2 sigma^2)) / cos(theta_r)`; `alpha` is the angle between normal and half vector. Of a file with a palette of
- * measured lobes `K_s` and `sigma` are those of the nearest such highlights.
+ * measured lobes, or with GGX lobes, `K_s` and `sigma` are those of the nearest such highlights. With GGX lobes `diffuse` is that of a layer under
+ * a dielectric surface: `spec/rendering.md` has both formulas.
  */
 export interface Reflectance {
   width: number;
@@ -187,6 +208,8 @@ export interface Reflectance {
   diffuse: Float32Array;
   /** `K_s` as red, green, blue, and `sigma` in radians; null without a specular component. */
   specular: Float32Array | null;
+  /** GGX lobes of rising roughness `alpha`, with their weights `W_k` as red, green, blue; none in files of other models. */
+  lobes: { roughness: number; weights: Float32Array }[];
 }
 
 /**

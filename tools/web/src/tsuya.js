@@ -80,6 +80,9 @@ class File {
   mesh(options) {
     return this.#run("mesh", {}, options);
   }
+  surface(options) {
+    return this.#run("surface", {}, options);
+  }
   reflectance(options) {
     return this.#run("reflectance", {}, options);
   }

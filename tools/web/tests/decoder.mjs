@@ -147,6 +147,60 @@ test("every view and every map is the program's, bit for bit", async () => {
   assert.deepEqual(sums.maps, [map("diffuse"), map("specular")]);
 });
 
+test("a finer surface and its lobes are the program's, bit for bit", async () => {
+  const path = join(folder, "finer.tsuya");
+  tsuya("encode", join(root, "tests/data/sample-spot"), "-o", path, "--refine", "surface", "--specular", "ggx");
+  tsuya("decode", path, "-o", join(folder, "finer"));
+  files.set("/finer.tsuya", readFileSync(path));
+  const found = await page.evaluate(async () => {
+    const file = await tsuya.openTsuya("/finer.tsuya");
+    const [mesh, surface, { diffuse, lobes }] = await Promise.all([file.mesh(), file.surface(), file.reflectance()]);
+    file.close();
+    const plain = await tsuya.openTsuya("/spot.tsuya?ranges=no&rate=20000");
+    const absent = [await plain.surface(), plain.progress.received / plain.progress.total, (await plain.reflectance()).lobes];
+    plain.close();
+    const { positions, normals, uvs, indices, between } = surface;
+    const corners = new Float32Array(3 * indices.length);
+    indices.forEach((vertex, k) => corners.set(positions.subarray(3 * vertex, 3 * vertex + 3), 3 * k));
+    const unit = normals.reduce((most, _, k, n) => (k % 3 ? most : Math.max(most, Math.abs(Math.hypot(n[k], n[k + 1], n[k + 2]) - 1))), 0);
+    const whole = between.weights.reduce((most, _, k, w) => (k % 3 ? most : Math.max(most, Math.abs(w[k] + w[k + 1] + w[k + 2] - 1))), 0);
+    const own = (weights) => weights.map((value, k) => (diffuse[4 * Math.floor(k / 3) + 3] === 1 ? value : 0));
+    return {
+      absent, unit, whole,
+      corners: await sha(corners),
+      counts: [mesh.indices.length / 3, indices.length / 3, positions.length / 3, uvs.length / 2, between.vertices.length / 3],
+      within: between.vertices.every((vertex) => vertex < mesh.sourceVertexCount) && uvs.every((x) => x >= 0 && x <= 1),
+      roughness: lobes.map(({ roughness }) => roughness),
+      lobes: await Promise.all(lobes.map(({ weights }) => sha(own(weights)))),
+      used: Array.from({ length: diffuse.length / 4 }, (_, k) => diffuse[4 * k + 3]).join(""),
+    };
+  });
+  assert.deepEqual(found.absent, [null, found.absent[1], []]);
+  assert.ok(found.absent[1] < 0.6, `${found.absent[1]} of a file was read to know that it has no finer surface`);
+  assert.ok(found.unit < 1e-5 && found.whole < 1e-5 && found.within);
+  const [triangles, finer, vertices, ...others] = found.counts;
+  assert.ok([4, 16, 64, 256, 1024, 4096].includes(finer / triangles), `${finer} triangles of ${triangles}`);
+  assert.deepEqual(others, [vertices, vertices]);
+  assert.equal(found.corners, sum(cornersOfPly(readFileSync(join(folder, "finer/surface.ply")))));
+  assert.deepEqual(found.roughness, [0.05, 0.09, 0.16, 0.28, 0.5]);
+  const cut = (lobe) => picture(`maps/lobe-${lobe}.exr`, "finer").colours.map((value, k) => (found.used[Math.floor(k / 3)] === "1" ? value : 0));
+  assert.deepEqual(found.lobes, [0, 1, 2, 3, 4].map((lobe) => sum(cut(lobe))));
+});
+
+/** Positions of all triangles' corners, of a PLY file as the program writes them. */
+function cornersOfPly(file) {
+  const end = file.indexOf("end_header\n") + 11;
+  const head = file.subarray(0, end).toString();
+  assert.match(head, /format binary_little_endian[^]*property float x\nproperty float y\nproperty float z\nelement face \d+\nproperty list uchar u?int/);
+  const [vertices, faces] = ["vertex", "face"].map((kind) => Number(head.match(new RegExp(`element ${kind} (\\d+)`))[1]));
+  const corners = new Float32Array(9 * faces);
+  for (let k = 0; k < 3 * faces; k++) {
+    const vertex = file.readUInt32LE(end + 12 * vertices + 13 * Math.floor(k / 3) + 1 + 4 * (k % 3));
+    for (let i = 0; i < 3; i++) corners[3 * k + i] = file.readFloatLE(end + 12 * vertex + 4 * i);
+  }
+  return corners;
+}
+
 test("captures of every kind, in every profile and mode, in any order, bit for bit", async () => {
   const modes = ["0", "1", "2"].map((level) => ["--faster-decoding", level]);
   modes.push(["--profile", "wavelet-texture"]);

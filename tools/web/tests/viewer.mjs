@@ -12,7 +12,7 @@ import { serve } from "./support/server.mjs";
 import { at, closeAll, closeBrowser, drawn, drop, editGlb, messageOf, open, psnr, rendered, root, tsuya, view } from "./support/viewer.mjs";
 
 const EXTENSION = "TSUYA_materials_appearance";
-const [stream, glb] = [at("spot.tsuya"), at("spot.glb")];
+const [stream, glb, finer] = [at("spot.tsuya"), at("spot.glb"), at("finer.tsuya")];
 const report = (name, figure, least) => {
   console.log(`# ${name}: ${figure.toFixed(2)} dB`);
   assert.ok(figure >= least, `${name}: ${figure} dB, at least ${least} expected`);
@@ -21,12 +21,13 @@ const report = (name, figure, least) => {
 before(() => {
   tsuya("encode", join(root, "tests/data/sample-spot"), "-o", stream);
   tsuya("gltf", "export", stream, "-o", glb);
+  tsuya("encode", join(root, "tests/data/sample-spot"), "-o", finer, "--refine", "surface", "--specular", "ggx");
 });
 after(closeAll);
 afterEach(closeBrowser);
 
 /** Compares captured, relit and new views with the program's. */
-async function compare(page, name, least) {
+async function compare(page, name, { file = stream, least = 40, ofModel = 40 } = {}) {
   const { white, light, intensity } = await page.evaluate(() => {
     const { file } = window.tsuyaViewer.state.model.appearance;
     return { white: file.facts.white, light: [2, 3, 2], intensity: file.views[0].light.intensity };
@@ -34,26 +35,19 @@ async function compare(page, name, least) {
   // The program's pictures are whole, masks or not.
   const page_ = (place, options) => drawn(page, place, { cutByMasks: false, ...options });
   for (const number of [0, 5]) {
-    report(`${name}, view ${number}`, psnr(await page_(number), rendered(stream, white, "--view", String(number))), least);
+    report(`${name}, view ${number}`, psnr(await page_(number), rendered(file, white, "--view", String(number))), least);
   }
   const model = await page_(5, { layers: { residual: false } });
-  report(`${name}, model in view 5`, psnr(model, rendered(stream, white, "--view", "5", "--layers", "model")), least);
+  report(`${name}, model in view 5`, psnr(model, rendered(file, white, "--view", "5", "--layers", "model")), ofModel);
   // What photographs under other lights have beyond the model the program takes from more of them.
   const modelOnly = { layers: { residual: false } };
   const lit = await page_(3, { ...modelOnly, lighting: { points: [{ position: light, intensity }] } });
-  report(`${name}, relit`, psnr(lit, rendered(stream, white, "--view", "3", "--light", "2,3,2", "--layers", "model")), 35);
+  report(`${name}, relit`, psnr(lit, rendered(file, white, "--view", "3", "--light", "2,3,2", "--layers", "model")), 35);
   return { white, intensity, page_ };
 }
 
-test("a .tsuya file looks as the program renders it", async () => {
-  const server = await view(stream);
-  const { page, complaints } = await open(server.address);
-  assert.equal(await page.title(), "spot.tsuya – tsuya");
-  const { white, intensity, page_ } = await compare(page, ".tsuya", 40);
-  const lights = [{ position: [2, 3, 2], intensity }, { position: [-2, 1, 0], intensity: [20, 20, 20] }];
-  const two = await page_(3, { layers: { residual: false }, lighting: { points: lights } });
-  report("two lights", psnr(two, rendered(stream, white, "--view", "3", "--light=2,3,2", "--light=-2,1,0,20", "--layers", "model")), 35);
-  // Between the captured views: `--camera` looks upright from here to the middle.
+/** Compares a view between the captured ones: `--camera` looks upright from a place to the middle. */
+async function compareBetween(page, name, { white, page_, file = stream }) {
   const [eye, focal] = [[0.5, 1.2, 4], 64 / Math.tan((16 * Math.PI) / 180)];
   const between = await page.evaluate((eye) => {
     const { views } = window.tsuyaViewer.state.model.appearance.file;
@@ -66,7 +60,40 @@ test("a .tsuya file looks as the program renders it", async () => {
     return { rotation, translation: rotation.map((row) => -row.reduce((sum, x, i) => sum + x * eye[i], 0)) };
   }, eye);
   const camera = { width: 128, height: 128, focal: [focal, focal], principal: [64, 64], ...between };
-  report("between views", psnr(await page_(camera), rendered(stream, white, "--camera=0.5,1.2,4,0,0,0", "--fov=32", "--size=128x128", "--samples=1")), 38);
+  const options = ["--camera=0.5,1.2,4,0,0,0", "--fov=32", "--size=128x128", "--samples=1"];
+  report(`${name}, between views`, psnr(await page_(camera), rendered(file, white, ...options)), 38);
+}
+
+test("a .tsuya file looks as the program renders it", async () => {
+  const server = await view(stream);
+  const { page, complaints } = await open(server.address);
+  assert.equal(await page.title(), "spot.tsuya – tsuya");
+  const { white, intensity, page_ } = await compare(page, ".tsuya");
+  const lights = [{ position: [2, 3, 2], intensity }, { position: [-2, 1, 0], intensity: [20, 20, 20] }];
+  const two = await page_(3, { layers: { residual: false }, lighting: { points: lights } });
+  report("two lights", psnr(two, rendered(stream, white, "--view", "3", "--light=2,3,2", "--light=-2,1,0,20", "--layers", "model")), 35);
+  await compareBetween(page, ".tsuya", { white, page_ });
+  assert.deepEqual(complaints, []);
+  await page.close();
+  server.end();
+});
+
+test("a finer surface with GGX lobes looks as the program renders it", async () => {
+  const server = await view(finer);
+  const { page, complaints } = await open(server.address);
+  const has = await page.evaluate(() => {
+    const { appearance } = window.tsuyaViewer.state.model;
+    return [appearance.ggx, appearance.geometry.index.count > 3 * appearance.source.indices.length];
+  });
+  assert.deepEqual(has, [true, true]);
+  const pictures = await compare(page, "finer surface", { file: finer, ofModel: 35 });
+  await compareBetween(page, "finer surface", { file: finer, ...pictures });
+  // A document's mesh has silhouettes of its own.
+  const document = at("finer.glb");
+  tsuya("gltf", "export", finer, "-o", document);
+  await drop(page, ["finer.glb", readFileSync(document)]);
+  await page.waitForFunction(() => window.tsuyaViewer.state.model?.appearance?.surface === null);
+  report("GLB of it", psnr(await pictures.page_(7), rendered(finer, pictures.white, "--view", "7"), Math.min), 40);
   assert.deepEqual(complaints, []);
   await page.close();
   server.end();
@@ -94,7 +121,7 @@ test("so does a GLB, one with its stream beside it, and one that was compressed"
     const { page, complaints } = await open(server.address);
     await page.waitForFunction(() => window.tsuyaViewer.state.model?.appearance);
     if (file === glb) {
-      await compare(page, name, 40);
+      await compare(page, name);
     } else {
       const white = await page.evaluate(() => window.tsuyaViewer.state.model.appearance.file.facts.white);
       const found = await drawn(page, 7, { cutByMasks: false });
@@ -140,18 +167,28 @@ test("surroundings of one's own light it, with its own shadows", async () => {
   await messageOf(page, /broken\.hdr can't be used as surroundings/);
   await drop(page, ["surroundings.hdr", readFileSync(picture)]);
   await page.waitForFunction(() => window.tsuyaViewer.state.light === "own");
-  const environment = await page.evaluate(async () => {
+  const environmentOf = () => page.evaluate(async () => {
     const { appearance } = window.tsuyaViewer.state.model;
     await appearance.loadVisibility();
     return window.tsuyaViewer.state.environments.own;
   });
   // Radiance 1 is white in both. Where the normal between the vertices' turns away from the camera the program shows nothing.
   // Spherical Gaussians and direct light only, as in the browser.
-  const wanted = rendered(baked, [1, 1, 1], "--view", "3", "--env", picture, "--samples", "1", "--evaluator", "sg");
-  const figure = async (shadows) => psnr(await drawn(page, 3, { cutByMasks: false, lighting: { environment, turn: 0 }, shadows }), wanted, Math.min);
-  const [with_, without] = [await figure(true), await figure(false)];
-  report("own surroundings", with_, 28);
-  assert.ok(with_ > without + 0.7, `${without} dB without the object's shadows`);
+  const compareAround = async (name, file) => {
+    const environment = await environmentOf();
+    const wanted = rendered(file, [1, 1, 1], "--view", "3", "--env", picture, "--samples", "1", "--evaluator", "sg");
+    const figure = async (shadows) => psnr(await drawn(page, 3, { cutByMasks: false, lighting: { environment, turn: 0 }, shadows }), wanted, Math.min);
+    const [with_, without] = [await figure(true), await figure(false)];
+    report(name, with_, 28);
+    assert.ok(with_ > without + 0.7, `${without} dB without the object's shadows`);
+  };
+  await compareAround("own surroundings", baked);
+  // Highlights are one lobe for the five, here.
+  const bakedFiner = at("baked-finer.tsuya");
+  tsuya("bake", finer, "-o", bakedFiner);
+  await drop(page, ["baked-finer.tsuya", readFileSync(bakedFiner)]);
+  await page.waitForFunction(() => window.tsuyaViewer.state.model?.appearance?.surface);
+  await compareAround("own surroundings, finer surface", bakedFiner);
   // The browser's complaint of the broken picture is its loader's.
   assert.deepEqual(complaints.filter((text) => !/HDRLoader/.test(text)), []);
   await page.close();

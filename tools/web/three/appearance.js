@@ -4,6 +4,7 @@ import {
   BufferAttribute,
   BufferGeometry,
   ClampToEdgeWrapping,
+  DataArrayTexture,
   DataTexture,
   EventDispatcher,
   FloatType,
@@ -22,9 +23,9 @@ import { openTsuya } from "tsuya";
 import { Atlas, transformed } from "./binding.js";
 import { Captured } from "./captured.js";
 import { LOBES, MOST_TERMS, environment, setEnvironment, visibilityTexture } from "./environment.js";
-import { CANDIDATES, LIGHTS, fragment, reflectance, residual, vertex } from "./shading.js";
+import { CANDIDATES, GGX_LOBES, LIGHTS, fragment, reflectance, residual, shadow, vertex } from "./shading.js";
 import { Shadows } from "./shadows.js";
-import { SPARE_VIEWS, VIEWS, bounds, captureLight, centre, dot, length, nearest, numberLights, subtract } from "./views.js";
+import { SPARE_VIEWS, VIEWS, add, bounds, captureLight, centre, dot, length, nearest, normalize, numberLights, subtract } from "./views.js";
 
 const KINDS = { diffuse: 0, specular: 1, combined: 2 };
 /** Key views decoded before those that are nearest, so that every side has something. */
@@ -42,6 +43,29 @@ function atlasTexture(data, width, height) {
   return texture;
 }
 
+/** Weights of the lobes, three numbers each, one after the other in four layers of four. */
+function lobeTexture(lobes, width, height, scale) {
+  const data = new Float32Array(16 * width * height);
+  lobes.forEach(({ weights }, lobe) => {
+    for (let k = 0; k < weights.length; k++) {
+      const place = 3 * lobe + (k % 3);
+      data[4 * ((place >> 2) * width * height + Math.floor(k / 3)) + (place & 3)] = weights[k] * scale[k % 3];
+    }
+  });
+  const texture = new DataArrayTexture(data, width, height, 4);
+  Object.assign(texture, { format: RGBAFormat, type: FloatType, internalFormat: "RGBA16F", minFilter: LinearFilter, magFilter: LinearFilter });
+  Object.assign(texture, { wrapS: ClampToEdgeWrapping, wrapT: ClampToEdgeWrapping, needsUpdate: true });
+  return texture;
+}
+
+/** Two arrays, one after the other. */
+function joined(first, second) {
+  const both = new first.constructor(first.length + second.length);
+  both.set(first);
+  both.set(second, first.length);
+  return both;
+}
+
 const list = (count, make) => Array.from({ length: count }, make);
 
 /**
@@ -49,23 +73,29 @@ const list = (count, make) => Array.from({ length: count }, make);
  * itself, each once, and dispatches `change` when a picture would look different, `error` when a view can't be decoded.
  */
 export class Appearance extends EventDispatcher {
-  /** Opens a stream: `source` as for `openTsuya`, or a file that it gave. */
+  /**
+   * Opens a stream: `source` as for `openTsuya`, or a file that it gave. With `surface: false` its own geometry is the mesh where the file has
+   * a finer surface, too.
+   */
   static async open(source, options = {}) {
     const file = typeof source?.view === "function" ? source : await openTsuya(source, options);
     try {
-      const [mesh, maps] = await Promise.all([file.mesh(), file.reflectance()]);
+      const finer = options.surface === false ? null : file.surface();
+      const [mesh, maps, surface] = await Promise.all([file.mesh(), file.reflectance(), finer]);
       if (!mesh || !mesh.indices.length) throw new Error("the file holds no mesh, so there is nothing to show");
-      return new Appearance(file, mesh, maps);
+      return new Appearance(file, mesh, maps, surface);
     } catch (error) {
       file.close();
       throw error;
     }
   }
 
-  constructor(file, mesh, maps) {
+  constructor(file, mesh, maps, surface = null) {
     super();
     this.file = file;
     this.source = mesh;
+    /** The finer surface, where the file has one. */
+    this.surface = surface;
     this.layers = { ...ALL_LAYERS };
     /** `{capture: number}`, `{points: [{position, intensity}]}` in the stream's world and units, or `{environment, turn}`. */
     this.lighting = { capture: 0 };
@@ -89,6 +119,8 @@ export class Appearance extends EventDispatcher {
     this.lightNumbers = numberLights(file.views, this.shape.middle);
     this.prepareUnits();
     this.geometry = this.makeGeometry();
+    const shape = surface ? bounds(surface.positions) : this.shape;
+    this.ggx = this.relightable && maps.lobes.length === GGX_LOBES;
     const dark = new Float32Array(4);
     const scale = this.relightable ? this.unit : file.facts.white.map((w) => 1 / w);
     const scaled = (data) => data.map((x, k) => (k % 4 < 3 ? x * scale[k % 4] : x));
@@ -97,16 +129,24 @@ export class Appearance extends EventDispatcher {
       specularMap: { value: maps?.specular ? atlasTexture(scaled(maps.specular), maps.width, maps.height) : atlasTexture(dark, 1, 1) },
       relightable: { value: this.relightable },
       hasSpecular: { value: Boolean(maps?.specular) },
+      unit: { value: new Vector3(...scale) },
     };
+    if (this.ggx) {
+      this.maps.lobeMap = { value: lobeTexture(maps.lobes, maps.width, maps.height, scale) };
+      this.maps.lobeRoughness = { value: maps.lobes.map(({ roughness }) => roughness) };
+    }
     this.captured = new Captured({
       views: file.views,
       geometry: this.geometry,
       maps: this.maps,
+      ggx: this.ggx,
       kinds: this.kinds,
       white: file.facts.white,
       lightOf: (view) => this.inUnits(file.views[view].light),
+      shape,
+      shadows: new Shadows(this.geometry, shape, 1),
     });
-    this.shadowMaps = new Shadows(this.geometry);
+    this.shadowMaps = new Shadows(this.geometry, shape);
     this.material = this.makeMaterial(0);
     this.bound = [];
     this.arrived = [];
@@ -143,14 +183,22 @@ export class Appearance extends EventDispatcher {
   }
 
   makeGeometry() {
-    const { positions, normals, uvs, indices } = this.source;
+    const { source: mesh, surface } = this;
+    const front = (surface ?? mesh).positions.length / 3;
+    // Behind a finer surface the mesh, shown where only that is met: what photographs say of silhouettes is in it.
+    const array = (name) => (surface ? joined(surface[name], mesh[name]) : mesh[name]);
     const geometry = new BufferGeometry();
+    const positions = array("positions");
     geometry.setAttribute("position", new BufferAttribute(positions, 3));
-    geometry.setAttribute("normal", new BufferAttribute(normals, 3));
+    geometry.setAttribute("normal", new BufferAttribute(array("normals"), 3));
+    const uvs = array("uvs");
     const atlas = uvs.length ? uvs : new Float32Array((positions.length / 3) * 2);
     geometry.setAttribute("uv", new BufferAttribute(atlas, 2));
     geometry.setAttribute("atlas", geometry.attributes.uv);
+    const indices = array("indices");
+    if (surface) for (let k = surface.indices.length; k < indices.length; k++) indices[k] += front;
     geometry.setIndex(new BufferAttribute(indices, 1));
+    if (surface) geometry.setAttribute("behind", new BufferAttribute(new Float32Array(positions.length / 3).fill(1, front), 1));
     return geometry;
   }
 
@@ -162,9 +210,9 @@ export class Appearance extends EventDispatcher {
     const material = new ShaderMaterial({
       name: "TsuyaAppearance",
       // Shaders without the environment compile faster.
-      defines: { COMPONENTS: this.kinds.length, VISIBILITY: terms, ENVIRONMENT: 0 },
+      defines: { COMPONENTS: this.kinds.length, VISIBILITY: terms, ENVIRONMENT: 0, GGX: Number(this.ggx), BEHIND: Number(this.surface !== null) },
       vertexShader,
-      fragmentShader: `uniform vec3 eye;\n${reflectance}${residual}\n#if ENVIRONMENT\n${environment}\n#endif\n${fragment}`,
+      fragmentShader: `uniform vec3 eye;\n${reflectance}${shadow}${residual}\n#if ENVIRONMENT\n${environment}\n#endif\n${fragment}`,
       toneMapped: false,
       uniforms: {
         ...this.maps,
@@ -194,6 +242,8 @@ export class Appearance extends EventDispatcher {
         viewCentre: { value: list(CANDIDATES, () => new Vector3()) },
         viewSize: { value: list(CANDIDATES, () => new Vector3()) },
         viewDepth: { value: list(CANDIDATES, () => new Vector2()) },
+        viewLight: { value: list(CANDIDATES, () => this.inUnits(null)) },
+        farthest: { value: [1, 1] },
         firstPhotograph: { value: null },
         firstModel: { value: null },
         secondPhotograph: { value: null },
@@ -209,10 +259,12 @@ export class Appearance extends EventDispatcher {
         visibilitySize: { value: 1 },
       },
     });
+    // Of meshes of other documents.
+    material.defaultAttributeValues.behind = [0];
     return material;
   }
 
-  /** A mesh of the stream's own geometry, in the stream's world. */
+  /** A mesh of the stream's own geometry, in the stream's world: the finer surface, where the file has one. */
   mesh() {
     const mesh = new Mesh(this.geometry, this.material);
     this.bind(mesh, {});
@@ -277,8 +329,11 @@ export class Appearance extends EventDispatcher {
     const light = captureLight(this.file.views, near.slice(0, used), frame, this.views);
     uniforms.captureLight.value = this.inUnits(light);
     const { points, environment: around, turn } = this.relightable ? this.lighting : {};
-    uniforms.lighting.value = around ? 2 : points ? 1 : 0;
-    const lights = (points ?? []).slice(0, LIGHTS);
+    // Where no view was captured its shadows were not, either.
+    const free = this.relightable && light && !this.isCapturedFrom(near[0].view, eye);
+    uniforms.lighting.value = around ? 2 : points ? 1 : free ? 3 : 0;
+    if (free) this.kinds.forEach((kind, k) => (uniforms.farthest.value[k] = this.farthest(kind, light, eye, near)));
+    const lights = (points ?? (around || !free ? [] : [light])).slice(0, LIGHTS);
     lights.forEach((l, k) => (uniforms.lights.value[k] = this.inUnits(l)));
     uniforms.lightCount.value = lights.length;
     this.shadowMaps.update(renderer, uniforms, lights, this.shadows && lights.length > 0);
@@ -293,6 +348,34 @@ export class Appearance extends EventDispatcher {
       const scale = new Vector3().setScalar(WHITE_ALBEDO / Math.PI);
       setEnvironment(uniforms, around, (axis) => axis.transformDirection(rotation), scale);
     }
+  }
+
+  /** Whether a view was captured from a place, as exactly as documents in single precision lie on the stream. */
+  isCapturedFrom(view, eye) {
+    const place = centre(this.file.views[view].camera);
+    return length(subtract(place, eye)) <= 1e-4 * length(subtract(place, this.shape.middle));
+  }
+
+  /**
+   * How unlike in light and camera, told at the object's middle, the nearest photograph is that does not take part: a photograph takes part
+   * less the nearer it comes to that.
+   */
+  farthest(kind, light, eye, near) {
+    const { middle } = this.shape;
+    const directions = (position, place) => {
+      const [l, v] = [position, place].map((target) => normalize(subtract(target, middle)));
+      return { l, v, h: normalize(add(l, v)) };
+    };
+    const asked = directions(light.position, eye);
+    const gap = (own, name) => dot(subtract(asked[name], own[name]), subtract(asked[name], own[name]));
+    const apart = near.slice(this.wanted.length).flatMap(({ view }) => {
+      const { camera, light } = this.file.views[view];
+      if (!light) return [];
+      const own = directions(light.position, centre(camera));
+      const [l, v, h] = ["l", "v", "h"].map((name) => gap(own, name));
+      return Math.sqrt(kind === KINDS.diffuse ? l + 0.25 * v : h + 0.01 * (l + v));
+    });
+    return Math.max(Math.min(...apart, kind === KINDS.diffuse ? 2 : 1), 1e-5);
   }
 
   /** All views under one of the capture's lights, the nearest first. */
@@ -352,17 +435,29 @@ export class Appearance extends EventDispatcher {
     const visibility = await this.file.visibility();
     if (!visibility || this.closed) return false;
     const vectors = Math.ceil(Math.min(visibility.terms, MOST_TERMS) / 4);
+    const { terms } = visibility;
     const { sourceVertices } = this.source;
-    list(vectors, (_, k) => {
+    // Four terms of the mesh's vertices; those of a finer surface lie between three of them.
+    const ofMesh = list(vectors, (_, k) => {
       const weights = new Float32Array(sourceVertices.length * 4);
       sourceVertices.forEach((vertex, at) => {
-        for (let c = 0; c < 4 && 4 * k + c < visibility.terms; c++) {
-          weights[4 * at + c] = visibility.weights[vertex * visibility.terms + 4 * k + c];
-        }
+        for (let c = 0; c < 4 && 4 * k + c < terms; c++) weights[4 * at + c] = visibility.weights[vertex * terms + 4 * k + c];
       });
-      this.geometry.setAttribute(`occlusion${k}`, new BufferAttribute(weights, 4));
+      return weights;
     });
-    this.bound.forEach((mesh) => this.carryVisibility(mesh, vectors));
+    const ofSurface = ({ vertices, weights: shares }, k) => {
+      const weights = new Float32Array((vertices.length / 3) * 4);
+      vertices.forEach((vertex, corner) => {
+        const at = 4 * Math.floor(corner / 3);
+        for (let c = 0; c < 4 && 4 * k + c < terms; c++) weights[at + c] += shares[corner] * visibility.weights[vertex * terms + 4 * k + c];
+      });
+      return weights;
+    };
+    ofMesh.forEach((weights, k) => {
+      const own = this.surface ? joined(ofSurface(this.surface.between, k), weights) : weights;
+      this.geometry.setAttribute(`occlusion${k}`, new BufferAttribute(own, 4));
+    });
+    this.bound.forEach((mesh) => this.carryVisibility(mesh, ofMesh));
     const material = this.makeMaterial(vectors);
     this.material.defines.VISIBILITY = vectors;
     this.material.vertexShader = material.vertexShader;
@@ -374,20 +469,19 @@ export class Appearance extends EventDispatcher {
     return true;
   }
 
-  /** Gives the vertices of a document's mesh the visibility that the stream's surface has at their texture coordinates. */
-  carryVisibility({ geometry, userData }, vectors) {
+  /** Gives the vertices of a document's mesh the visibility that the stream's mesh has at their texture coordinates. */
+  carryVisibility({ geometry, userData }, ofMesh) {
     if (geometry === this.geometry) return;
     const atlas = this.atlas();
     const at = geometry.attributes.atlas;
     const places = list(at.count, (_, k) => atlas.find(...transformed(userData.tsuya.atlasTransform, at.getX(k), at.getY(k))));
-    list(vectors, (_, k) => {
-      const own = this.geometry.attributes[`occlusion${k}`].array;
+    ofMesh.forEach((own, k) => {
       const values = places.flatMap((place) => (place ? atlas.read(own, 4, place) : [0, 0, 0, 0]));
       geometry.setAttribute(`occlusion${k}`, new BufferAttribute(new Float32Array(values), 4));
     });
   }
 
-  /** The surface by its atlas coordinates; null without an atlas. */
+  /** The mesh by its atlas coordinates; null without an atlas. */
   atlas() {
     if (!this.source.uvs.length || !this.atlasSize) return null;
     this.lookUp ??= new Atlas(this.source, this.atlasSize);
@@ -417,6 +511,7 @@ export class Appearance extends EventDispatcher {
     this.material.uniforms.visibilityBases.value?.dispose();
     this.maps.diffuseMap.value.dispose();
     this.maps.specularMap.value.dispose();
+    this.maps.lobeMap?.value.dispose();
   }
 }
 

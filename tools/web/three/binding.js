@@ -115,8 +115,11 @@ export function fitMesh(geometries, coordinates, transform, atlas) {
     spread += to.reduce((sum, p) => sum + p.reduce((s, x, i) => s + (x - middle[i]) ** 2, 0), 0);
     if (from.length < 4) return null;
     const fit = affine(from, to);
-    error += fit.error;
-    return fit.map;
+    error += fit.errors.reduce((sum, e) => sum + e, 0);
+    // Vertices of slivers lie anywhere, by their texture coordinates: those that are far off do not take part in the map.
+    const limit = 16 * [...fit.errors].sort((a, b) => a - b)[fit.errors.length >> 1];
+    const close = (values) => values.filter((_, k) => fit.errors[k] <= limit);
+    return close(from).length >= 4 ? affine(close(from), close(to)).map : fit.map;
   });
   const share = spread > 0 ? Math.sqrt(error / spread) : 1;
   const same = seen > 0 && seen >= LEAST_ON_ATLAS * (seen + missed) && share <= TOLERANCE && maps.every(Boolean);
@@ -134,7 +137,7 @@ function meanOf(values) {
   return sum.map((x) => (3 * x) / Math.max(values.length, 1));
 }
 
-/** The affine map of least squares, and the sum of squares that it leaves. */
+/** The affine map of least squares, and the squared error that it leaves at each place. */
 function affine(from, to) {
   const [a, b] = [meanOf(from.flat()), meanOf(to.flat())];
   const square = new Array(9).fill(0);
@@ -155,9 +158,9 @@ function affine(from, to) {
   const m = linear.elements;
   const offset = b.map((x, i) => x - m[i] * a[0] - m[3 + i] * a[1] - m[6 + i] * a[2]);
   const map = new Matrix4().set(m[0], m[3], m[6], offset[0], m[1], m[4], m[7], offset[1], m[2], m[5], m[8], offset[2], 0, 0, 0, 1);
-  const error = from.reduce((sum, p, k) => {
+  const errors = from.map((p, k) => {
     const gap = [0, 1, 2].map((i) => m[i] * p[0] + m[3 + i] * p[1] + m[6 + i] * p[2] + offset[i] - to[k][i]);
-    return sum + gap[0] ** 2 + gap[1] ** 2 + gap[2] ** 2;
-  }, 0);
-  return { map, error };
+    return gap[0] ** 2 + gap[1] ** 2 + gap[2] ** 2;
+  });
+  return { map, errors };
 }

@@ -22,14 +22,14 @@ import {
   WebGLRenderTarget,
 } from "three";
 import { captureFragment, captureVertex, fullVertex, layerFragment } from "./passes.js";
-import { CANDIDATES, reflectance } from "./shading.js";
-import { bounds, centre, subtract, dot } from "./views.js";
+import { CANDIDATES, LIGHTS, reflectance, shadow } from "./shading.js";
+import { centre, subtract, dot } from "./views.js";
 
 /** Bytes that captured views may take on the graphics card. */
 const MEMORY = 320 << 20;
 /** Layers at most: what is near from the next places of the camera stays. */
 const MOST_LAYERS = 16;
-const HEAD = "precision highp float;\nprecision highp int;\nprecision highp sampler2D;\n";
+const HEAD = "precision highp float;\nprecision highp int;\nprecision highp sampler2D;\nprecision highp sampler2DArray;\n";
 
 const camera = new OrthographicCamera();
 
@@ -67,14 +67,16 @@ const pixelExact = { minFilter: NearestFilter, magFilter: NearestFilter, generat
 
 export class Captured {
   /**
-   * `views` as the file has them, `geometry` the stream's own mesh, `maps` the uniforms of its reflectance, `kinds` what the components are,
-   * `white` the white board, `lightOf` a view's light in units of the maps.
+   * `views` as the file has them, `geometry` the stream's own surface, `maps` the uniforms of its reflectance, `ggx` whether it has lobes,
+   * `kinds` what the components are, `white` the white board, `lightOf` a view's light in units of the maps, `shape` the sphere about the
+   * surface, `shadows` draws what a light reaches of it.
    */
-  constructor({ views, geometry, maps, kinds, white, lightOf }) {
+  constructor({ views, geometry, maps, ggx, kinds, white, lightOf, shape, shadows }) {
     this.views = views;
     this.kinds = kinds;
     this.lightOf = lightOf;
-    this.shape = bounds(geometry.attributes.position.array);
+    this.shape = shape;
+    this.shadows = shadows;
     this.width = Math.max(1, ...views.map((view) => view.camera.width));
     this.height = Math.max(1, ...views.map((view) => view.camera.height));
     const layer = this.width * this.height * 8 * 2 * kinds.length;
@@ -88,8 +90,9 @@ export class Captured {
       geometry,
       new RawShaderMaterial({
         glslVersion: GLSL3,
+        defines: { GGX: Number(ggx), BEHIND: Number("behind" in geometry.attributes), SHADOW: 0 },
         vertexShader: HEAD + captureVertex,
-        fragmentShader: HEAD + reflectance + captureFragment,
+        fragmentShader: HEAD + reflectance + shadow + captureFragment,
         side: DoubleSide,
         blending: NoBlending,
         uniforms: {
@@ -102,6 +105,9 @@ export class Captured {
           depthScale: { value: new Vector2() },
           light: { value: null },
           kinds: { value: [kinds[0], kinds[1] ?? kinds[0]] },
+          shadowMaps: { value: null },
+          shadowRows: { value: Array.from({ length: 3 * LIGHTS }, () => new Vector4()) },
+          shadowLens: { value: Array.from({ length: LIGHTS }, () => new Vector3()) },
         },
       }),
     );
@@ -121,6 +127,7 @@ export class Captured {
         uniforms: {
           photograph: { value: null },
           model: { value: null },
+          secondModel: { value: null },
           size: { value: [1, 1] },
           lens: { value: new Vector3() },
           part: { value: 0 },
@@ -159,6 +166,7 @@ export class Captured {
       for (const [part, source] of [[2 * k, photograph], [2 * k + 1, this.model.textures[k]]]) {
         uniforms.photograph.value = photograph;
         uniforms.model.value = part % 2 ? source : this.model.textures[0];
+        uniforms.secondModel.value = this.model.textures[1];
         uniforms.part.value = part;
         into(renderer, this.targets[part], layer, () => renderer.render(this.fullScene, camera));
       }
@@ -193,6 +201,8 @@ export class Captured {
     uniforms.centre.value.set(...place);
     uniforms.depthScale.value.set(...this.depths(view));
     uniforms.light.value = this.lightOf(view);
+    const { light } = this.views[view];
+    this.shadows.update(renderer, uniforms, light ? [light] : [], Boolean(light));
     into(renderer, this.model, 0, () => {
       renderer.setClearAlpha(-2000);
       renderer.clear(true, true, false);
@@ -213,6 +223,7 @@ export class Captured {
       uniforms.viewCentre.value[k].set(...centre(lens));
       uniforms.viewSize.value[k].set(lens.width, lens.height, layer);
       uniforms.viewDepth.value[k].set(...this.depths(view));
+      uniforms.viewLight.value[k] = this.lightOf(view);
     });
     uniforms.candidates.value = shown.length;
     ["firstPhotograph", "firstModel", "secondPhotograph", "secondModel"].forEach((name, k) => {
@@ -223,6 +234,7 @@ export class Captured {
   dispose() {
     this.targets?.forEach((target) => target.dispose());
     this.model?.dispose();
+    this.shadows.dispose();
     this.mesh.material.dispose();
     this.full.material.dispose();
     this.full.geometry.dispose();

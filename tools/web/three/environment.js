@@ -96,6 +96,11 @@ Parts environmentOf(vec3 point, vec3 normal, Maps maps) {
       shine += lobeAmplitude[k] * (clamp(shareOf(mirrored.sharpness, free), 0.0, 1.0) * mirrored.integral * wide);
     }
   }
+#if GGX
+  // Through the surface above the diffuse layer: in at all angles, the mean weighted by the cosine, out at one. Highlights are those of the
+  // nearest single lobe.
+  irradiance *= 0.9142857 * transmission(facing);
+#endif
   return Parts(maps.diffuse * irradiance, shiny ? maps.specular * shine / max(facing, 0.05) : vec3(0.0));
 }
 `;

@@ -2,7 +2,7 @@
 
 import type { BufferGeometry, Camera, EventDispatcher, Matrix3, Matrix4, Mesh, Quaternion, ShaderMaterial, WebGLRenderer } from "three";
 import type { GLTF, GLTFLoaderPlugin, GLTFParser } from "three/addons/loaders/GLTFLoader.js";
-import type { OpenOptions, TsuyaFile, TsuyaSource } from "tsuya";
+import type { OpenOptions, Surface, TsuyaFile, TsuyaSource } from "tsuya";
 
 /** Name of the glTF extension. */
 export const EXTENSION: "TSUYA_materials_appearance";
@@ -87,12 +87,17 @@ export function environmentOfPicture(picture: { data: ArrayLike<number>; width: 
  * (with `error` and `view`) that a view can't be decoded, and is left out. Lighting and layers may be changed any time; draw again after it.
  */
 export class Appearance extends EventDispatcher<{ change: {}; error: { error: Error; view: number } }> {
-  /** Opens a stream; `source` may be an open file, which the appearance then owns. */
-  static open(source: TsuyaSource | TsuyaFile, options?: OpenOptions): Promise<Appearance>;
+  /**
+   * Opens a stream; `source` may be an open file, which the appearance then owns. With `surface: false` the mesh is shown where the file has a
+   * finer surface, too: for documents whose meshes are bound.
+   */
+  static open(source: TsuyaSource | TsuyaFile, options?: OpenOptions & { surface?: boolean }): Promise<Appearance>;
 
   readonly file: TsuyaFile;
-  /** The stream's own mesh, in its world. */
+  /** The stream's own mesh, or its finer surface with the mesh behind it, in its world. */
   readonly geometry: BufferGeometry;
+  /** The finer surface alone; null where the file has none or it was not asked for. */
+  readonly surface: Surface | null;
   readonly material: ShaderMaterial;
   /** Meshes that show it. */
   readonly bound: Mesh[];
@@ -117,7 +122,7 @@ export class Appearance extends EventDispatcher<{ change: {}; error: { error: Er
   exposure: number;
   /** Captured views that the residual is interpolated between: 1 to 3. */
   views: number;
-  /** Whether the object shadows itself under point lights and, after `loadVisibility`, environments. */
+  /** Whether the object shadows itself under point lights, the capture's own where no view was captured, and, after `loadVisibility`, environments. */
   shadows: boolean;
   /** Reads photographs by cubic interpolation; bilinear is faster. */
   cubic: boolean;

@@ -72,7 +72,8 @@ export class TsuyaAppearance {
     let appearance = null;
     try {
       const bytes = await this.bytes(entry);
-      appearance = await Appearance.open(bytes, this.decoder);
+      // The document's mesh is that of the file: what a finer surface has beyond it stays in the residual.
+      appearance = await Appearance.open(bytes, { ...this.decoder, surface: false });
       this.bind(appearance, bound);
     } catch (error) {
       appearance?.dispose();

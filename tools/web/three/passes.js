@@ -1,10 +1,13 @@
 // What is drawn before the picture, in GLSL: captured views with their models and depth, layers of the array, depth from the lights.
 
-/** Draws the stream's mesh as a captured view's camera sees it: models and depth, row 0 at the top of the photograph. */
+/** Draws the stream's surface as a captured view's camera sees it: models and depth, row 0 at the top of the photograph. */
 export const captureVertex = /* glsl */ `
 in vec3 position;
 in vec3 normal;
 in vec2 atlas;
+#if BEHIND
+in float behind;
+#endif
 uniform vec4 rows[3];
 uniform vec4 lens;
 uniform vec2 size;
@@ -20,6 +23,10 @@ void main() {
   vDepth = q.z;
   vec2 at = lens.xy * q.xy + lens.zw * q.z;
   gl_Position = vec4(2.0 * at / size - q.z, (2.0 * range.x * range.y / (range.x - range.y)) + q.z * (range.y + range.x) / (range.y - range.x), q.z);
+#if BEHIND
+  // The mesh stands behind its finer surface near the far plane, and casts no shadow.
+  if (behind > 0.5) gl_Position.z = SHADOW == 1 ? 2.0 * abs(gl_Position.w) : gl_Position.w - (gl_Position.w - gl_Position.z) / 64.0;
+#endif
 }
 `;
 
@@ -39,12 +46,13 @@ layout(location = 1) out vec4 second;
 void main() {
   vec3 ray = vec3((gl_FragCoord.xy - lens.zw) / lens.xy, 1.0);
   vec3 point = centre + vDepth * (ray.x * rows[0].xyz + ray.y * rows[1].xyz + ray.z * rows[2].xyz);
-  Parts parts = modelOf(mapsAt(vAtlas), geometryOf(point, normalize(vNormal), centre, light));
+  Geometry geometry = geometryOf(point, normalize(vNormal), centre, light);
+  Parts parts = modelOf(mapsAt(vAtlas), geometry);
   vec3 both = parts.diffuse + parts.specular;
   vec3 a = kinds[0] == 0 ? parts.diffuse : kinds[0] == 1 ? parts.specular : both;
   vec3 b = kinds[1] == 0 ? parts.diffuse : kinds[1] == 1 ? parts.specular : both;
   first = vec4(a, (vDepth - depthScale.x) / depthScale.y);
-  second = vec4(b, 1.0);
+  second = vec4(b, reachOf(0, point, geometry.cosLight));
 }
 `;
 
@@ -52,6 +60,8 @@ void main() {
 export const layerFragment = /* glsl */ `
 uniform sampler2D photograph;
 uniform sampler2D model;
+/** a: share of the view's light. */
+uniform sampler2D secondModel;
 uniform ivec2 size;
 /** Focal length in pixels, and what depths are stored relative to. */
 uniform vec3 lens;
@@ -96,7 +106,7 @@ void main() {
       if (steps <= 3 && inside(near)) ring = min(ring, stateAt(near) + float(steps));
     }
   }
-  value.a = seen.a < 0.5 ? -1.0 : ring / 4.0;
+  value.a = seen.a < 0.5 ? -1.0 : ring + 0.5 * clamp(texelFetch(secondModel, at, 0).a, 0.0, 1.0);
 }
 `;
 

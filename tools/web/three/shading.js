@@ -6,17 +6,65 @@ export const LIGHTS = 4;
 /** Captured views that a surface point may look at. */
 export const CANDIDATES = 8;
 
-/** The fitted reflectance and a point light: Lambert, and Torrance-Sparrow with a Gaussian of the half vector's angle. */
+/** GGX lobes of a texel, in files that have them: the fifteen weights lie in four layers of a texture. */
+export const GGX_LOBES = 5;
+
+/**
+ * The fitted reflectance and a point light: Lambert, and Torrance-Sparrow with a Gaussian of the half vector's angle. With `GGX` lobes of fixed
+ * roughness above a diffuse layer under a dielectric surface in place of these.
+ */
 export const reflectance = /* glsl */ `
 struct PointLight { vec3 position; vec3 intensity; };
-struct Geometry { vec3 irradiance; float cosLight; float cosView; float alpha; };
-struct Maps { vec3 diffuse; vec3 specular; float sigma; };
+/** sinHalf: of the angle alpha between normal and half vector; grazing: Schlick's (1 - cos)^5 between half vector and light. */
+struct Geometry { vec3 irradiance; float cosLight; float cosView; float alpha; float sinHalf; float grazing; };
+struct Maps {
+  vec3 diffuse;
+  vec3 specular;
+  float sigma;
+#if GGX
+  vec3 weights[5];
+#endif
+};
 struct Parts { vec3 diffuse; vec3 specular; };
 
 uniform sampler2D diffuseMap;
 uniform sampler2D specularMap;
 uniform bool relightable;
 uniform bool hasSpecular;
+/** What the maps were multiplied with. */
+uniform vec3 unit;
+#if GGX
+uniform sampler2DArray lobeMap;
+uniform float lobeRoughness[5];
+const float NORMAL_REFLECTANCE = 0.04;
+
+/** Share of the light that passes the surface above the diffuse layer at the cosine of an angle. */
+float transmission(float cosine) {
+  float x = 1.0 - clamp(cosine, 0.0, 1.0), squared = x * x;
+  return (1.0 - NORMAL_REFLECTANCE) * (1.0 - squared * squared * x);
+}
+
+/** How much more than along the normal the lobes reflect at grazing incidence. */
+vec3 grazingGain(Maps maps) {
+  vec3 sum = vec3(0.0);
+  for (int k = 0; k < 5; k++) sum += maps.weights[k];
+  return max(1.0 / max(sum / unit, NORMAL_REFLECTANCE) - 1.0, 0.0);
+}
+
+/** Radiance of the lobes for an irradiance of 1; light and view are above the surface. */
+vec3 lobesOf(Maps maps, Geometry g) {
+  float view = max(g.cosView, 0.05);
+  vec3 sum = vec3(0.0);
+  for (int k = 0; k < 5; k++) {
+    float a = lobeRoughness[k] * lobeRoughness[k], rest = 1.0 - a;
+    // Of 1 - rest cos^2 little would be left at the peak of a narrow lobe.
+    float t = a + rest * g.sinHalf * g.sinHalf;
+    float lightRoot = sqrt(a + rest * g.cosLight * g.cosLight), viewRoot = sqrt(a + rest * view * view);
+    sum += maps.weights[k] * (a / (3.14159265358979 * t * t) * (g.cosLight / (g.cosLight + lightRoot)) / (view + viewRoot));
+  }
+  return sum * (1.0 + grazingGain(maps) * g.grazing);
+}
+#endif
 
 Geometry geometryOf(vec3 point, vec3 normal, vec3 eye, PointLight light) {
   vec3 toLight = light.position - point;
@@ -30,23 +78,78 @@ Geometry geometryOf(vec3 point, vec3 normal, vec3 eye, PointLight light) {
   g.cosView = dot(normal, v);
   // Exact for small angles, which acos is not.
   g.alpha = atan(length(cross(normal, h)), dot(normal, h));
+  float twice = length(h);
+  g.sinHalf = twice > 0.0 ? length(cross(normal, h)) / twice : 1.0;
+  float x = 1.0 - clamp(0.5 * twice, 0.0, 1.0);
+  g.grazing = x * x * x * x * x;
   return g;
 }
 
 Maps mapsAt(vec2 at) {
   vec4 specular = texture(specularMap, at);
-  return Maps(texture(diffuseMap, at).rgb, specular.rgb, specular.a);
+  Maps maps;
+  maps.diffuse = texture(diffuseMap, at).rgb;
+  maps.specular = specular.rgb;
+  maps.sigma = specular.a;
+#if GGX
+  vec4 layers[4];
+  for (int k = 0; k < 4; k++) layers[k] = texture(lobeMap, vec3(at, float(k)));
+  maps.weights[0] = layers[0].rgb;
+  maps.weights[1] = vec3(layers[0].a, layers[1].rg);
+  maps.weights[2] = vec3(layers[1].ba, layers[2].r);
+  maps.weights[3] = layers[2].gba;
+  maps.weights[4] = layers[3].rgb;
+#endif
+  return maps;
 }
 
 Parts modelOf(Maps maps, Geometry g) {
   if (!relightable) return Parts(maps.diffuse, vec3(0.0));
   vec3 diffuse = maps.diffuse * g.irradiance * max(g.cosLight, 0.0);
   vec3 specular = vec3(0.0);
+#if GGX
+  diffuse *= transmission(g.cosLight) * transmission(g.cosView);
+  if (g.cosLight > 0.0 && g.cosView > 0.0) specular = lobesOf(maps, g) * g.irradiance;
+#else
   if (hasSpecular && g.cosLight > 0.0 && g.cosView > 0.0 && maps.sigma > 0.0) {
     float x = g.alpha / maps.sigma;
     specular = maps.specular * g.irradiance * exp(-0.5 * x * x) / max(g.cosView, 0.05);
   }
+#endif
   return Parts(diffuse, specular);
+}
+`;
+
+/** What lights reach of a surface. */
+export const shadow = /* glsl */ `
+#define LIGHTS ${LIGHTS}
+/** Depth maps of the lights, side by side. */
+uniform sampler2D shadowMaps;
+uniform vec4 shadowRows[3 * LIGHTS];
+/** Focal length in pixels (0 without shadows), then what depths are stored relative to. */
+uniform vec3 shadowLens[LIGHTS];
+const float SHADOW_SIDE = 1024.0;
+float shadowAt(ivec2 at, int light, float nearest) {
+  float depth = texelFetch(shadowMaps, at + ivec2(light * int(SHADOW_SIDE), 0), 0).r;
+  return depth <= 0.0 || depth * shadowLens[light].z + shadowLens[light].y > nearest ? 1.0 : 0.0;
+}
+
+/** Share of a light that reaches a surface point: bilinear between four depth tests. */
+float reachOf(int light, vec3 point, float cosLight) {
+  vec3 lens = shadowLens[light];
+  if (lens.x <= 0.0) return 1.0;
+  vec4 p = vec4(point, 1.0);
+  vec3 q = vec3(dot(shadowRows[3 * light], p), dot(shadowRows[3 * light + 1], p), dot(shadowRows[3 * light + 2], p));
+  if (q.z <= 0.0) return 1.0;
+  vec2 at = lens.x * q.xy / q.z + 0.5 * SHADOW_SIDE - 0.5;
+  vec2 corner = floor(at);
+  if (any(lessThan(corner, vec2(0.0))) || any(greaterThanEqual(corner + 1.0, vec2(SHADOW_SIDE)))) return 1.0;
+  vec2 part = at - corner;
+  float nearest = q.z - 5.0 * q.z / lens.x / clamp(cosLight, 0.2, 1.0);
+  ivec2 c = ivec2(corner);
+  float upper = mix(shadowAt(c, light, nearest), shadowAt(c + ivec2(1, 0), light, nearest), part.x);
+  float lower = mix(shadowAt(c + ivec2(0, 1), light, nearest), shadowAt(c + ivec2(1, 1), light, nearest), part.x);
+  return mix(upper, lower, part.y);
 }
 `;
 
@@ -66,14 +169,17 @@ uniform vec2 viewDepth[CANDIDATES];
 uniform int candidates;
 uniform int blended;
 uniform bool cubic;
-/** rgb: photograph of the first component; a: confidence, -1 where the mask is not set. */
+/** Light of each candidate. */
+uniform PointLight viewLight[CANDIDATES];
+/** rgb: photograph of the first component; a: steps from what says nothing, 0 to 4, plus half the share of the light; -1 beside the mask. */
 uniform sampler2DArray firstPhotograph;
 /** rgb: model of the first component; a: depth. */
 uniform sampler2DArray firstModel;
 uniform sampler2DArray secondPhotograph;
 uniform sampler2DArray secondModel;
 
-struct Shown { vec3 photograph[2]; vec3 model[2]; };
+/** Photograph and model by component, and the share of the view's light that reaches the place. */
+struct Shown { vec3 photograph[2]; vec3 model[2]; float reach; };
 const int UNSEEN = 0;
 const int CUT = 1;
 const int SEEN = 2;
@@ -89,7 +195,7 @@ Texel texelOf(ivec2 at, int k, float depth, float margin) {
   t.photograph = texelFetch(firstPhotograph, ivec3(at, size.z), 0);
   t.model = texelFetch(firstModel, ivec3(at, size.z), 0);
   t.near = t.model.a > -1000.0 && abs(t.model.a * viewDepth[k].y + viewDepth[k].x - depth) < margin;
-  t.readable = t.near && t.photograph.a > 0.0;
+  t.readable = t.near && t.photograph.a >= 1.0;
   return t;
 }
 
@@ -101,7 +207,9 @@ void addTexel(inout Shown sum, inout float confidence, Texel t, ivec2 at, int k,
     sum.photograph[1] += weight * texelFetch(secondPhotograph, place, 0).rgb;
     sum.model[1] += weight * texelFetch(secondModel, place, 0).rgb;
   }
-  confidence += weight * t.photograph.a;
+  float steps = floor(t.photograph.a);
+  confidence += weight * 0.25 * steps;
+  sum.reach += weight * 2.0 * (t.photograph.a - steps);
 }
 
 vec4 catmullRom(float t) {
@@ -111,7 +219,7 @@ vec4 catmullRom(float t) {
 
 /** What candidate k shows at a surface point: cubic between pixels where all around can be read, else bilinear. */
 int look(int k, vec3 point, bool colours, out Shown shown, out float confidence) {
-  shown = Shown(vec3[2](vec3(0.0), vec3(0.0)), vec3[2](vec3(0.0), vec3(0.0)));
+  shown = Shown(vec3[2](vec3(0.0), vec3(0.0)), vec3[2](vec3(0.0), vec3(0.0)), 0.0);
   confidence = 0.0;
   vec4 p = vec4(point, 1.0);
   vec3 q = vec3(dot(viewRows[3 * k], p), dot(viewRows[3 * k + 1], p), dot(viewRows[3 * k + 2], p));
@@ -132,8 +240,9 @@ int look(int k, vec3 point, bool colours, out Shown shown, out float confidence)
         addTexel(shown, confidence, t, place, k, columns[i] * rows[j]);
       }
     }
+    shown.reach = clamp(shown.reach, 0.0, 1.0);
     if (all16) return SEEN;
-    shown = Shown(vec3[2](vec3(0.0), vec3(0.0)), vec3[2](vec3(0.0), vec3(0.0)));
+    shown = Shown(vec3[2](vec3(0.0), vec3(0.0)), vec3[2](vec3(0.0), vec3(0.0)), 0.0);
     confidence = 0.0;
   }
   float total = 0.0;
@@ -153,6 +262,7 @@ int look(int k, vec3 point, bool colours, out Shown shown, out float confidence)
       shown.photograph[c] /= total;
       shown.model[c] /= total;
     }
+    shown.reach /= total;
     confidence = max(confidence, 1e-4);
     return SEEN;
   }
@@ -236,6 +346,82 @@ vec3 residualOf(Sight s, int component, vec3 model, vec3 irradiance, int bound) 
   }
   return sum * abs(sum) - model;
 }
+
+/** Smallest cosine to a light under which a surface is lit in full. */
+const float GRAZING = 0.2;
+/** Smallest cosine to its camera at which a photograph counts in full. */
+const float EDGE = 0.35;
+/** Lit shares below this are alike. */
+const float DARK = 0.05;
+/** Distance within which a photograph tells what shines where no light falls. */
+const float NEARLY_SAME = 0.2;
+/** Distances, by component, from which on photographs say nothing. */
+uniform float farthest[2];
+
+/** How unlike directions to light and camera are, for diffuse reflection or for highlights. */
+float unlike(vec3 light, vec3 view, vec3 otherLight, vec3 otherView, bool diffuse) {
+  vec3 l = light - otherLight, v = view - otherView, h = normalize(light + view) - normalize(otherLight + otherView);
+  return sqrt(diffuse ? dot(l, l) + 0.25 * dot(v, v) : dot(h, h) + 0.01 * (dot(l, l) + dot(v, v)));
+}
+
+/** Each component's radiance under a light and from a camera that were not captured: spec/rendering.md, "Point lights". */
+struct Lit { vec3 radiance[2]; bool cut; };
+
+Lit between(vec3 point, vec3 normal, vec3 eye, PointLight light, float reach, vec3 models[2], int parts[2]) {
+  vec3 gap = light.position - point, l = normalize(gap), v = normalize(eye - point);
+  vec3 irradiance = light.intensity / dot(gap, gap) * unit;
+  float lit = reach * clamp(dot(l, normal) / GRAZING, 0.0, 1.0);
+  Lit result;
+  float totals[2] = float[2](0.0, 0.0);
+  for (int c = 0; c < COMPONENTS; c++) {
+    totals[c] = parts[c] == 0 ? 0.25 : 6.25;
+    result.radiance[c] = totals[c] * sqrt(max(models[c], 0.0));
+  }
+  float nearestSeen = 10.0, nearestCut = 10.0;
+  for (int k = 0; k < candidates; k++) {
+    vec3 otherGap = viewLight[k].position - point, otherLight = normalize(otherGap), otherView = normalize(viewCentre[k] - point);
+    float apart[2], near[2];
+    bool counts = false;
+    for (int c = 0; c < COMPONENTS; c++) {
+      apart[c] = max(unlike(l, v, otherLight, otherView, parts[c] == 0), 1e-6);
+      near[c] = max(1.0 / apart[c] - 1.0 / farthest[c], 0.0);
+      counts = counts || near[c] > 0.0;
+    }
+    counts = counts && (blended > 1 || k == 0);
+    Shown shown;
+    float confidence, away = angleBetween(viewCentre[k] - point, v);
+    int sight = look(k, point, counts, shown, confidence);
+    if (sight == CUT) nearestCut = min(nearestCut, away);
+    if (sight != SEEN) continue;
+    nearestSeen = min(nearestSeen, away);
+    if (!counts) continue;
+    vec3 otherIrradiance = viewLight[k].intensity / dot(otherGap, otherGap) * unit;
+    float facing = clamp(dot(otherView, normal) / EDGE, 0.1, 1.0);
+    float otherLit = shown.reach * clamp(dot(otherLight, normal) / GRAZING, 0.0, 1.0);
+    float alike = 1.0 - abs(lit - otherLit), share = min((lit + DARK) / (otherLit + DARK), 1.0);
+    for (int c = 0; c < COMPONENTS; c++) {
+      bool diffuse = parts[c] == 0;
+      float weight = (diffuse ? near[c] : near[c] * near[c]) * alike * alike * confidence * facing * facing;
+      float least = diffuse ? 0.02 : 0.005;
+      vec3 here = max(min(0.5 * lit / DARK, 1.0), 1.0 - min(apart[c] / NEARLY_SAME, 1.0)) * least * irradiance;
+      vec3 there = least * otherIrradiance;
+      vec3 expected = shown.model[c] * shown.reach + there;
+      vec3 radiance = (models[c] + here) * ((shown.photograph[c] + there) / max(expected, 1e-20)) - here;
+      radiance = mix(models[c], radiance, share);
+      for (int i = 0; i < 3; i++) {
+        float value = expected[i] > 0.0 ? radiance[i] : models[c][i];
+        result.radiance[c][i] += weight * sign(value) * sqrt(abs(value));
+      }
+      totals[c] += weight;
+    }
+  }
+  for (int c = 0; c < COMPONENTS; c++) {
+    vec3 mean = result.radiance[c] / totals[c];
+    result.radiance[c] = mean * abs(mean);
+  }
+  result.cut = nearestCut < nearestSeen;
+  return result;
+}
 `;
 
 /** A mesh in the stream's world, seen by any camera. */
@@ -250,6 +436,10 @@ varying vec3 vPoint;
 varying vec3 vNormal;
 varying vec2 vAtlas;
 varying float vDepth;
+#if BEHIND
+/** 1 of the mesh that is drawn where its finer surface is not. */
+attribute float behind;
+#endif
 #if VISIBILITY > 0
 // Weights of the visibility's terms, four by four.
 OCCLUSION_ATTRIBUTES
@@ -266,12 +456,15 @@ void main() {
   vec4 seen = modelViewMatrix * vec4(position, 1.0);
   vDepth = -seen.z;
   gl_Position = projectionMatrix * seen;
+#if BEHIND
+  // Near the far plane.
+  if (behind > 0.5) gl_Position.z = gl_Position.w - (gl_Position.w - gl_Position.z) / 64.0;
+#endif
 }
 `;
 
 /** A picture's pixel: model and residual under the capture's light, point lights, or an environment. */
 export const fragment = /* glsl */ `
-#define LIGHTS ${LIGHTS}
 varying vec3 vPoint;
 varying vec3 vNormal;
 varying vec2 vAtlas;
@@ -280,7 +473,7 @@ varying float vDepth;
 /** From a pixel to its ray in the stream's world, depth 1. */
 uniform mat3 rays;
 uniform bool perspective;
-/** 0: the capture's light, 1: point lights, 2: from all around. */
+/** 0: the capture's light, 1: point lights, 2: from all around, 3: the capture's light, from where no view was captured. */
 uniform int lighting;
 uniform PointLight captureLight;
 uniform PointLight lights[LIGHTS];
@@ -295,38 +488,6 @@ uniform bool showResidual;
 uniform bool signedResidual;
 uniform bool cutByMasks;
 uniform float exposure;
-/** Depth maps of the lights, side by side. */
-uniform sampler2D shadowMaps;
-uniform vec4 shadowRows[3 * LIGHTS];
-/** Focal length in pixels (0 without shadows), then what depths are stored relative to. */
-uniform vec3 shadowLens[LIGHTS];
-const float SHADOW_SIDE = 1024.0;
-/** Smallest cosine to a light under which the residual is shown in full. */
-const float GRAZING = 0.2;
-
-float shadowAt(ivec2 at, int light, float nearest) {
-  float depth = texelFetch(shadowMaps, at + ivec2(light * int(SHADOW_SIDE), 0), 0).r;
-  return depth <= 0.0 || depth * shadowLens[light].z + shadowLens[light].y > nearest ? 1.0 : 0.0;
-}
-
-/** Share of a light that reaches a surface point: bilinear between four depth tests. */
-float reachOf(int light, vec3 point, float cosLight) {
-  vec3 lens = shadowLens[light];
-  if (lens.x <= 0.0) return 1.0;
-  vec4 p = vec4(point, 1.0);
-  vec3 q = vec3(dot(shadowRows[3 * light], p), dot(shadowRows[3 * light + 1], p), dot(shadowRows[3 * light + 2], p));
-  if (q.z <= 0.0) return 1.0;
-  vec2 at = lens.x * q.xy / q.z + 0.5 * SHADOW_SIDE - 0.5;
-  vec2 corner = floor(at);
-  if (any(lessThan(corner, vec2(0.0))) || any(greaterThanEqual(corner + 1.0, vec2(SHADOW_SIDE)))) return 1.0;
-  vec2 part = at - corner;
-  float nearest = q.z - 5.0 * q.z / lens.x / clamp(cosLight, 0.2, 1.0);
-  ivec2 c = ivec2(corner);
-  float upper = mix(shadowAt(c, light, nearest), shadowAt(c + ivec2(1, 0), light, nearest), part.x);
-  float lower = mix(shadowAt(c + ivec2(0, 1), light, nearest), shadowAt(c + ivec2(1, 1), light, nearest), part.x);
-  return mix(upper, lower, part.y);
-}
-
 vec3 partOf(Parts parts, int kind) {
   return kind == 0 ? parts.diffuse : kind == 1 ? parts.specular : parts.diffuse + parts.specular;
 }
@@ -338,11 +499,30 @@ void main() {
   Sight sight;
   sight.count = 0;
   sight.cut = false;
-  if (showResidual || cutByMasks) sight = sightOf(point, eye);
+  if (lighting != 3 && (showResidual || cutByMasks)) sight = sightOf(point, eye);
   if (sight.cut && cutByMasks) discard;
   Geometry underCapture = geometryOf(point, normal, eye, captureLight);
   Parts captured = modelOf(maps, underCapture);
   vec3 sum = vec3(0.0);
+  if (lighting == 3) {
+    float reach = reachOf(0, point, underCapture.cosLight);
+    vec3 models[2] = vec3[2](vec3(0.0), vec3(0.0)), values[2] = models;
+    int parts[2] = kinds;
+    // A photograph of both together has a residual of both only.
+    for (int k = 0; k < COMPONENTS; k++) {
+      if (kinds[k] == 2 && showDiffuse != showSpecular) parts[k] = showDiffuse ? 0 : 1;
+      models[k] = reach * partOf(captured, parts[k]);
+    }
+    Lit lit = between(point, normal, eye, captureLight, reach, models, parts);
+    if (lit.cut && cutByMasks) discard;
+    for (int k = 0; k < COMPONENTS; k++) {
+      bool whole = parts[k] == kinds[k];
+      if (whole && !(kinds[k] == 1 ? showSpecular : showDiffuse)) continue;
+      vec3 radiance = whole && showResidual ? lit.radiance[k] : models[k];
+      values[k] = showModel ? radiance : radiance - models[k];
+    }
+    sum = signedResidual ? values[0] + values[1] : max(values[0], 0.0) + max(values[1], 0.0);
+  } else
 #if ENVIRONMENT
   if (lighting == 2) {
     Parts around = environmentOf(point, normal, maps);

@@ -19,7 +19,7 @@ import {
 import { depthRange, into, rowsOf } from "./captured.js";
 import { captureVertex, shadowFragment } from "./passes.js";
 import { LIGHTS } from "./shading.js";
-import { bounds, cross, dot, normalize, subtract } from "./views.js";
+import { cross, dot, normalize, subtract } from "./views.js";
 
 const SIDE = 1024;
 const camera = new OrthographicCamera();
@@ -32,15 +32,17 @@ function lookAt(eye, target, up) {
   return { rotation, translation: rotation.map((row) => -dot(row, eye)) };
 }
 
-/** What the lights of a picture reach of a mesh. */
+/** What lights reach of a mesh: `shape` is the sphere about it, `count` how many lights there may be. */
 export class Shadows {
-  constructor(geometry) {
-    this.shape = bounds(geometry.attributes.position.array);
+  constructor(geometry, shape, count = LIGHTS) {
+    this.shape = shape;
+    this.count = count;
     this.drawn = "";
     this.mesh = new Mesh(
       geometry,
       new RawShaderMaterial({
         glslVersion: GLSL3,
+        defines: { BEHIND: Number("behind" in geometry.attributes), SHADOW: 1 },
         vertexShader: "precision highp float;\n" + captureVertex,
         fragmentShader: "precision highp float;\n" + shadowFragment,
         side: DoubleSide,
@@ -63,7 +65,7 @@ export class Shadows {
     const { middle, radius } = this.shape;
     uniforms.shadowLens.value.forEach((lens) => lens.set(0, 0, 1));
     if (!shown) return;
-    this.target ??= new WebGLRenderTarget(SIDE * LIGHTS, SIDE, {
+    this.target ??= new WebGLRenderTarget(SIDE * this.count, SIDE, {
       minFilter: NearestFilter,
       magFilter: NearestFilter,
       format: RedFormat,

@@ -33,6 +33,7 @@ function streamFacts(appearance) {
   if (error?.sum_psnr_db !== undefined) add("Stated error", decibel(error.sum_psnr_db));
   const { indices, sourceVertexCount } = appearance.source;
   add("Mesh", `${sourceVertexCount.toLocaleString("en")} vertices, ${(indices.length / 3).toLocaleString("en")} triangles`);
+  if (appearance.surface) add("Surface", `${(appearance.surface.indices.length / 3).toLocaleString("en")} triangles`);
   if (appearance.atlasSize) add("Atlas", appearance.atlasSize.join(" × "));
   const lights = new Set(appearance.lightNumbers).size;
   add("Lights", appearance.relightable ? `known${lights > 1 ? `, ${lights} of them` : ""}` : "unknown: can't be relit");

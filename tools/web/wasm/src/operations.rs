@@ -26,6 +26,8 @@ pub enum Status {
 
 pub type Answer = (Status, Vec<Output>);
 
+/// Triangles of the finest surface that is handed out: beyond, a page has the mesh only.
+const MOST_TRIANGLES: usize = 2_000_000;
 /// Half angles, difference angles and azimuths of a material's table.
 const MATERIAL: [usize; 3] = [90, 30, 36];
 
@@ -88,6 +90,7 @@ pub fn run_operation(file: &mut IncrementalDecoder, operation: u32, argument: u3
             ranges => need_ranges(ranges),
         }),
         9 => Ok((Status::Ready, vec![Output::Text(facts::sections(file.sections()).to_string())])),
+        10 => surface(file),
         other => Err(Error::parameter(format!("operation {other} does not exist"))),
     }
 }
@@ -165,6 +168,45 @@ fn mesh(file: &mut IncrementalDecoder) -> Result<Answer> {
     }))
 }
 
+/// The finer surface; null in files without, without an atlas, and where it is too large.
+fn surface(file: &mut IncrementalDecoder) -> Result<Answer> {
+    let none = (Status::Ready, vec![Output::Text("null".into())]);
+    let (mesh, charts) = match (file.mesh()?, file.charts()?) {
+        (Poll::NeedRanges(ranges), _) | (_, Poll::NeedRanges(ranges)) => return Ok(need_ranges(ranges)),
+        (Poll::Ready(Some(mesh)), Poll::Ready(Some(charts))) if charts.width > 0 && charts.height > 0 => (mesh, charts),
+        _ => return Ok(none),
+    };
+    // Of files that are read from front to back it stands before what is known to follow it, or is not there.
+    let (sections, is_complete) = file.sections();
+    let has = |tag: Tag| sections.iter().any(|section| section.tag == tag);
+    if !is_complete && has(Tag::REFLECTANCE) && !has(Tag::DISPLACEMENT) {
+        return Ok(none);
+    }
+    let surface = match file.surface() {
+        Ok(Poll::NeedRanges(ranges)) => return Ok(need_ranges(ranges)),
+        Ok(Poll::Ready(Some(surface))) if surface.mesh().triangles.len() <= MOST_TRIANGLES => surface,
+        Ok(Poll::Ready(_)) | Err(Error::Limits { .. }) => return Ok(none),
+        Err(error) => return Err(error),
+    };
+    let Some(vertices) = RenderMesh::of_surface(&mesh, &charts, &surface) else { return Ok(none) };
+    let description = json!({
+        "between": {},
+        "arrays": [["positions", "f32"], ["normals", "f32"], ["uvs", "f32"], ["indices", "u32"], [["between", "vertices"], "u32"],
+            [["between", "weights"], "f32"]],
+    });
+    let (ends, weights) = vertices.between.into_iter().unzip();
+    let outputs = vec![
+        Output::Text(description.to_string()),
+        Output::Colours(vertices.positions),
+        Output::Colours(vertices.normals),
+        Output::Coordinates(vertices.coordinates),
+        Output::Triangles(vertices.triangles),
+        Output::Triangles(ends),
+        Output::Colours(weights),
+    ];
+    Ok((Status::Ready, outputs))
+}
+
 fn reflectance(file: &mut IncrementalDecoder) -> Result<Answer> {
     let (mesh, charts) = match (file.mesh()?, file.charts()?) {
         (Poll::NeedRanges(ranges), _) | (_, Poll::NeedRanges(ranges)) => return Ok(need_ranges(ranges)),
@@ -175,7 +217,7 @@ fn reflectance(file: &mut IncrementalDecoder) -> Result<Answer> {
         (Poll::Ready(Some(maps)), Some(mesh), Some(charts)) => (maps, mesh, charts),
         _ => return Ok((Status::Ready, vec![Output::Text("null".into())])),
     };
-    // Shaders know one shape of highlights. Photographs stay as they are: the residual is what this model misses.
+    // Shaders know lobes and one other shape of highlights, not those of palettes. Photographs stay as they are: the residual is what this model misses.
     let maps = maps.without_palette();
     let mask = charts.atlas_mask(&mesh)?;
     let texels = mask.data.len();
@@ -200,8 +242,14 @@ fn reflectance(file: &mut IncrementalDecoder) -> Result<Answer> {
         arrays.push(Output::Pixels(both.collect()));
         names.push(json!(["specular", "f32"]));
     }
+    for (k, weights) in maps.lobes.iter().enumerate().filter(|(_, weights)| weights.data.len() == texels) {
+        names.push(json!([["lobes", k, "weights"], "f32"]));
+        arrays.push(Output::Colours(filled(weights)));
+    }
+    let lobes = maps.lobe_roughness().iter().map(|roughness| json!({"roughness": roughness}));
     let description = json!({
-        "width": mask.width, "height": mask.height, "relightable": maps.relightable, "specular": null, "arrays": names,
+        "width": mask.width, "height": mask.height, "relightable": maps.relightable, "specular": null,
+        "lobes": lobes.collect::<Vec<_>>(), "arrays": names,
     });
     Ok((Status::Ready, std::iter::once(Output::Text(description.to_string())).chain(arrays).collect()))
 }
