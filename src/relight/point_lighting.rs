@@ -33,14 +33,12 @@ struct Reach {
     beside: f64,
     /// Radiance over irradiance below which a residual is a difference to the model, above it a share of it.
     floor: f32,
-    /// Whether weights fall with the distance's square.
-    is_steep: bool,
 }
 
 /// Diffuse reflection is even over the light: a photograph under any light shows texture that the maps have not.
-const DIFFUSE: Reach = Reach { farthest: 2.0, model: 4.0, beside: 0.5, floor: 0.02, is_steep: false };
+const DIFFUSE: Reach = Reach { farthest: 2.0, model: 4.0, beside: 1.0, floor: 0.02 };
 /// Highlights, and images that hold both reflections, belong to the half vector.
-const SPECULAR: Reach = Reach { farthest: 1.0, model: 0.4, beside: 0.1, floor: 0.005, is_steep: true };
+const SPECULAR: Reach = Reach { farthest: 1.0, model: 0.4, beside: 0.1, floor: 0.005 };
 
 fn reach_of(part: Component) -> &'static Reach {
     if part == Component::Diffuse { &DIFFUSE } else { &SPECULAR }
@@ -50,7 +48,7 @@ impl Reach {
     /// Weight of what lies at a distance, beside others: endless at 0, none from `farthest` on.
     fn weight(&self, distance: f64, farthest: f64) -> f64 {
         let near = (1.0 / distance - 1.0 / farthest).max(0.0);
-        if self.is_steep { near * near } else { near }
+        near * near
     }
 }
 
@@ -268,7 +266,7 @@ impl LitPoint {
     ) -> [f32; 3] {
         let reach = reach_of(part);
         let own = 1.0 / reach.model;
-        let mut total = if reach.is_steep { own * own } else { own };
+        let mut total = own * own;
         let mut sum = model.map(|x| total * (x.max(0.0) as f64).sqrt());
         for captured in near {
             let distance = self.directions.distance(&captured.directions, part);

@@ -361,7 +361,7 @@ uniform float farthest[2];
 /** How unlike directions to light and camera are, for diffuse reflection or for highlights. */
 float unlike(vec3 light, vec3 view, vec3 otherLight, vec3 otherView, bool diffuse) {
   vec3 l = light - otherLight, v = view - otherView, h = normalize(light + view) - normalize(otherLight + otherView);
-  return sqrt(diffuse ? dot(l, l) + 0.25 * dot(v, v) : dot(h, h) + 0.01 * (dot(l, l) + dot(v, v)));
+  return sqrt(diffuse ? dot(l, l) + dot(v, v) : dot(h, h) + 0.01 * (dot(l, l) + dot(v, v)));
 }
 
 /** Each component's radiance under a light and from a camera that were not captured: spec/rendering.md, "Point lights". */
@@ -374,7 +374,7 @@ Lit between(vec3 point, vec3 normal, vec3 eye, PointLight light, float reach, ve
   Lit result;
   float totals[2] = float[2](0.0, 0.0);
   for (int c = 0; c < COMPONENTS; c++) {
-    totals[c] = parts[c] == 0 ? 0.25 : 6.25;
+    totals[c] = parts[c] == 0 ? 0.0625 : 6.25;
     result.radiance[c] = totals[c] * sqrt(max(models[c], 0.0));
   }
   float nearestSeen = 10.0, nearestCut = 10.0;
@@ -401,7 +401,7 @@ Lit between(vec3 point, vec3 normal, vec3 eye, PointLight light, float reach, ve
     float alike = 1.0 - abs(lit - otherLit), share = min((lit + DARK) / (otherLit + DARK), 1.0);
     for (int c = 0; c < COMPONENTS; c++) {
       bool diffuse = parts[c] == 0;
-      float weight = (diffuse ? near[c] : near[c] * near[c]) * alike * alike * confidence * facing * facing;
+      float weight = near[c] * near[c] * alike * alike * confidence * facing * facing;
       float least = diffuse ? 0.02 : 0.005;
       vec3 here = max(min(0.5 * lit / DARK, 1.0), 1.0 - min(apart[c] / NEARLY_SAME, 1.0)) * least * irradiance;
       vec3 there = least * otherIrradiance;
