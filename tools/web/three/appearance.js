@@ -373,7 +373,7 @@ export class Appearance extends EventDispatcher {
       if (!light) return [];
       const own = directions(light.position, centre(camera));
       const [l, v, h] = ["l", "v", "h"].map((name) => gap(own, name));
-      return Math.sqrt(kind === KINDS.diffuse ? l + 0.25 * v : h + 0.01 * (l + v));
+      return Math.sqrt(kind === KINDS.diffuse ? l + v : h + 0.01 * (l + v));
     });
     return Math.max(Math.min(...apart, kind === KINDS.diffuse ? 2 : 1), 1e-5);
   }
