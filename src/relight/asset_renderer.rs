@@ -97,14 +97,16 @@ impl<'a> AssetRenderer<'a> {
                 }
                 let light =
                     relightable.then(|| prepared.lights.between(prepared.asset, camera, &near, views)).flatten();
-                // Where no view was captured its shadows were not, either.
+                // Where no view was captured its shadows were not, either. On the normals of a scan the nearest photographs are nearer to
+                // the truth than any model.
+                let is_fine = prepared.asset.surface.is_some();
                 let is_here = |view: usize| prepared.is_captured_from(view, camera);
                 // Whether its photograph is there or only the model is shown: a captured camera has one model.
                 let captured_here = match near.first() {
                     Some(&(view, _)) => is_here(view),
                     None => (0..prepared.asset.views.len()).any(is_here),
                 };
-                match light.filter(|_| !captured_here) {
+                match light.filter(|_| is_fine && !captured_here) {
                     Some(light) => SceneLighting::Points(PointLighting::new(prepared, camera, &[light], options)),
                     None => {
                         let captured = near.iter().filter_map(|&(view, _)| prepared.captured(view)).collect();

@@ -330,7 +330,7 @@ export class Appearance extends EventDispatcher {
     uniforms.captureLight.value = this.inUnits(light);
     const { points, environment: around, turn } = this.relightable ? this.lighting : {};
     // Where no view was captured its shadows were not, either.
-    const free = this.relightable && light && !this.isCapturedFrom(near[0].view, eye);
+    const free = this.relightable && this.surface && light && !this.isCapturedFrom(near[0].view, eye);
     uniforms.lighting.value = around ? 2 : points ? 1 : free ? 3 : 0;
     if (free) this.kinds.forEach((kind, k) => (uniforms.farthest.value[k] = this.farthest(kind, light, eye, near)));
     const lights = (points ?? (around || !free ? [] : [light])).slice(0, LIGHTS);
