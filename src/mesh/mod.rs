@@ -27,7 +27,7 @@ pub struct Mesh {
 
 /// Largest coordinate of a position, on either side of 0. Products of four coordinates, summed over a mesh, stay within single precision
 /// as the squares of this bound do.
-pub(crate) const MAX_COORDINATE: f32 = 1e12;
+const MAX_COORDINATE: f32 = 1e12;
 
 /// Whether all coordinates of a position are numbers within [`MAX_COORDINATE`].
 pub(crate) fn is_within_range(position: &[f32; 3]) -> bool {

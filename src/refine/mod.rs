@@ -40,6 +40,8 @@ const MAX_LEVELS: u32 = 6;
 const MAX_VERTICES: u64 = 1 << 20;
 /// Pixels of all photographs, beyond which they are reduced.
 const MAX_PIXELS: u64 = 16 << 20;
+/// Views under known lights, at least.
+const MIN_VIEWS: usize = 2 * LEAVE_OUT;
 /// One view of so many is left out while it is decided whether the refinement holds, and so many at most.
 const LEAVE_OUT: usize = 7;
 /// Steps longer than this, in edges, are cut.
@@ -107,6 +109,10 @@ fn refine<'o>(
     observe: impl Fn(usize) -> Result<Cow<'o, ObservedView>> + Sync + Send,
     runs: Vec<Range<usize>>,
 ) -> Result<Option<RefinedSurface>> {
+    // Told before any photograph is opened.
+    if views.iter().filter(|view| view.light.is_some()).count() < MIN_VIEWS {
+        return Ok(None);
+    }
     let pixels = |factor: usize| {
         let pixels = |camera: &Camera| (camera.width as u64 / factor as u64) * (camera.height as u64 / factor as u64);
         views.iter().map(|view| pixels(&view.camera)).sum::<u64>()
@@ -125,7 +131,7 @@ fn refine<'o>(
         let some = crate::parallel::map(run.len(), |k| reduced(run.start + k));
         signals.extend(some.into_iter().collect::<Result<Vec<_>>>()?.into_iter().flatten());
     }
-    if signals.len() < 2 * LEAVE_OUT {
+    if signals.len() < MIN_VIEWS {
         return Ok(None);
     }
     let pixel = pixel_length(scan, &signals);

@@ -107,7 +107,7 @@ pub fn fit_maps(sources: &ReflectanceSources, charts: &Charts, atlas: &AtlasRast
             return (diffuse, None, Vec::new(), equations);
         }
         let lobe = torrance_sparrow::fit(&sightings);
-        if sources.specular == SpecularModel::TorranceSparrow {
+        if sources.specular != SpecularModel::Dsbrdf {
             sightings.clear();
         }
         let step = sightings.len().div_ceil(MAX_SIGHTINGS).max(1);

@@ -16,9 +16,6 @@ use crate::views::{Component, View};
 /// Value of a bit of the reflectance maps, in squared steps.
 const MAP_LAMBDA: f32 = 0.15;
 
-/// Step of the weights of lobes, in those of other colours.
-const LOBE_STEP: f32 = 1.0;
-
 /// Reflectance maps fitted once, to be coded at the quality of each trial of the rate control.
 #[derive(Debug)]
 pub(crate) struct ReflectanceEncoder<'a> {
@@ -100,8 +97,7 @@ impl<'a> ReflectanceEncoder<'a> {
         let relative = (step * 2.0).clamp(0.08, 0.25);
         let colour = relative * COLOUR_LEVELS as f32;
         let sigma = 2.0 * relative * SIGMA_LEVELS as f32;
-        let specular = if self.maps.lobes.is_empty() { colour } else { LOBE_STEP * colour };
-        let steps = MapSteps { diffuse: 0.5 * colour, specular, sigma };
+        let steps = MapSteps { diffuse: 0.5 * colour, specular: colour, sigma };
         Ok(codec::encode(&self.maps, self.mesh, &self.charts, &steps, MAP_LAMBDA)?.0)
     }
 }

@@ -86,9 +86,31 @@ impl<'a> AssetRenderer<'a> {
         if !numbers.chain(&camera.translation).all(|x| x.is_finite()) || camera.focal.contains(&0.0) {
             return Err(Error::parameter("the camera has a number that is not finite, or no focal length"));
         }
+        let lighting = self.lighting(camera, options)?;
+        let scene = ViewScene { renderer: prepared, options, camera, raster: prepared.draw(camera), lighting };
+        let (width, height) = (camera.width as usize, camera.height as usize);
+        let mut pixels = vec![RenderedPixel { components: [[0.0; 3]; 2], hit: false, coverage: false }; width * height];
+        crate::parallel::for_each_chunk(&mut pixels, width, |y, row| {
+            row.iter_mut().enumerate().for_each(|(x, pixel)| *pixel = scene.pixel(y * width + x));
+        });
+        let plane = |value: &dyn Fn(&RenderedPixel) -> [f32; 3]| -> RgbImage {
+            Grid { width, height, data: pixels.iter().map(value).collect() }
+        };
+        let mask = |value: fn(&RenderedPixel) -> bool| Grid { width, height, data: pixels.iter().map(value).collect() };
+        Ok(ViewRender {
+            image: plane(&|p| std::array::from_fn(|c| p.components[0][c].max(0.0) + p.components[1][c].max(0.0))),
+            components: (0..prepared.asset.components.len()).map(|k| plane(&|p| p.components[k])).collect(),
+            hit: mask(|p| p.hit),
+            coverage: mask(|p| p.coverage),
+        })
+    }
+
+    /// The light of an image: the capture's, with the views under it that are near, or lights given by their places.
+    fn lighting(&self, camera: &Camera, options: &RenderOptions) -> Result<SceneLighting<'_, 'a>> {
+        let prepared = &self.prepared;
         let maps = prepared.asset.reflectance.as_ref();
         let relightable = maps.is_some_and(|m| m.relightable);
-        let lighting = match &options.lighting {
+        match &options.lighting {
             RenderLighting::Capture(number) => {
                 let views = options.views.max(1);
                 let near = prepared.lights.nearest(prepared.asset, camera, *number, views);
@@ -106,37 +128,19 @@ impl<'a> AssetRenderer<'a> {
                     Some(&(view, _)) => is_here(view),
                     None => (0..prepared.asset.views.len()).any(is_here),
                 };
-                match light.filter(|_| is_fine && !captured_here) {
-                    Some(light) => SceneLighting::Points(PointLighting::new(prepared, camera, &[light], options)),
-                    None => {
-                        let captured = near.iter().filter_map(|&(view, _)| prepared.captured(view)).collect();
-                        SceneLighting::Capture(captured, light)
-                    }
+                if let Some(light) = light.filter(|_| is_fine && !captured_here) {
+                    return Ok(SceneLighting::Points(PointLighting::new(prepared, camera, &[light], options)));
                 }
+                let captured = near.iter().filter_map(|&(view, _)| prepared.captured(view)).collect();
+                Ok(SceneLighting::Capture(captured, light))
             }
             RenderLighting::Points(_) if !relightable => {
                 let message = "relighting: the lights of this asset's capture are unknown, so it has no reflectance";
-                return Err(Error::Unsupported(message.into()));
+                Err(Error::Unsupported(message.into()))
             }
             RenderLighting::Points(lights) => {
-                SceneLighting::Points(PointLighting::new(prepared, camera, lights, options))
+                Ok(SceneLighting::Points(PointLighting::new(prepared, camera, lights, options)))
             }
-        };
-        let scene = ViewScene { renderer: prepared, options, camera, raster: prepared.draw(camera), lighting };
-        let (width, height) = (camera.width as usize, camera.height as usize);
-        let mut pixels = vec![RenderedPixel { components: [[0.0; 3]; 2], hit: false, coverage: false }; width * height];
-        crate::parallel::for_each_chunk(&mut pixels, width, |y, row| {
-            row.iter_mut().enumerate().for_each(|(x, pixel)| *pixel = scene.pixel(y * width + x));
-        });
-        let plane = |value: &dyn Fn(&RenderedPixel) -> [f32; 3]| -> RgbImage {
-            Grid { width, height, data: pixels.iter().map(value).collect() }
-        };
-        let mask = |value: fn(&RenderedPixel) -> bool| Grid { width, height, data: pixels.iter().map(value).collect() };
-        Ok(ViewRender {
-            image: plane(&|p| std::array::from_fn(|c| p.components[0][c].max(0.0) + p.components[1][c].max(0.0))),
-            components: (0..prepared.asset.components.len()).map(|k| plane(&|p| p.components[k])).collect(),
-            hit: mask(|p| p.hit),
-            coverage: mask(|p| p.coverage),
-        })
+        }
     }
 }

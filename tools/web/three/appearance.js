@@ -3,17 +3,11 @@
 import {
   BufferAttribute,
   BufferGeometry,
-  ClampToEdgeWrapping,
-  DataArrayTexture,
-  DataTexture,
   EventDispatcher,
-  FloatType,
-  LinearFilter,
   Matrix3,
   Matrix4,
   Mesh,
   Quaternion,
-  RGBAFormat,
   ShaderMaterial,
   Vector2,
   Vector3,
@@ -21,10 +15,14 @@ import {
 } from "three";
 import { openTsuya } from "tsuya";
 import { Atlas, transformed } from "./binding.js";
+import { cameraFrame, setRays } from "./camera.js";
 import { Captured } from "./captured.js";
 import { LOBES, MOST_TERMS, environment, setEnvironment, visibilityTexture } from "./environment.js";
-import { CANDIDATES, GGX_LOBES, LIGHTS, fragment, reflectance, residual, shadow, vertex } from "./shading.js";
+import { GGX_LOBES, LIGHTS, reflectance, shadow } from "./reflectance.js";
+import { CANDIDATES, residual } from "./residual.js";
+import { fragment, vertex } from "./shading.js";
 import { Shadows } from "./shadows.js";
+import { atlasTexture, lobeTexture } from "./textures.js";
 import { SPARE_VIEWS, VIEWS, add, bounds, captureLight, centre, dot, length, nearest, normalize, numberLights, subtract } from "./views.js";
 
 const KINDS = { diffuse: 0, specular: 1, combined: 2 };
@@ -34,29 +32,6 @@ const WHITE_ALBEDO = 0.95;
 
 /** Everything that is shown. */
 export const ALL_LAYERS = Object.freeze({ diffuse: true, specular: true, model: true, residual: true });
-
-function atlasTexture(data, width, height) {
-  const texture = new DataTexture(data, width, height, RGBAFormat, FloatType);
-  // Halves can be filtered everywhere, and are finer than the maps' own steps.
-  Object.assign(texture, { internalFormat: "RGBA16F", minFilter: LinearFilter, magFilter: LinearFilter });
-  Object.assign(texture, { wrapS: ClampToEdgeWrapping, wrapT: ClampToEdgeWrapping, needsUpdate: true });
-  return texture;
-}
-
-/** Weights of the lobes, three numbers each, one after the other in four layers of four. */
-function lobeTexture(lobes, width, height, scale) {
-  const data = new Float32Array(16 * width * height);
-  lobes.forEach(({ weights }, lobe) => {
-    for (let k = 0; k < weights.length; k++) {
-      const place = 3 * lobe + (k % 3);
-      data[4 * ((place >> 2) * width * height + Math.floor(k / 3)) + (place & 3)] = weights[k] * scale[k % 3];
-    }
-  });
-  const texture = new DataArrayTexture(data, width, height, 4);
-  Object.assign(texture, { format: RGBAFormat, type: FloatType, internalFormat: "RGBA16F", minFilter: LinearFilter, magFilter: LinearFilter });
-  Object.assign(texture, { wrapS: ClampToEdgeWrapping, wrapT: ClampToEdgeWrapping, needsUpdate: true });
-  return texture;
-}
 
 /** Two arrays, one after the other. */
 function joined(first, second) {
@@ -513,24 +488,4 @@ export class Appearance extends EventDispatcher {
     this.maps.specularMap.value.dispose();
     this.maps.lobeMap?.value.dispose();
   }
-}
-
-/** Rotation and translation, as of a captured camera, of a three.js camera in the stream's world. */
-function cameraFrame(toStream, eye) {
-  const axis = (x, y, z) => new Vector3(x, y, z).transformDirection(toStream).toArray();
-  const rotation = [axis(1, 0, 0), axis(0, -1, 0), axis(0, 0, -1)];
-  return { rotation, translation: rotation.map((row) => -dot(row, eye.toArray())) };
-}
-
-/** From a pixel to its ray, depth 1, in the stream's world. */
-function setRays(rays, renderer, camera, fromWorld) {
-  const viewport = renderer.getCurrentViewport(new Vector4());
-  const p = camera.projectionMatrix.elements;
-  // Pixel to the camera's axes.
-  const [sx, sy] = [2 / viewport.z / p[0], 2 / viewport.w / p[5]];
-  const x = (-2 * viewport.x) / viewport.z - 1 + p[8];
-  const y = (-2 * viewport.y) / viewport.w - 1 + p[9];
-  rays.set(sx, 0, x / p[0], 0, sy, y / p[5], 0, 0, -1);
-  const linear = new Matrix3().setFromMatrix4(new Matrix4().multiplyMatrices(fromWorld, camera.matrixWorld));
-  rays.premultiply(linear);
 }

@@ -22,7 +22,8 @@ import {
   WebGLRenderTarget,
 } from "three";
 import { captureFragment, captureVertex, fullVertex, layerFragment } from "./passes.js";
-import { CANDIDATES, LIGHTS, reflectance, shadow } from "./shading.js";
+import { LIGHTS, reflectance, shadow } from "./reflectance.js";
+import { CANDIDATES } from "./residual.js";
 import { centre, subtract, dot } from "./views.js";
 
 /** Bytes that captured views may take on the graphics card. */

@@ -18,7 +18,7 @@ import {
 } from "three";
 import { depthRange, into, rowsOf } from "./captured.js";
 import { captureVertex, shadowFragment } from "./passes.js";
-import { LIGHTS } from "./shading.js";
+import { LIGHTS } from "./reflectance.js";
 import { cross, dot, normalize, subtract } from "./views.js";
 
 const SIDE = 1024;
