@@ -11,12 +11,15 @@ use crate::image::Region;
 use crate::limits::Limits;
 use crate::predictive::decode::PlaneDecoder;
 use crate::predictive::low_camera;
+use crate::predictive::model::PredictionModel;
 use crate::predictive::workspace::photograph_bytes;
 use crate::transform::shape_adaptive::level_count;
 use crate::views::codec::ViewsSection;
 use crate::views::{Photograph, View};
+use std::borrow::Cow;
 use std::io::{Read, Seek};
 use std::ops::Range;
+use std::sync::Arc;
 
 pub(crate) mod incremental;
 mod stages;
@@ -72,7 +75,8 @@ pub struct DecodeOptions {
     /// `predictive` reads and decodes of the levels that are coded in tiles only what the region takes; the coarser ones, from which views are
     /// predicted, cost what they cost for the whole photograph. The cameras of these views are those of the region.
     pub region: Option<Region>,
-    /// Leaves out what photographs do not need: atlas, finer surface, reflectance, visibility, light and materials.
+    /// Leaves out of the asset what photographs are not: atlas, finer surface, reflectance, visibility, light and materials. What photographs are
+    /// predicted from is read all the same.
     pub photographs_only: bool,
 }
 
@@ -200,6 +204,29 @@ fn reduction_of_wavelet_texture() -> Error {
     )
 }
 
+/// What photographs are predicted from besides other photographs, if they are: the asset's parts, or, where these were left out, the file's.
+fn prediction_model<'a, R: Read + Seek>(
+    file: &mut Container<R>,
+    asset: &'a Asset,
+    is_modelled: bool,
+) -> Result<Option<PredictionModel<'a>>> {
+    if !is_modelled {
+        return Ok(None);
+    }
+    let Asset { mesh, components, white, .. } = asset;
+    let (mut surface, mut charts, mut maps) = (
+        asset.surface.as_ref().map(Cow::Borrowed),
+        asset.charts.as_ref().map(Cow::Borrowed),
+        asset.reflectance.as_ref().map(Cow::Borrowed),
+    );
+    if charts.is_none() {
+        charts = file.drive(|file| stages::charts(file, Some(mesh)))?.map(Cow::Owned);
+        surface = file.drive(|file| stages::displacement(file, Some(mesh), charts.as_deref()))?.map(Cow::Owned);
+        maps = file.drive(|file| stages::reflectance(file, Some(mesh), charts.as_deref()))?.map(Cow::Owned);
+    }
+    PredictionModel::new((surface, charts, maps), components, *white, &file.budget()).map(Some)
+}
+
 /// Decodes the selected photographs that the file has not lost.
 fn decode_photographs<R: Read + Seek>(
     file: &mut Container<R>,
@@ -218,7 +245,8 @@ fn decode_photographs<R: Read + Seek>(
     match file.drive(|file| stages::photograph_coding(file, views, components.len()))? {
         PhotographCoding::None => {}
         PhotographCoding::Predictive(planes) => {
-            let decoder = PlaneDecoder::new(&planes.header, mesh, views, asset.white);
+            let model = prediction_model(file, asset, planes.header.coding.is_modelled)?.map(Arc::new);
+            let decoder = PlaneDecoder::new(&planes.header, mesh, views, asset.white).with_model(model);
             let decoder = decoder.reduced_by(options.reduction as usize).within(options.region);
             let read = |streams: Range<u64>| {
                 let range = planes.streams + streams.start..planes.streams + streams.end;

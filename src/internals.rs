@@ -58,7 +58,9 @@ pub mod residual {
     pub mod coefficients {
         #[cfg(feature = "encode")]
         pub use crate::residual::coefficients::encode;
-        pub use crate::residual::coefficients::{CoefficientModels, Modelling, PictureStreams, PictureTask, decode};
+        pub use crate::residual::coefficients::{
+            CoefficientModels, Modelling, PictureStreams, PictureTask, Prediction, decode,
+        };
         pub use crate::residual::tiles::Tiling;
     }
     pub use crate::residual::mask::{MaskModels, code_mask};

@@ -9,6 +9,7 @@ use crate::container::{ContainerWriter, Section, SectionCodec, SectionRule, Tag,
 use crate::error::{Error, FilePart, Result};
 use crate::limits::{Budget, Limits};
 use crate::mesh::Mesh;
+use crate::predictive::header::PlaneHeader;
 use crate::views::Component;
 use crate::views::codec;
 use crate::views::codec::ViewsSection;
@@ -46,6 +47,8 @@ impl RepairedFile {
 
 /// Sections of which a file needs one to be of any use.
 const CONTENT: [Tag; 4] = [Tag::MESH, Tag::VIEWS, Tag::MATERIALS, Tag::LIGHT];
+/// What photographs need that are predicted from the reflectance.
+const MODEL: [Tag; 3] = [Tag::CHARTS, Tag::DISPLACEMENT, Tag::REFLECTANCE];
 const DAMAGED_SECTION: &str = "its checksum does not match, or it is cut";
 
 /// Repairs a damaged file.
@@ -220,7 +223,12 @@ impl FileRepair<'_> {
     fn drop_what_needs_others(&mut self, sections: &mut Vec<(Tag, SectionCodec, Vec<u8>)>) {
         for SectionRule { tag, dependencies, .. } in section_rules() {
             let has = |wanted: &Tag| sections.iter().any(|(tag, ..)| tag == wanted);
-            if let Some(missing) = dependencies.iter().find(|needed| !has(needed)).filter(|_| has(&tag)) {
+            let of_model: &[Tag] = match sections.iter().find(|(other, ..)| *other == tag && tag == Tag::PLANES) {
+                Some((_, _, content)) if PlaneHeader::is_modelled(content) => &MODEL,
+                _ => &[],
+            };
+            let needed = &mut dependencies.iter().chain(of_model);
+            if let Some(missing) = needed.find(|needed| !has(needed)).filter(|_| has(&tag)) {
                 self.lost_sections.push((tag, format!("it is whole, but nothing without {missing}")));
                 sections.retain(|(other, ..)| *other != tag);
             }

@@ -15,7 +15,9 @@ use tsuya::internals::entropy::{
 };
 use tsuya::internals::quantise::Quantiser;
 use tsuya::internals::residual::MaskModels;
-use tsuya::internals::residual::coefficients::{CoefficientModels, Modelling, PictureStreams, PictureTask, Tiling};
+use tsuya::internals::residual::coefficients::{
+    CoefficientModels, Modelling, PictureStreams, PictureTask, Prediction, Tiling,
+};
 use tsuya::internals::transform::{ColourLanes, WaveletPlan};
 use tsuya::{Error, brdf, internals};
 
@@ -144,8 +146,11 @@ fn masks_and_planes_are_what_planes_md_says() {
         let plan = WaveletPlan::new(&mask);
         let (step, shrink) = (singles(&case["step"])[0], singles(&case["shrink"]));
         let quantiser = Quantiser { step, shrink: [shrink[0], shrink[1]] };
-        let predicted = case["predicted"].is_string().then(|| {
-            let values = singles(&case["predicted"]);
+        let part = |name: &str| {
+            if !case[name].is_string() {
+                return None;
+            }
+            let values = singles(&case[name]);
             let mut values = values.chunks(3);
             let mut pixel = |&set: &bool| -> ColourLanes {
                 if !set {
@@ -154,13 +159,15 @@ fn masks_and_planes_are_what_planes_md_says() {
                 let v = values.next().unwrap();
                 [v[0], v[1], v[2], 0.0]
             };
-            plan.forward(mask.data.iter().map(&mut pixel).collect())
-        });
+            Some(plan.forward(mask.data.iter().map(&mut pixel).collect()))
+        };
+        let (views, correction) = (part("predicted"), part("correction"));
         let modelling = if case["modelling"] == "mixed" { Modelling::Mixed } else { Modelling::Direct };
         let (stream, mut models) = (bytes(&case["stream"]), CoefficientModels::new(modelling));
         let tiling = Tiling::default();
-        let (plan, quantiser, predicted) = (&plan, &quantiser, predicted.as_deref());
-        let task = PictureTask { plan, quantiser, predicted, tiling: &tiling, tiled_bands: &[] };
+        let (plan, quantiser) = (&plan, &quantiser);
+        let prediction = Prediction { views: views.as_deref(), correction: correction.as_deref() };
+        let task = PictureTask { plan, quantiser, prediction, tiling: &tiling, tiled_bands: &[] };
         let streams = PictureStreams { base: &stream[..], tiles: Vec::new() };
         let found = internals::residual::coefficients::decode(&streams, &mut models, &task, Default::default());
         let found = found.expect("a stream that ends rightly");

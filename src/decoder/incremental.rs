@@ -12,6 +12,7 @@ use crate::limits::Limits;
 use crate::mesh::Mesh;
 use crate::predictive::decode::DecodedPhotograph;
 use crate::predictive::header;
+use crate::predictive::model::PredictionModel;
 use crate::predictive::on_demand::ViewDecoder;
 use crate::reflectance::maps::ReflectanceMaps;
 use crate::surface::charts::Charts;
@@ -35,6 +36,8 @@ pub struct IncrementalDecoder {
     header: Option<Arc<FileHeader>>,
     mesh: Option<Option<Arc<Mesh>>>,
     charts: Option<Option<Arc<Charts>>>,
+    /// What photographs are predicted from besides each other.
+    model: Option<Arc<PredictionModel<'static>>>,
     photographs: Option<PhotographDecoder>,
     reduction: u8,
     region: Option<Region>,
@@ -124,6 +127,7 @@ impl IncrementalDecoder {
             header: None,
             mesh: None,
             charts: None,
+            model: None,
             photographs: None,
             reduction: 0,
             region: None,
@@ -203,15 +207,21 @@ impl IncrementalDecoder {
         Ok(Poll::Ready(self.charts.clone().flatten()))
     }
 
-    /// Decodes the surface, where it is finer than the mesh; `None` in a file without. Not kept.
+    /// Decodes the surface, where it is finer than the mesh; `None` in a file without. Kept where photographs are predicted from it.
     pub fn surface(&mut self) -> Result<Poll<Option<DisplacedMesh>>> {
+        if let Some(model) = ready!(self.model()?) {
+            return Ok(Poll::Ready(Some(model.surface.as_ref().clone())));
+        }
         let charts = ready!(self.charts()?);
         let mesh = ready!(self.mesh()?);
         self.handed_out(|file| stages::displacement(file, mesh.as_deref(), charts.as_deref()))
     }
 
-    /// Decodes the reflectance; `None` in a file without. Not kept.
+    /// Decodes the reflectance; `None` in a file without. Kept where photographs are predicted from it.
     pub fn reflectance(&mut self) -> Result<Poll<Option<ReflectanceMaps>>> {
+        if let Some(model) = ready!(self.model()?) {
+            return Ok(Poll::Ready(Some(model.maps.as_ref().clone())));
+        }
         let charts = ready!(self.charts()?);
         let mesh = ready!(self.mesh()?);
         self.handed_out(|file| stages::reflectance(file, mesh.as_deref(), charts.as_deref()))
@@ -231,6 +241,31 @@ impl IncrementalDecoder {
     /// Decodes the fitted materials; none in a file without. Not kept.
     pub fn materials(&mut self) -> Result<Poll<Vec<NamedMaterial>>> {
         self.handed_out(stages::materials)
+    }
+
+    /// Decodes what the photographs are predicted from besides each other; `None` where that is nothing, or before the header is decoded.
+    fn model(&mut self) -> Result<Poll<Option<Arc<PredictionModel<'static>>>>> {
+        let Some(header) = self.header.clone() else { return Ok(Poll::Ready(None)) };
+        let PhotographCoding::Predictive(planes) = &header.photographs else { return Ok(Poll::Ready(None)) };
+        if self.model.is_some() || !planes.header.coding.is_modelled {
+            return Ok(Poll::Ready(self.model.clone()));
+        }
+        let mut ranges = Vec::new();
+        for tag in [Tag::CHARTS, Tag::DISPLACEMENT, Tag::REFLECTANCE] {
+            let section = ready!(self.file.find(tag)?);
+            ranges.extend(section.map(|section| section.offset..section.end().unwrap_or(u64::MAX)));
+        }
+        ready!(self.file.require(&ranges)?);
+        let mesh = ready!(self.mesh()?);
+        let charts = ready!(self.charts()?);
+        let surface = ready!(stages::displacement(&mut self.file, mesh.as_deref(), charts.as_deref())?);
+        let maps = ready!(stages::reflectance(&mut self.file, mesh.as_deref(), charts.as_deref())?);
+        let charts = charts.map(|charts| Cow::Owned((*charts).clone()));
+        let (components, white) = (&header.capture.components, header.capture.white);
+        let parts = (surface.map(Cow::Owned), charts, maps.map(Cow::Owned));
+        let model = PredictionModel::new(parts, components, white, &self.file.budget())?;
+        self.model = Some(Arc::new(model));
+        Ok(Poll::Ready(self.model.clone()))
     }
 
     /// Runs a stage whose result the caller keeps: what it charges is released.
@@ -258,6 +293,7 @@ impl IncrementalDecoder {
                 // A second copy, and the vertices' normals.
                 budget.charge_items("mesh", mesh.positions.len() as u64, 36)?;
                 budget.charge_items("mesh", mesh.triangles.len() as u64, 12)?;
+                let model = ready!(self.model()?);
                 let decoder = ViewDecoder::new(
                     Cow::Owned(planes.header.clone()),
                     Cow::Owned((*mesh).clone()),
@@ -265,7 +301,7 @@ impl IncrementalDecoder {
                     capture.white,
                     budget,
                 );
-                let mut decoder = decoder.reduced_by(self.reduction as usize);
+                let mut decoder = decoder.with_model(model).reduced_by(self.reduction as usize);
                 decoder.set_region(self.region);
                 PhotographDecoder::Predictive(Box::new(decoder))
             }

@@ -1,6 +1,7 @@
 //! Streams to photographs: one entry of the coding order, and all selected ones with what they are predicted from.
 
 use super::header::{CodedEntry, PlaneHeader};
+use super::model::PredictionModel;
 use super::picture::{self, ViewPart, ViewStreams, ViewTask};
 use super::workspace::{ParallelBudget, PlaneWorkspaces, photograph_bytes};
 use super::{DecodedView, PredictionScene, low_camera, order, run_entries};
@@ -18,6 +19,7 @@ use crate::views::{Photograph, View};
 use glam::Vec4;
 use std::borrow::Cow;
 use std::ops::Range;
+use std::sync::Arc;
 
 /// Decoder of the views of a file, whatever their order ([`PlaneDecoder::for_each_view`],
 /// [`ViewDecoder`](super::on_demand::ViewDecoder)).
@@ -47,6 +49,11 @@ impl<'a> PlaneDecoder<'a> {
     ) -> Self {
         let scene = PredictionScene::new(mesh, views);
         PlaneDecoder { header, scene, white, reduction: 0, region: None, workspaces: PlaneWorkspaces::default() }
+    }
+
+    /// Predicts views from a model, too, as the head says.
+    pub(crate) fn with_model(self, model: Option<Arc<PredictionModel<'a>>>) -> Self {
+        PlaneDecoder { scene: self.scene.with_model(model), ..self }
     }
 
     /// Leaves out the first `levels` levels of the photographs, which halves their size so often.
@@ -119,6 +126,13 @@ impl<'a> PlaneDecoder<'a> {
         let parts = parts.ok_or_else(|| {
             Error::format(Tag::PLANES, coded.offset, "a view's streams are shorter than the head says")
         })?;
+        if coding.is_modelled && scene.model.is_none() {
+            return Err(Error::format(
+                Tag::PLANES,
+                8u64,
+                "the views are predicted from a reflectance that is not there",
+            ));
+        }
         let task = ViewTask { scene, entry: &coded.entry, scale: coded.scale, coding, decoded, part };
         let mut view = picture::decode(&task, &parts, coded.offset, &self.workspaces, budget)?;
         let taken = match take {
@@ -171,8 +185,14 @@ impl<'a> PlaneDecoder<'a> {
             present[coded.entry.view] = true;
             entries.push(index);
         }
-        let room =
-            ParallelBudget { views, coding: &self.header.coding, budget, most: u64::MAX, workspaces: &self.workspaces };
+        let room = ParallelBudget {
+            views,
+            coding: &self.header.coding,
+            budget,
+            drawing_bytes: self.scene.drawing_bytes(),
+            most: u64::MAX,
+            workspaces: &self.workspaces,
+        };
         let decode = |index: usize, decoded: &[Option<DecodedView>], is_reference: bool| {
             let streams = streams[index].as_deref().unwrap_or_default();
             let take = wanted(order[index].view).then_some(|view: DecodedPhotograph| view.photograph());

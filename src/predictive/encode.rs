@@ -3,6 +3,7 @@
 use super::colour::ColourSums;
 use super::decode::DecodedPhotograph;
 use super::header::{CodedEntry, PlaneHeader};
+use super::model::PredictionModel;
 use super::picture::{self, ViewPart, ViewTask};
 use super::workspace::PlaneSignal;
 use super::workspace::{ParallelBudget, PlaneWorkspaces};
@@ -17,6 +18,7 @@ use crate::mesh::Mesh;
 use crate::options::{DecodeSpeed, EncodeOptions, EncodeTarget};
 use crate::parallel;
 use crate::rate::{self, Candidate, CodedPhotographs};
+use crate::reflectance::maps::ReflectanceMaps;
 use crate::reflectance::stage::{ReflectanceEncoder, ReflectanceSurface};
 use crate::residual::coefficients::Modelling;
 use crate::residual::tiles::TILE_SIDES_LOG2;
@@ -27,6 +29,7 @@ use crate::views::source::PhotographSource;
 use crate::views::{Component, Photograph, View};
 use glam::Vec4;
 use std::borrow::Cow;
+use std::sync::Arc;
 
 /// Encoder of all photographs: the parts that do not depend on the quality, made once for all trials of the rate control.
 #[derive(Debug)]
@@ -66,12 +69,13 @@ pub(crate) fn encode_to_target(
     let (decode_speed, tile_side_log2) = (options.decode_speed, tile_side_log2(options.tile_side)?);
     let best = rate::search_step(options.target.unwrap_or(EncodeTarget::Quality(75.0)), |step| {
         let quality = PlaneQuality { step, decode_speed, tile_side_log2, ..Default::default() };
-        let planes = encoder.encode_each(&quality, |view, original, decoded| {
+        let (map_bytes, maps) = reflectance.encode(step)?;
+        let model = encoder.model(&reflectance, &maps, decode_speed)?;
+        let planes = encoder.encode_each(&quality, model, |view, original, decoded| {
             source.coded_view(view, original, &decoded, first_shown == Some(view))
         })?;
-        let maps = reflectance.encode(step)?;
-        let bytes = other_bytes + (reflectance.chart_bytes().len() + maps.len() + planes.bytes.len()) as u64;
-        Ok(Candidate { distortion: rate::total(&planes.photographs), bytes, content: (planes, maps) })
+        let bytes = other_bytes + (reflectance.chart_bytes().len() + map_bytes.len() + planes.bytes.len()) as u64;
+        Ok(Candidate { distortion: rate::total(&planes.photographs), bytes, content: (planes, map_bytes) })
     })?;
     let (planes, maps) = best.content;
     let charts = reflectance.chart_bytes().to_vec();
@@ -187,23 +191,40 @@ impl<'a> PlaneEncoder<'a> {
 
     /// Codes all views.
     pub fn encode(&self, quality: &PlaneQuality) -> Result<EncodedPlanes> {
-        self.encode_each(quality, |_, _, decoded| decoded)
+        self.encode_each(quality, None, |_, _, decoded| decoded)
     }
 
-    /// Codes all views and keeps of each what `take` makes of its index, its photograph and what is decoded of that.
-    pub fn encode_each<T: Send>(
+    /// The model that views are predicted from besides: of a finer surface and its lobes, unless decoding is to be fast.
+    fn model<'m>(
+        &self,
+        reflectance: &'m ReflectanceEncoder,
+        maps: &'m ReflectanceMaps,
+        decode_speed: DecodeSpeed,
+    ) -> Result<Option<PredictionModel<'m>>> {
+        let is_fast = matches!(decode_speed, DecodeSpeed::Fast | DecodeSpeed::Fastest);
+        let surface = reflectance.surface().filter(|_| !is_fast && maps.relightable && !maps.lobes.is_empty());
+        let Some(surface) = surface.map(Cow::Borrowed) else { return Ok(None) };
+        let (charts, maps) = (Cow::Borrowed(reflectance.charts()), Cow::Borrowed(maps));
+        let parts = (Some(surface), Some(charts), Some(maps));
+        PredictionModel::new(parts, self.components, self.white, &Budget::new(Limits::UNLIMITED)).map(Some)
+    }
+
+    /// Codes all views, predicted from a model, too, and keeps of each what `take` makes of its index, its photograph and what is decoded of that.
+    pub(super) fn encode_each<T: Send>(
         &self,
         quality: &PlaneQuality,
+        model: Option<PredictionModel>,
         take: impl Fn(usize, &Photograph, Photograph) -> T + Sync + Send,
     ) -> Result<EncodedPlanes<T>> {
         let largest = self.views.iter().map(|view| view.camera.width as u64 * view.camera.height as u64).max();
         let (prediction_level, modelling) = mode(quality.decode_speed, largest.unwrap_or(0));
         // What the mesh covers is drawn at the size of the prediction.
         let masks = if prediction_level == 0 { self.masks } else { MaskCoding::Coded };
+        let (is_modelled, tile_side_log2) = (model.is_some(), quality.tile_side_log2);
         let components = self.component_codings(quality);
-        let coding =
-            PlaneCoding { components, masks, prediction_level, modelling, tile_side_log2: quality.tile_side_log2 };
+        let coding = PlaneCoding { components, masks, prediction_level, modelling, is_modelled, tile_side_log2 };
         let scene = PredictionScene::new(Cow::Borrowed(self.mesh), Cow::Borrowed(self.views));
+        let scene = scene.with_model(model.map(Arc::new));
         let white = self.white.map(|w| w as f32);
         let all: Vec<usize> = (0..self.order.len()).collect();
         let mut header = PlaneHeader { coding, entries: Vec::new() };
@@ -213,6 +234,7 @@ impl<'a> PlaneEncoder<'a> {
             views: self.views,
             coding: &header.coding,
             budget: &budget,
+            drawing_bytes: scene.drawing_bytes(),
             most: SIDE_BY_SIDE_BYTES,
             workspaces: &self.workspaces,
         };

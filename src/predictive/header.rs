@@ -19,6 +19,10 @@ use std::ops::Range;
 
 /// Bytes before the head: its length and checksum.
 pub const PREFIX_BYTES: usize = 8;
+/// Bit of the first byte of the head: views are predicted from the reflectance, too.
+const MODELLED: u8 = 16;
+/// Largest first byte of the head: the coding.
+pub(super) const MAX_CODING: u8 = 31;
 /// Largest head, for a length that is read before anything can be checked.
 const MAX_HEAD_BYTES: u64 = 1 << 26;
 
@@ -118,8 +122,10 @@ impl PlaneHeader {
     #[cfg(feature = "encode")]
     pub fn to_bytes(&self) -> Vec<u8> {
         let mut head = Vec::new();
-        let PlaneCoding { masks, prediction_level, modelling, .. } = self.coding;
-        head.push(masks as u8 | prediction_level << 1 | (modelling as u8) << 3);
+        let PlaneCoding { masks, prediction_level, modelling, is_modelled, .. } = self.coding;
+        head.push(
+            masks as u8 | prediction_level << 1 | (modelling as u8) << 3 | if is_modelled { MODELLED } else { 0 },
+        );
         if prediction_level > 0 {
             head.push(self.coding.tile_side_log2);
         }
@@ -186,7 +192,8 @@ impl PlaneHeader {
         let masks = if flags & 1 == 0 { MaskCoding::Coverage } else { MaskCoding::Coded };
         let prediction_level = flags >> 1 & 3;
         let modelling = if flags & 8 == 0 { Modelling::Mixed } else { Modelling::Direct };
-        if flags > 15 {
+        let is_modelled = flags & MODELLED != 0;
+        if flags > MAX_CODING {
             return Err(Error::Unsupported(format!("coding {flags} of the views (section PLAN, byte 8)")));
         }
         let tile_side_log2 = if prediction_level > 0 { reader.byte()? } else { DEFAULT_TILE_SIDE_LOG2 };
@@ -202,7 +209,7 @@ impl PlaneHeader {
             return Err(reader.error(format!("{count} coded views, section VIEW has {}", views.len())));
         }
         budget.charge_items("coding order", count, size_of::<CodedEntry>() + 128)?;
-        let coding = PlaneCoding { components, masks, prediction_level, modelling, tile_side_log2 };
+        let coding = PlaneCoding { components, masks, prediction_level, modelling, is_modelled, tile_side_log2 };
         let mut steps: Vec<CodedEntry> = Vec::new();
         let mut seen = vec![false; views.len()];
         let mut offset = 0u64;
@@ -221,6 +228,11 @@ impl PlaneHeader {
             return Err(reader.error("bytes left over at the end of the head"));
         }
         Ok(PlaneHeader { coding, entries: steps })
+    }
+
+    /// Whether the views of a section, of which these are the first bytes, are predicted from the reflectance, too.
+    pub(crate) fn is_modelled(section: &[u8]) -> bool {
+        section.get(PREFIX_BYTES).is_some_and(|coding| coding & MODELLED != 0)
     }
 
     /// Number of bytes of all streams together.
@@ -418,6 +430,7 @@ mod tests {
                 masks: MaskCoding::Coded,
                 prediction_level: 2,
                 modelling: Modelling::Direct,
+                is_modelled: true,
                 tile_side_log2: 6,
             },
             entries: vec![
@@ -480,7 +493,7 @@ mod tests {
             let error = PlaneHeader::parse(&bytes, &views(3), 2, &Budget::new(Limits::default())).unwrap_err();
             assert!(matches!(&error, Error::Unsupported(what) if what.contains("PLAN")), "{value}: {error}");
         };
-        [16, 128].into_iter().for_each(|coding| unsupported(0, coding));
+        [32, 128].into_iter().for_each(|coding| unsupported(0, coding));
         [0, 3, 13, 255].into_iter().for_each(|side| unsupported(1, side));
     }
 

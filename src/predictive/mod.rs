@@ -1,7 +1,7 @@
 //! Profile `predictive`: the photographs' planes, predicted through the mesh from decoded views.
 //!
-//! Way of a picture: sqrt domain, colours rotated, predicted by warping up to two decoded views, both transformed by the
-//! shape-adaptive 9/7, the scaled prediction subtracted, quantised, coded with contexts from the prediction.
+//! Way of a picture: sqrt domain, colours rotated, predicted by warping up to two decoded views and by the model of the reflectance, all
+//! transformed by the shape-adaptive 9/7, the scaled prediction subtracted, quantised, coded with contexts from the prediction.
 
 #[cfg(feature = "encode")]
 pub(crate) mod colour;
@@ -9,9 +9,11 @@ pub(crate) mod decode;
 #[cfg(feature = "encode")]
 pub(crate) mod encode;
 pub(crate) mod header;
+pub(crate) mod model;
 pub(crate) mod on_demand;
 pub(crate) mod order;
 mod picture;
+mod reflected;
 mod region;
 #[cfg(feature = "encode")]
 pub(crate) mod repair;
@@ -26,7 +28,7 @@ use crate::limits::Reservation;
 use crate::mesh::Mesh;
 use crate::parallel;
 use crate::quantise::bands::Quantiser;
-use crate::residual::coefficients::{CoefficientModels, Modelling, PictureTask};
+use crate::residual::coefficients::{CoefficientModels, Modelling, PictureTask, Prediction};
 use crate::residual::mask::MaskModels;
 use crate::residual::tiles::{TileGrid, TileSelection, Tiling};
 use crate::surface::reproject::{ReferenceView, Reprojection, reproject};
@@ -40,12 +42,14 @@ use crate::transform::masked::MaskedPixels;
 use crate::transform::shape_adaptive::{ColourLanes, PixelRun, WaveletPlan, level_count};
 use crate::transform::synthesis::{HalfPicture, StripScratch};
 use glam::Vec4;
+use model::PredictionModel;
 use order::{DepthFirst, OrderEntry};
 use picture::ViewPart;
 use region::RegionPart;
 use std::borrow::Cow;
 use std::ops::Range;
-use workspace::{LEAST_PARALLEL_VIEWS, MAX_PARALLEL_VIEWS, ParallelBudget};
+use std::sync::Arc;
+use workspace::{LEAST_PARALLEL_VIEWS, MAX_PARALLEL_VIEWS, ParallelBudget, PlaneSignal};
 
 /// Coding of one component's pictures.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -129,6 +133,8 @@ pub struct PlaneCoding {
     pub prediction_level: u8,
     /// Entropy modelling of coefficients.
     pub modelling: Modelling,
+    /// Whether views are predicted from the reflectance, too.
+    pub is_modelled: bool,
     /// Binary logarithm of a tile's side, in coefficients of its bands; not used at prediction level 0.
     pub tile_side_log2: u8,
 }
@@ -145,6 +151,8 @@ impl PlaneCoding {
 pub(crate) struct PredictionScene<'a> {
     surface: ViewedMesh<'a>,
     views: Cow<'a, [View]>,
+    /// What the views are predicted from besides, if they are.
+    model: Option<Arc<PredictionModel<'a>>>,
 }
 
 /// A view prepared for coding: mask, transform and geometry.
@@ -164,20 +172,18 @@ struct PreparedView {
     level: usize,
     /// Geometry at the resolution of the predicted picture.
     geometry: ViewGeometry,
+    /// Signals of the model, by component, at this resolution in the window; empty if views are not predicted from it.
+    model: Vec<PlaneSignal>,
 }
 
 impl PreparedView {
     /// The coefficients of one component.
-    fn picture_task<'a>(
-        &'a self,
-        quantiser: &'a Quantiser,
-        predicted: Option<&'a [Vec<ColourLanes>]>,
-    ) -> PictureTask<'a> {
+    fn picture_task<'a>(&'a self, quantiser: &'a Quantiser, prediction: Prediction<'a>) -> PictureTask<'a> {
         let tiled_bands = match &self.region {
             Some(region) => region.bands(),
             None => self.plan.bands().get(self.base_bands()..).unwrap_or_default(),
         };
-        PictureTask { plan: &self.plan, quantiser, predicted, tiling: &self.tiling, tiled_bands }
+        PictureTask { plan: &self.plan, quantiser, prediction, tiling: &self.tiling, tiled_bands }
     }
     /// Bands that are not cut into tiles.
     fn base_bands(&self) -> usize {
@@ -241,6 +247,8 @@ struct DecodedReference {
     seen: ReferenceView,
     /// Per component.
     pictures: Vec<ReferenceImage>,
+    /// What the model shows, per component, where that is warped like the picture.
+    modelled: Vec<Option<ReferenceImage>>,
     models: ViewModels,
 }
 
@@ -270,8 +278,10 @@ impl DecodedView {
     /// Bytes of memory of the view.
     fn bytes(&self) -> u64 {
         let signals: u64 = self.signals.iter().map(DecodedSignal::bytes).sum();
-        let reference = self.reference.as_ref().map_or(0, |DecodedReference { seen, pictures, .. }| {
-            seen.bytes() + pictures.iter().map(|picture| picture.bytes() + workspace::MODEL_BYTES).sum::<u64>()
+        let reference = self.reference.as_ref().map_or(0, |DecodedReference { seen, pictures, modelled, .. }| {
+            let modelled: u64 = modelled.iter().flatten().map(ReferenceImage::bytes).sum();
+            let pictures: u64 = pictures.iter().map(|picture| picture.bytes() + workspace::MODEL_BYTES).sum();
+            seen.bytes() + pictures + modelled
         });
         self.mask.data.len() as u64 + self.plan.bytes() + signals + reference
     }
@@ -284,7 +294,17 @@ impl DecodedView {
 impl<'a> PredictionScene<'a> {
     /// Prepares a mesh for its views.
     pub(crate) fn new(mesh: Cow<'a, Mesh>, views: Cow<'a, [View]>) -> Self {
-        PredictionScene { surface: ViewedMesh::new(mesh), views }
+        PredictionScene { surface: ViewedMesh::new(mesh), views, model: None }
+    }
+
+    /// Predicts views from a model, too.
+    pub(crate) fn with_model(self, model: Option<Arc<PredictionModel<'a>>>) -> Self {
+        PredictionScene { model, ..self }
+    }
+
+    /// Bytes that drawing the model takes beside what the view's size does.
+    pub(crate) fn drawing_bytes(&self) -> u64 {
+        self.model.as_ref().map_or(0, |model| model.drawing_bytes())
     }
 
     /// Renders the geometry of a view, of which a part is to be coded; `mask` returns its mask from the coverage of the mesh, `admit` may
@@ -323,8 +343,14 @@ impl<'a> PredictionScene<'a> {
         }
         let base = plan.level_bands(level).start;
         let bands = region.as_ref().map_or_else(|| plan.bands().get(base..).unwrap_or_default(), RegionPart::bands);
+        let rows = (&window.low_band(level), plan.row_runs(level), level);
+        // A view that shows nothing has no model, so that it can be written without one.
+        let model = match self.model.as_ref().filter(|_| coding.is_modelled && !rows.1.is_empty()) {
+            Some(model) => model.signals((self.surface.mesh(), &geometry), coding, rows)?,
+            None => Vec::new(),
+        };
         let tiling = Tiling::new(&tiles, window.corner(), |level| window.low_band(level).size(), bands);
-        Ok((PreparedView { mask, window, plan, tiling, region, level, geometry }, admitted))
+        Ok((PreparedView { mask, window, plan, tiling, region, level, geometry, model }, admitted))
     }
 }
 
@@ -438,5 +464,7 @@ impl ReferenceCounts {
     }
 }
 
+#[cfg(all(test, feature = "encode", feature = "parallel"))]
+mod test_model;
 #[cfg(all(test, feature = "encode", feature = "parallel"))]
 mod tests;

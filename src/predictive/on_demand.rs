@@ -3,6 +3,7 @@
 use super::DecodedView;
 use super::decode::{DecodedPhotograph, PlaneDecoder};
 use super::header::PlaneHeader;
+use super::model::PredictionModel;
 use super::order::{self, OrderEntry};
 use super::workspace::peak_bytes;
 use crate::error::{Error, Result};
@@ -54,6 +55,11 @@ impl<'a> ViewDecoder<'a> {
             clock: 0,
             budget,
         }
+    }
+
+    /// Predicts views from a model, too, as the head says.
+    pub(crate) fn with_model(self, model: Option<Arc<PredictionModel<'a>>>) -> Self {
+        ViewDecoder { planes: self.planes.with_model(model), ..self }
     }
 
     /// Leaves out the first `levels` levels of the photographs.
@@ -117,7 +123,8 @@ impl<'a> ViewDecoder<'a> {
             return Err(Error::parameter(format!("view {view} is predicted from views that are not decoded")));
         }
         self.planes.check(index, streams, take.is_some())?;
-        self.make_room(peak_bytes(&self.planes.scene.views[view].camera, &self.planes.header.coding));
+        let peak = peak_bytes(&self.planes.scene.views[view].camera, &self.planes.header.coding);
+        self.make_room(peak.saturating_add(self.planes.scene.drawing_bytes()));
         let (is_reference, budget) = (self.is_reference[view] && self.decoded[view].is_none(), self.budget.clone());
         let (taken, decoded) = self.planes.decode(index, streams, &self.decoded, is_reference, take, &budget)?;
         let taken = taken.map(|(taken, _reservation)| taken);

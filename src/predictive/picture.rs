@@ -19,13 +19,13 @@ use crate::limits::Budget;
 use crate::parallel;
 #[cfg(feature = "encode")]
 use crate::quantise::bands::RateDistortion;
-use crate::residual::coefficients::{self, CoefficientModels, PictureStreams};
+use crate::residual::coefficients::{self, CoefficientModels, PictureStreams, Prediction};
 use crate::residual::mask;
 use crate::residual::tiles::{TileGrid, TileSelection};
 use crate::surface::reproject::ReferenceView;
 use crate::surface::warp::{ReferenceImage, predict};
 use crate::transform::masked::{Coefficients, MaskedPixels};
-use crate::transform::shape_adaptive::TransformScratch;
+use crate::transform::shape_adaptive::{ColourLanes, TransformScratch};
 use crate::transform::synthesis::HalfPicture;
 use crate::transform::window::Window;
 
@@ -178,11 +178,11 @@ pub(crate) fn encode(
     let mut coder = crate::entropy::RangeEncoder::new();
     let (view, mask_models, ()) = prepare_view(task, &mut coder, Some(wanted_mask), |_| Ok(()))?;
     let mask = coder.finish();
-    let parts = code_components(task, &view, |index, predicted, mut models| {
+    let parts = code_components(task, &view, |index, prediction, mut models| {
         let quantiser = task.coding.components[index].quantiser(task.scale);
         let target = view.plan.forward(target(&view.window, index));
         let trade_off = RateDistortion { lambda };
-        let picture = view.picture_task(&quantiser, predicted);
+        let picture = view.picture_task(&quantiser, prediction);
         workspaces.with(|PlaneWorkspace { coefficients, transform }| {
             let scratch = std::mem::take(coefficients);
             let stream;
@@ -192,7 +192,7 @@ pub(crate) fn encode(
     });
     let (components, parts): (Vec<_>, Vec<_>) = parts.into_iter().unzip();
     let (streams, signals): (Vec<_>, Vec<_>) = parts.into_iter().unzip();
-    let decoded = decoded_view(view, signals, ViewModels { mask: mask_models, components }, task.part);
+    let decoded = decoded_view(view, task.coding, signals, ViewModels { mask: mask_models, components }, task.part);
     Ok((ViewStreams { mask, components: streams }, decoded))
 }
 
@@ -213,7 +213,8 @@ pub(crate) fn decode(
         Error::format(Tag::PLANES, offset, message)
     };
     let size = ViewSize::new(&captured.camera, task.coding);
-    let _drawn = budget.reserve("a view being drawn", size.drawing_bytes())?;
+    let drawing_bytes = size.drawing_bytes().saturating_add(task.scene.drawing_bytes());
+    let _drawn = budget.reserve("a view being drawn", drawing_bytes)?;
     let admit = |window: &Window| {
         let (size, grid) = (size.within(window), task.coding.tile_grid(&captured.camera));
         let bytes = match task.part.photograph_region().filter(|_| grid.levels() > 0) {
@@ -230,18 +231,18 @@ pub(crate) fn decode(
     if !coder.ends_as_written(0) {
         return Err(damaged("its mask"));
     }
-    let parts = code_components(task, &view, |index, predicted, mut models| {
+    let parts = code_components(task, &view, |index, prediction, mut models| {
         let quantiser = task.coding.components[index].quantiser(task.scale);
         workspaces.with(|PlaneWorkspace { coefficients, transform }| {
             let scratch = std::mem::take(coefficients);
-            let picture = view.picture_task(&quantiser, predicted);
+            let picture = view.picture_task(&quantiser, prediction);
             *coefficients = coefficients::decode(&streams.components[index], &mut models, &picture, scratch)?;
             Some((models, signals(&view, task.part, coefficients, transform)))
         })
     });
     let parts: Option<Vec<_>> = parts.into_iter().collect();
     let (components, signals): (Vec<_>, Vec<_>) = parts.ok_or_else(|| damaged("a component"))?.into_iter().unzip();
-    Ok(decoded_view(view, signals, ViewModels { mask: mask_models, components }, task.part))
+    Ok(decoded_view(view, task.coding, signals, ViewModels { mask: mask_models, components }, task.part))
 }
 
 /// Renders the view's geometry and codes its mask, in encoding the `wanted` one.
@@ -268,7 +269,7 @@ fn parent<'d>(task: &ViewTask<'d>) -> Option<&'d DecodedReference> {
 fn code_components<T: Send>(
     task: &ViewTask,
     view: &PreparedView,
-    code: impl Fn(usize, Option<&[PlaneSignal]>, CoefficientModels) -> T + Sync + Send,
+    code: impl Fn(usize, Prediction, CoefficientModels) -> T + Sync + Send,
 ) -> Vec<T> {
     let coding = task.coding;
     let reprojections = Reprojections::new(view, task.entry, task.decoded);
@@ -276,31 +277,65 @@ fn code_components<T: Send>(
     parallel::map(coding.components.len(), |index| {
         let models = parent
             .map_or_else(|| CoefficientModels::new(coding.modelling), |parent| parent.models.components[index].clone());
+        let shaded = coding.components[index].shaded;
+        let low = view.window.low_band(view.level);
+        let (size, rows) = ([low.width, low.height], view.plan.row_runs(view.level));
         let references: Vec<_> = (reprojections.references.iter())
-            .map(|(reference, positions, share)| (&reference.pictures[index], &positions[..], *share))
+            .map(|(reference, positions, share)| ([&reference.pictures[index]], &positions[..], *share))
             .collect();
-        let predicted = (!references.is_empty()).then(|| {
-            let shaded = coding.components[index].shaded;
-            let low = view.window.low_band(view.level);
-            let predicted = predict([low.width, low.height], view.plan.row_runs(view.level), &references, shaded);
-            view.plan.forward_from(view.level, predicted)
+        // Of those that have a model where it is warped, too.
+        let both: Vec<_> = (reprojections.references.iter())
+            .filter_map(|(reference, positions, share)| {
+                let modelled = reference.modelled.get(index)?.as_ref()?;
+                Some(([&reference.pictures[index], modelled], &positions[..], *share))
+            })
+            .collect();
+        let model = view.model.get(index);
+        let is_modelled = model.is_some() && !both.is_empty();
+        let (warped, known) = match references.is_empty() {
+            true => (None, None),
+            false if is_modelled && both.len() == references.len() => {
+                let [warped, known] = predict(size, rows, &both, shaded);
+                (Some(warped), Some(known))
+            }
+            false => {
+                let [warped] = predict(size, rows, &references, shaded);
+                let known = is_modelled.then(|| predict(size, rows, &both, shaded)).map(|[_, known]| known);
+                (Some(warped), known)
+            }
+        };
+        let correction = model.map(|model| {
+            // What the model has beyond its own warp, or, where that says nothing, beyond that of the photographs.
+            let difference = |known: &PlaneSignal| {
+                let difference = |(a, b): (&ColourLanes, &ColourLanes)| std::array::from_fn(|k| a[k] - b[k]);
+                model.iter().zip(known).map(difference).collect()
+            };
+            let correction = known.as_ref().or(warped.as_ref()).map_or_else(|| model.clone(), difference);
+            view.plan.forward_from(view.level, correction)
         });
-        code(index, predicted.as_deref(), models)
+        let views = warped.map(|warped| view.plan.forward_from(view.level, warped));
+        code(index, Prediction { views: views.as_deref(), correction: correction.as_deref() }, models)
     })
 }
 
 fn decoded_view(
     view: PreparedView,
+    coding: &PlaneCoding,
     signals: Vec<(Option<DecodedSignal>, Option<MaskedPixels>)>,
     models: ViewModels,
     part: ViewPart,
 ) -> DecodedView {
     let (size, low_window, level) = (view.low_size(), view.window.low_band(view.level), view.level);
-    let PreparedView { mut mask, mut window, plan, region, geometry, .. } = view;
+    let PreparedView { mut mask, mut window, plan, region, geometry, model, .. } = view;
     let (signals, pictures): (Vec<_>, Vec<_>) = signals.into_iter().unzip();
     let reference = part.is_reference.then(|| {
         let pictures = pictures.into_iter().flatten().map(|pixels| ReferenceImage::new(pixels, size, low_window));
-        DecodedReference { pictures: pictures.collect(), seen: ReferenceView::new(geometry), models }
+        let modelled = model.into_iter().zip(&coding.components).map(|(signal, component)| {
+            let pixels = || MaskedPixels::new(low_window.width, plan.row_runs(level).into(), signal);
+            component.shaded.then(|| ReferenceImage::new(pixels(), size, low_window))
+        });
+        let modelled = modelled.collect();
+        DecodedReference { pictures: pictures.collect(), modelled, seen: ReferenceView::new(geometry), models }
     });
     let (reduction, is_region) = (part.reduction, region.is_some());
     if let Some(region) = region {

@@ -4,7 +4,7 @@
 //! every view keeps its entry. Entries that are lost are coded anew with a mask that shows nothing, predicted from nothing; the others keep
 //! their streams, and decode to the same bits as before.
 
-use super::header::{CodedEntry, PREFIX_BYTES, PlaneHeader};
+use super::header::{CodedEntry, MAX_CODING, PREFIX_BYTES, PlaneHeader};
 use super::order::OrderEntry;
 use super::picture::{self, ViewPart, ViewTask};
 use super::{MaskCoding, PlaneCoding, PredictionScene};
@@ -61,7 +61,7 @@ pub(crate) fn find_head(
         let plausible = file.get(at + PREFIX_BYTES..).and_then(|head| head.first_chunk::<3>());
         plausible.is_some_and(|[flags, first, second]| {
             let count = if flags & 6 == 0 { first } else { second };
-            *flags <= 15 && *count as usize == components
+            *flags <= MAX_CODING && *count as usize == components
         }) && length <= (file.len() - at) as u64
     };
     for at in starts.filter(|&at| looks_right(at)) {

@@ -82,6 +82,10 @@ const DRAWING_BYTES: [u64; 2] = [8, 64];
 const CODING_BYTES: [u64; 2] = [12, 40];
 /// Bytes for each pixel of the predicted picture's window, and for each of these and component, besides.
 const PREDICTION_BYTES: [u64; 2] = [36, 112];
+/// Bytes for each pixel of the predicted picture while the model is drawn in it, and for each of its window's and component while it corrects the
+/// prediction.
+const MODEL_DRAWING_BYTES: u64 = 48;
+const CORRECTION_BYTES: u64 = 80;
 /// Adaptive state of a component.
 pub(crate) const MODEL_BYTES: u64 = 300_000;
 /// Bytes for each pixel of a photograph that is handed out: its mask, and each component.
@@ -97,6 +101,8 @@ pub(crate) struct ViewSize {
     level: u64,
     /// Models of each component that are there at once: those of the base and of the tiles that others start from.
     models: u64,
+    /// Whether the reflectance corrects the prediction.
+    is_modelled: bool,
 }
 
 impl ViewSize {
@@ -110,6 +116,7 @@ impl ViewSize {
                 + (2..=grid.levels())
                     .map(|level| grid.level_tiles(level).iter().product::<usize>() as u64)
                     .sum::<u64>(),
+            is_modelled: coding.is_modelled,
         }
     }
     /// The same of a window of the view.
@@ -121,7 +128,8 @@ impl ViewSize {
     }
     /// Bytes that it takes while it is drawn.
     pub(crate) fn drawing_bytes(&self) -> u64 {
-        let drawn = self.low_pixels().saturating_mul(DRAWING_BYTES[1]);
+        let each = DRAWING_BYTES[1] + if self.is_modelled { MODEL_DRAWING_BYTES } else { 0 };
+        let drawn = self.low_pixels().saturating_mul(each);
         if self.level == 0 { drawn } else { drawn.saturating_add(self.pixels.saturating_mul(DRAWING_BYTES[0])) }
     }
     /// Bytes that it takes while it is decoded, `pixels` those of its window: the photograph, or only what others are predicted from.
@@ -130,7 +138,9 @@ impl ViewSize {
             |pixels: u64, [each, component]: [u64; 2]| pixels.saturating_mul(each + component * self.components);
         let whole = bytes(self.pixels, if is_photograph { CODING_BYTES } else { [CODING_BYTES[0], 0] });
         let models = self.models.saturating_mul(MODEL_BYTES * self.components);
-        whole.saturating_add(bytes(self.low_pixels(), PREDICTION_BYTES)).saturating_add(models)
+        let correction = if self.is_modelled { CORRECTION_BYTES } else { 0 };
+        let predicted = bytes(self.low_pixels(), [PREDICTION_BYTES[0], PREDICTION_BYTES[1] + correction]);
+        whole.saturating_add(predicted).saturating_add(models)
     }
 }
 
@@ -157,6 +167,8 @@ pub(crate) struct ParallelBudget<'a> {
     pub views: &'a [View],
     pub coding: &'a PlaneCoding,
     pub budget: &'a Budget,
+    /// Bytes of what is drawn in each view besides its own, see [`PredictionScene::drawing_bytes`](super::PredictionScene::drawing_bytes).
+    pub drawing_bytes: u64,
     /// Bytes of what is coded side by side, beyond which it is no more than one view, whatever the budget has.
     pub most: u64,
     pub workspaces: &'a PlaneWorkspaces,
@@ -168,7 +180,8 @@ impl ParallelBudget<'_> {
     pub(crate) fn parallel_views(&self, order: &[OrderEntry], steps: &[usize]) -> usize {
         let (mut count, mut bytes) = (0, 0u64);
         for &step in steps.iter().take(MAX_PARALLEL_VIEWS) {
-            let more = bytes.saturating_add(peak_bytes(&self.views[order[step].view].camera, self.coding));
+            let peak = peak_bytes(&self.views[order[step].view].camera, self.coding);
+            let more = bytes.saturating_add(peak).saturating_add(self.drawing_bytes);
             if count > 0 && more > self.budget.left().min(self.most) {
                 break;
             }

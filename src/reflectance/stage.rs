@@ -9,7 +9,7 @@ use crate::mesh::Mesh;
 use crate::options::{EncodeOptions, SpecularModel};
 use crate::surface::atlas;
 use crate::surface::charts::{self, Charts};
-use crate::surface::displacement::{self, Displacements};
+use crate::surface::displacement::{self, DisplacedMesh, Displacements};
 use crate::views::source::PhotographSource;
 use crate::views::{Component, View};
 
@@ -24,6 +24,7 @@ pub(crate) struct ReflectanceEncoder<'a> {
     chart_bytes: Vec<u8>,
     maps: ReflectanceMaps,
     displacement_bytes: Option<Vec<u8>>,
+    surface: Option<DisplacedMesh>,
 }
 
 /// What is known of a mesh's surface beside its shape.
@@ -77,7 +78,7 @@ impl<'a> ReflectanceEncoder<'a> {
         };
         let sources = ReflectanceSources { mesh, surface, views, components, photographs, specular, irradiance };
         let maps = fit_maps(&sources, &charts, &raster)?;
-        Ok(ReflectanceEncoder { mesh, charts, chart_bytes, maps, displacement_bytes })
+        Ok(ReflectanceEncoder { mesh, charts, chart_bytes, maps, displacement_bytes, surface: finer })
     }
 
     /// The content of section `CHRT`.
@@ -90,14 +91,24 @@ impl<'a> ReflectanceEncoder<'a> {
         self.displacement_bytes.as_deref()
     }
 
-    /// Returns the content of section `RFLC` for photographs coded with quantiser step `step`.
+    /// The atlas.
+    pub(crate) fn charts(&self) -> &Charts {
+        &self.charts
+    }
+
+    /// The surface as the decoder has it, if it is finer than the mesh.
+    pub(crate) fn surface(&self) -> Option<&DisplacedMesh> {
+        self.surface.as_ref()
+    }
+
+    /// Returns the content of section `RFLC`, and the maps as the decoder has them, for photographs coded with quantiser step `step`.
     ///
     /// The maps carry the appearance between captured views; they are coded a little coarser than the photographs.
-    pub(crate) fn encode(&self, step: f32) -> Result<Vec<u8>> {
+    pub(crate) fn encode(&self, step: f32) -> Result<(Vec<u8>, ReflectanceMaps)> {
         let relative = (step * 2.0).clamp(0.08, 0.25);
         let colour = relative * COLOUR_LEVELS as f32;
         let sigma = 2.0 * relative * SIGMA_LEVELS as f32;
         let steps = MapSteps { diffuse: 0.5 * colour, specular: colour, sigma };
-        Ok(codec::encode(&self.maps, self.mesh, &self.charts, &steps, MAP_LAMBDA)?.0)
+        codec::encode(&self.maps, self.mesh, &self.charts, &steps, MAP_LAMBDA)
     }
 }

@@ -27,11 +27,7 @@ impl BandTask<'_> {
         match self.predicted {
             Some(predicted) => {
                 let predicted = &predicted[self.part.index_in_band(x, y)];
-                std::array::from_fn(|colour| {
-                    let p = predicted[colour];
-                    let gain = self.gains[colour][gains::bucket(p.abs() * self.inverse)];
-                    p * (gain as f32 * (1.0 / gains::UNITY as f32))
-                })
+                std::array::from_fn(|colour| gains::scale(predicted[colour], &self.gains[colour], self.inverse))
             }
             None if self.band.orientation == Orientation::Low => neighbour_mean(out, &self.part, x, y),
             None => [0.0; 3],

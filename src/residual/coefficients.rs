@@ -5,8 +5,9 @@
 use super::band::{BandTask, code_band};
 use super::contexts::{BandPart, CodedBand, CoefficientCoder, ParentBand};
 use super::direct::DirectModel;
-use super::gains::{self, BAND_CLASSES, GainSums, PredictionGains};
+use super::gains;
 use super::mixed::MixedModel;
+pub use super::prediction::Prediction;
 use super::task::{CoefficientState, StreamCoder};
 pub use super::task::{PictureStreams, PictureTask};
 use super::tile_coder::code_tiles;
@@ -16,7 +17,7 @@ use crate::entropy::{BitCoder, RangeDecoder, RansDecoder};
 use crate::entropy::{RangeEncoder, RansEncoder};
 use crate::quantise::bands::{Quantiser, RateDistortion};
 use crate::transform::masked::Coefficients;
-use crate::transform::shape_adaptive::{ColourLanes, Orientation, Subband, WaveletPlan};
+use crate::transform::shape_adaptive::{ColourLanes, Orientation, WaveletPlan};
 
 /// Entropy modelling of a picture's coefficients.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -106,7 +107,7 @@ pub(crate) fn code_alone<C: BitCoder>(
 ) -> Coefficients {
     let (mut models, mut coefficients) = (CoefficientState::<MixedModel>::new(), Coefficients::default());
     let tiling = Tiling::default();
-    let task = PictureTask { plan, quantiser, predicted: None, tiling: &tiling, tiled_bands: &[] };
+    let task = PictureTask { plan, quantiser, prediction: Prediction::default(), tiling: &tiling, tiled_bands: &[] };
     code_base(coder, &mut models, &task, target, &mut coefficients);
     coefficients
 }
@@ -119,19 +120,9 @@ fn code_base<C: BitCoder, K: CoefficientCoder<C>>(
     target: Option<(&[Vec<ColourLanes>], RateDistortion)>,
     coefficients: &mut Coefficients,
 ) -> Vec<CodedBand<K::Magnitudes>> {
-    let PictureTask { plan, quantiser, predicted, .. } = *task;
+    let PictureTask { plan, quantiser, prediction, .. } = *task;
     let bands = plan.bands();
-    let mut gains = *models.gains.last();
-    if let Some(predicted) = predicted {
-        if let Some((target, choice)) = target {
-            choose_gains(&mut gains, bands, quantiser, predicted, target, choice);
-        }
-        let mut used = [false; BAND_CLASSES];
-        for band in &bands[..predicted.len()] {
-            used[gains::band_class(band)] = true;
-        }
-        models.gains.code(coder, &mut gains, &used);
-    }
+    let predicted = prediction.scaled(coder, [&mut models.gains, &mut models.corrections], bands, quantiser, target);
     coefficients.reset(task.base_bands() + task.tiled_bands.len());
     let mut known: Vec<CodedBand<K::Magnitudes>> = Vec::with_capacity(bands.len());
     for (index, band) in bands.iter().enumerate().take(task.base_bands()) {
@@ -139,8 +130,8 @@ fn code_base<C: BitCoder, K: CoefficientCoder<C>>(
         let task = BandTask {
             band,
             part: BandPart::whole(&band.mask),
-            predicted: predicted.and_then(|predicted| predicted.get(index)).map(Vec::as_slice),
-            gains: &gains[gains::band_class(band)],
+            predicted: predicted.as_ref().and_then(|predicted| predicted.bands.get(index)).map(Vec::as_slice),
+            gains: predicted.as_ref().map_or(&gains::NONE, |predicted| &predicted.gains[gains::band_class(band)]),
             target: target.map(|(target, choice)| (&target[index][..], choice)),
             step,
             inverse: 1.0 / step,
@@ -160,36 +151,4 @@ fn code_base<C: BitCoder, K: CoefficientCoder<C>>(
         known.push(here);
     }
     known
-}
-
-fn choose_gains(
-    gains: &mut PredictionGains,
-    bands: &[Subband],
-    quantiser: &Quantiser,
-    predicted: &[Vec<ColourLanes>],
-    target: &[Vec<ColourLanes>],
-    choice: RateDistortion,
-) {
-    let mut sums = [[[GainSums::default(); gains::BUCKETS]; 3]; BAND_CLASSES];
-    for (index, band) in bands.iter().enumerate().take(predicted.len()) {
-        let class = gains::band_class(band);
-        let step = quantiser.band_step(band);
-        for ((p, t), _) in predicted[index].iter().zip(&target[index]).zip(&band.mask.data).filter(|(_, m)| **m) {
-            for colour in 0..3 {
-                let sum = &mut sums[class][colour][gains::bucket(p[colour].abs() / step)];
-                let p = p[colour] as f64;
-                sum.cross += p * t[colour] as f64;
-                sum.square += p * p;
-            }
-        }
-    }
-    let lambda = choice.lambda as f64 * (quantiser.step as f64).powi(2);
-    for class in 0..BAND_CLASSES {
-        for colour in 0..3 {
-            for bucket in 0..gains::BUCKETS {
-                let gain = &mut gains[class][colour][bucket];
-                *gain = sums[class][colour][bucket].choose(*gain, lambda);
-            }
-        }
-    }
 }

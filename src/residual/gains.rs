@@ -30,6 +30,13 @@ pub(crate) fn bucket(steps: f32) -> usize {
     (steps > 0.75) as usize + (steps > 2.5) as usize
 }
 
+/// A predicted coefficient times the gain of its bucket; `inverse` is one over the band's step.
+#[inline(always)]
+pub(super) fn scale(predicted: f32, gains: &[i32; BUCKETS], inverse: f32) -> f32 {
+    let gain = gains[bucket(predicted.abs() * inverse)];
+    predicted * (gain as f32 * (1.0 / UNITY as f32))
+}
+
 /// Gains of one picture: `[band class][colour][bucket]`, in 1/[`UNITY`].
 pub(crate) type PredictionGains = [[[i32; BUCKETS]; 3]; BAND_CLASSES];
 
@@ -87,6 +94,11 @@ pub(crate) struct GainSums {
 }
 
 impl GainSums {
+    /// The gain of least squares; `None` where nothing is predicted.
+    pub(crate) fn best(&self) -> Option<f64> {
+        let most = MAX_GAIN as f64 / UNITY as f64;
+        (self.square > 0.0).then(|| (self.cross / self.square).clamp(0.0, most))
+    }
     /// The stored gain of least squares; `last` where it gains less than about the bits of a change, valued at `lambda`
     /// (squared error a bit).
     pub(crate) fn choose(&self, last: i32, lambda: f64) -> i32 {

@@ -7,6 +7,7 @@ mod direct;
 pub(crate) mod gains;
 pub(crate) mod mask;
 mod mixed;
+mod prediction;
 mod task;
 mod tile_coder;
 pub(crate) mod tiles;

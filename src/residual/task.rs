@@ -2,22 +2,24 @@
 
 use super::contexts::ContextModel;
 use super::gains::GainModels;
+use super::prediction::Prediction;
 use super::tiles::Tiling;
 use crate::entropy::{BitCoder, RangeDecoder, RansDecoder};
 #[cfg(feature = "encode")]
 use crate::entropy::{RangeEncoder, RansEncoder};
 use crate::quantise::bands::Quantiser;
-use crate::transform::shape_adaptive::{ColourLanes, Subband, WaveletPlan};
+use crate::transform::shape_adaptive::{Subband, WaveletPlan};
 
 #[derive(Debug, Clone)]
 pub(super) struct CoefficientState<K> {
     pub(super) values: K,
     pub(super) gains: GainModels,
+    pub(super) corrections: GainModels,
 }
 
 impl<K: ContextModel> CoefficientState<K> {
     pub(super) fn new() -> Self {
-        CoefficientState { values: K::new(), gains: GainModels::default() }
+        CoefficientState { values: K::new(), gains: GainModels::default(), corrections: GainModels::default() }
     }
 }
 
@@ -28,8 +30,8 @@ pub struct PictureTask<'a> {
     pub plan: &'a WaveletPlan,
     /// Steps and reconstruction.
     pub quantiser: &'a Quantiser,
-    /// Coefficients of the prediction, of the first bands of the plan; none for a picture coded alone.
-    pub predicted: Option<&'a [Vec<ColourLanes>]>,
+    /// What it is predicted to be.
+    pub prediction: Prediction<'a>,
     /// The tiles of the finest levels, whose bands have no prediction.
     pub tiling: &'a Tiling,
     /// The bands that they are parts of, from the coarsest level on.

@@ -63,17 +63,23 @@ pub(crate) fn atlas_position(charts: &Charts, triangle: usize, point: DVec3) -> 
 
 /// The four texels around an atlas position, `(index, weight)`; positions outside are moved to the border.
 pub(crate) fn bilinear_taps(width: usize, height: usize, at: [f64; 2]) -> [(usize, f64); 4] {
-    let x = (at[0] - 0.5).clamp(0.0, (width - 1) as f64);
-    let y = (at[1] - 0.5).clamp(0.0, (height - 1) as f64);
-    let (x0, y0) = ((x as usize).min(width.saturating_sub(2)), (y as usize).min(height.saturating_sub(2)));
-    let (x1, y1) = ((x0 + 1).min(width - 1), (y0 + 1).min(height - 1));
-    let (s, t) = (x - x0 as f64, y - y0 as f64);
+    let ([x0, y0], [x1, y1], [s, t]) = bilinear_place(width, height, at);
     [
         (y0 * width + x0, (1.0 - s) * (1.0 - t)),
         (y0 * width + x1, s * (1.0 - t)),
         (y1 * width + x0, (1.0 - s) * t),
         (y1 * width + x1, s * t),
     ]
+}
+
+/// Columns and rows of the texels around an atlas position: the first and the last, and how far it lies between them.
+#[inline(always)]
+pub(crate) fn bilinear_place(width: usize, height: usize, at: [f64; 2]) -> ([usize; 2], [usize; 2], [f64; 2]) {
+    let x = (at[0] - 0.5).clamp(0.0, (width - 1) as f64);
+    let y = (at[1] - 0.5).clamp(0.0, (height - 1) as f64);
+    let (x0, y0) = ((x as usize).min(width.saturating_sub(2)), (y as usize).min(height.saturating_sub(2)));
+    let (x1, y1) = ((x0 + 1).min(width - 1), (y0 + 1).min(height - 1));
+    ([x0, y0], [x1, y1], [x - x0 as f64, y - y0 as f64])
 }
 
 /// Bilinear reading of colours.

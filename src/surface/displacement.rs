@@ -91,32 +91,28 @@ impl DisplacedMesh {
     pub fn normals(&self) -> &[[f64; 3]] {
         &self.normals
     }
+    /// Number of subdivisions.
+    pub(crate) fn levels(&self) -> u32 {
+        self.levels
+    }
+    /// The surface without its last `finer` subdivisions: fewer triangles, between vertices that are where they were.
+    pub(crate) fn without_levels(&self, finer: u32) -> Mesh {
+        let children = 1usize << (2 * finer);
+        // Of the children the one at the first, at the second and at the third corner.
+        let [second, third] = [(children - 1) / 3, (children - 1) / 3 * 2];
+        let corners = |of: &[[u32; 3]]| [of[0][0], of[second][1], of[third][2]];
+        let triangles: Vec<[u32; 3]> = self.mesh.triangles.chunks_exact(children).map(corners).collect();
+        // Vertices of coarser levels come first.
+        let vertices = triangles.iter().flatten().max().map_or(0, |&last| last as usize + 1);
+        Mesh { positions: self.mesh.positions[..vertices].to_vec(), triangles }
+    }
     /// Returns the fine triangle at a place of a coarse one, and the place there.
     pub(crate) fn finer(&self, triangle: usize, weights: [f64; 3]) -> (usize, [f64; 3]) {
-        (0..self.levels).fold((triangle, weights), |(triangle, [a, b, c]), _| {
-            let (child, weights) = if a >= 0.5 {
-                (0, [2.0 * a - 1.0, 2.0 * b, 2.0 * c])
-            } else if b >= 0.5 {
-                (1, [2.0 * a, 2.0 * b - 1.0, 2.0 * c])
-            } else if c >= 0.5 {
-                (2, [2.0 * a, 2.0 * b, 2.0 * c - 1.0])
-            } else {
-                (3, [1.0 - 2.0 * c, 1.0 - 2.0 * a, 1.0 - 2.0 * b])
-            };
-            (4 * triangle + child, weights)
-        })
+        finer(triangle, weights, self.levels)
     }
     /// Returns the coarse triangle that a place of a fine one lies on, and the place there: the inverse of [`Self::finer`].
     pub(crate) fn coarser(&self, triangle: usize, weights: [f64; 3]) -> (usize, [f64; 3]) {
-        (0..self.levels).fold((triangle, weights), |(triangle, [a, b, c]), _| {
-            let weights = match triangle % 4 {
-                0 => [a + 0.5 * (b + c), 0.5 * b, 0.5 * c],
-                1 => [0.5 * a, b + 0.5 * (a + c), 0.5 * c],
-                2 => [0.5 * a, 0.5 * b, c + 0.5 * (a + b)],
-                _ => [0.5 * (a + c), 0.5 * (a + b), 0.5 * (b + c)],
-            };
-            (triangle / 4, weights)
-        })
+        coarser(triangle, weights, self.levels)
     }
     /// Position and unit normal at a place of a coarse triangle.
     pub(crate) fn point(&self, triangle: usize, weights: [f64; 3]) -> ([f64; 3], [f64; 3]) {
@@ -127,6 +123,35 @@ impl DisplacedMesh {
         let normal = super::atlas::smooth_normal(corners, weights, &self.normals);
         (point.sum::<DVec3>().to_array(), normal.to_array())
     }
+}
+
+/// Returns the descendant after some subdivisions at a place of a triangle, and the place there.
+pub(crate) fn finer(triangle: usize, weights: [f64; 3], levels: u32) -> (usize, [f64; 3]) {
+    (0..levels).fold((triangle, weights), |(triangle, [a, b, c]), _| {
+        let (child, weights) = if a >= 0.5 {
+            (0, [2.0 * a - 1.0, 2.0 * b, 2.0 * c])
+        } else if b >= 0.5 {
+            (1, [2.0 * a, 2.0 * b - 1.0, 2.0 * c])
+        } else if c >= 0.5 {
+            (2, [2.0 * a, 2.0 * b, 2.0 * c - 1.0])
+        } else {
+            (3, [1.0 - 2.0 * c, 1.0 - 2.0 * a, 1.0 - 2.0 * b])
+        };
+        (4 * triangle + child, weights)
+    })
+}
+
+/// Returns the triangle that one descends from by some subdivisions, and a place of it there: the inverse of [`finer`].
+pub(crate) fn coarser(triangle: usize, weights: [f64; 3], levels: u32) -> (usize, [f64; 3]) {
+    (0..levels).fold((triangle, weights), |(triangle, [a, b, c]), _| {
+        let weights = match triangle % 4 {
+            0 => [a + 0.5 * (b + c), 0.5 * b, 0.5 * c],
+            1 => [0.5 * a, b + 0.5 * (a + c), 0.5 * c],
+            2 => [0.5 * a, 0.5 * b, c + 0.5 * (a + b)],
+            _ => [0.5 * (a + c), 0.5 * (a + b), 0.5 * (b + c)],
+        };
+        (triangle / 4, weights)
+    })
 }
 
 /// Unit normals of a subdivided mesh's vertices, interpolated between those of the coarse mesh.

@@ -120,6 +120,22 @@ impl Edge {
 
 /// Draws the mesh as `camera` sees it. Triangles are two-sided; of equally near ones the first in the mesh wins.
 pub fn rasterise(mesh: &Mesh, camera: &Camera) -> Raster {
+    draw(mesh, camera, f64::INFINITY, false).0
+}
+
+/// Draws those triangles of a mesh that face the camera as [`rasterise`] does, unless it takes unreasonably long; see [`check_work`].
+/// # Errors
+/// [`crate::Error::Limits`] for thousands of triangles that each fill the picture.
+pub(crate) fn rasterise_facing(mesh: &Mesh, camera: &Camera) -> Result<Raster> {
+    let pixels = camera.width as f64 * camera.height as f64;
+    let (raster, work) = draw(mesh, camera, MAX_LAYERS * pixels, true);
+    check_layers(work, pixels)?;
+    Ok(raster)
+}
+
+/// Draws triangles, all or those whose corners run counter-clockwise, until their bounds hold more than `most` pixels together; returns how many
+/// these were, too.
+fn draw(mesh: &Mesh, camera: &Camera, most: f64, is_facing: bool) -> (Raster, f64) {
     let (width, height) = (camera.width as usize, camera.height as usize);
     let mut inverse_depth = vec![0.0f64; width * height];
     let mut triangle = vec![NO_TRIANGLE; width * height];
@@ -127,9 +143,15 @@ pub fn rasterise(mesh: &Mesh, camera: &Camera) -> Raster {
     let projected = project(mesh, camera);
     let farthest = projected.iter().fold(0.0f64, |far, p| if p[2] > far { p[2] } else { far });
     let near = NEAR * farthest;
+    let mut work = 0.0;
     for (index, corners) in mesh.triangles.iter().enumerate() {
         let c = corners.map(|v| projected[v as usize]);
         if !(c[0][2] > near && c[1][2] > near && c[2][2] > near) {
+            continue;
+        }
+        // Rows run downwards, and so what runs counter-clockwise has a negative area.
+        let side = |k: usize, axis: usize| c[k][axis] - c[0][axis];
+        if is_facing && side(1, 0) * side(2, 1) - side(2, 0) * side(1, 1) >= 0.0 {
             continue;
         }
         // Pixels whose centres lie within the bounds.
@@ -142,6 +164,10 @@ pub fn rasterise(mesh: &Mesh, camera: &Camera) -> Raster {
         let (columns, rows) = (bounds(0, width), bounds(1, height));
         if columns.is_empty() || rows.is_empty() {
             continue;
+        }
+        work += columns.len() as f64 * rows.len() as f64;
+        if work > most {
+            break;
         }
         let edges = [Edge::new(corners, &c, 1, 2), Edge::new(corners, &c, 2, 0), Edge::new(corners, &c, 0, 1)];
         let inverse = [c[0][3], c[1][3], c[2][3]];
@@ -178,7 +204,7 @@ pub fn rasterise(mesh: &Mesh, camera: &Camera) -> Raster {
         }
     }
     let depth = inverse_depth.iter().map(|&d| if d > 0.0 { 1.0 / d } else { 0.0 }).collect();
-    Raster { width, height, triangle, depth, barycentric }
+    (Raster { width, height, triangle, depth, barycentric }, work)
 }
 
 /// Most pixels that all triangles' bounds may hold together, for each pixel of the picture.
@@ -200,8 +226,11 @@ pub(crate) fn check_work(mesh: &Mesh, camera: &Camera) -> Result<()> {
         let side = |k: usize| max(min(bounds[k][1], size[k]) - max(bounds[k][0], 0.0), 0.0);
         work += side(0) * side(1);
     }
-    let asked = (work / pixels.max(1.0)) as u64;
-    check("layers of triangles over a picture", asked, MAX_LAYERS as u64)
+    check_layers(work, pixels)
+}
+
+fn check_layers(work: f64, pixels: f64) -> Result<()> {
+    check("layers of triangles over a picture", (work / pixels.max(1.0)).ceil() as u64, MAX_LAYERS as u64)
 }
 
 /// Unit normals of the vertices: the mean of the adjacent triangles' normals weighted by their areas, outward for

@@ -49,15 +49,18 @@ impl ViewGeometry {
                 if triangle == raster::NO_TRIANGLE {
                     return [0.0; 3];
                 }
-                let corners = surface.mesh.triangles[triangle as usize].map(|v| surface.normals[v as usize]);
                 let (b1, b2) = (b[0] as f64, b[1] as f64);
-                let b0 = 1.0 - b1 - b2;
-                let n: [f64; 3] = std::array::from_fn(|k| b0 * corners[0][k] + b1 * corners[1][k] + b2 * corners[2][k]);
-                let length = dot(n, n).sqrt();
-                if length > 0.0 { n.map(|v| (v / length) as f32) } else { [0.0; 3] }
+                let corners = surface.mesh.triangles[triangle as usize];
+                interpolated_normal(corners, [1.0 - b1 - b2, b1, b2], &surface.normals)
             })
             .collect();
         ViewGeometry { view, raster, normals }
+    }
+
+    /// Unit normal of a pixel, zero where the mesh is missed.
+    #[inline(always)]
+    pub(crate) fn normal(&self, pixel: usize) -> [f32; 3] {
+        self.normals[pixel]
     }
 
     /// Gives the mask's pixels (`rows` of a window) that miss the mesh the mean depth and normal of their neighbours, ring by
@@ -96,6 +99,15 @@ impl ViewGeometry {
             }
         }
     }
+}
+
+/// Unit normal at a place of a triangle, interpolated between those of its vertices.
+#[inline(always)]
+pub(crate) fn interpolated_normal(corners: [u32; 3], [a, b, c]: [f64; 3], normals: &[[f64; 3]]) -> [f32; 3] {
+    let corners = corners.map(|v| normals[v as usize]);
+    let n: [f64; 3] = std::array::from_fn(|k| a * corners[0][k] + b * corners[1][k] + c * corners[2][k]);
+    let length = dot(n, n).sqrt();
+    if length > 0.0 { n.map(|v| (v / length) as f32) } else { [0.0; 3] }
 }
 
 /// Calls `visit` for the up to eight neighbours of a pixel, row by row.

@@ -71,43 +71,47 @@ impl ReferenceImage {
         masked::runs(masked::runs_within(&self.rows, lines), 0, self.window.width, &self.pixels)
     }
 
-    /// Catmull-Rom interpolation; `position` is clamped to the picture.
+    /// Catmull-Rom interpolation of pictures of one size and window; `position` is clamped to them.
     #[inline(always)]
-    fn read(&self, position: [f32; 2]) -> Vec4 {
+    fn read<const N: usize>(images: [&Self; N], position: [f32; 2]) -> [Vec4; N] {
+        let [columns, rows] = images[0].size.map(|size| size as i64 - 1);
         let (x, y) = (position[0] - 0.5, position[1] - 0.5);
         let (left, top) = (floor(x), floor(y));
         let (wx, wy) = (catmull_rom(x - left as f32), catmull_rom(y - top as f32));
         let (left, top) = (left as i64 - 1, top as i64 - 1);
-        let Window { left: x0, top: y0, width, height } = self.window;
+        let Window { left: x0, top: y0, width, height } = images[0].window;
         let (inner_left, inner_top) = (left - x0 as i64, top - y0 as i64);
-        let mut sum = Vec4::ZERO;
-        let mut add = |j: usize, taps: &[ColourLanes; 4]| {
+        let mut sums = [Vec4::ZERO; N];
+        let add = |sum: &mut Vec4, j: usize, taps: &[ColourLanes; 4]| {
             let mut line = Vec4::ZERO;
             for (wx, pixel) in wx.into_iter().zip(taps) {
                 line += Vec4::splat(wx) * Vec4::from_array(*pixel);
             }
-            sum += Vec4::splat(wy[j]) * line;
+            *sum += Vec4::splat(wy[j]) * line;
         };
         if inner_left >= 0 && inner_top >= 0 && inner_left + 4 <= width as i64 && inner_top + 4 <= height as i64 {
             let start = inner_top as usize * width + inner_left as usize;
-            for j in 0..4 {
-                if let Some(taps) = self.pixels.get(start + j * width..).and_then(|row| row.first_chunk()) {
-                    add(j, taps);
+            for (sum, image) in sums.iter_mut().zip(images) {
+                for j in 0..4 {
+                    if let Some(taps) = image.pixels.get(start + j * width..).and_then(|row| row.first_chunk()) {
+                        add(sum, j, taps);
+                    }
                 }
             }
         } else {
-            let [columns, rows] = self.size.map(|size| size as i64 - 1);
-            for j in 0..4 {
-                let y = (top + j as i64).clamp(0, rows) as usize;
-                let taps = std::array::from_fn(|i| {
-                    let x = (left + i as i64).clamp(0, columns) as usize;
-                    let inside = x >= x0 && y >= y0 && x - x0 < width && y - y0 < height;
-                    if inside { self.pixels[(y - y0) * width + x - x0] } else { [0.0; 4] }
-                });
-                add(j, &taps);
+            for (sum, image) in sums.iter_mut().zip(images) {
+                for j in 0..4 {
+                    let y = (top + j as i64).clamp(0, rows) as usize;
+                    let taps = std::array::from_fn(|i| {
+                        let x = (left + i as i64).clamp(0, columns) as usize;
+                        let inside = x >= x0 && y >= y0 && x - x0 < width && y - y0 < height;
+                        if inside { image.pixels[(y - y0) * width + x - x0] } else { [0.0; 4] }
+                    });
+                    add(sum, j, &taps);
+                }
             }
         }
-        sum
+        sums
     }
 }
 
@@ -175,17 +179,17 @@ fn catmull_rom(t: f32) -> [f32; 4] {
 }
 
 /// Predicts the target's mask pixels (`rows` of a window of the given size) from up to two references, each with its sources
-/// and its share.
+/// and its share: of several pictures alike, which a reference has of one size and window.
 ///
 /// Holes are filled from their surroundings. `shaded` scales by the ratio of the irradiances (diffuse light follows the
 /// lamp, highlights do not). The result covers the window, 0 outside the mask.
-pub(crate) fn predict(
+pub(crate) fn predict<const N: usize>(
     [width, height]: [usize; 2],
     rows: &[PixelRun],
-    references: &[(&ReferenceImage, &[Reprojection], f32)],
+    references: &[([&ReferenceImage; N], &[Reprojection], f32)],
     shaded: bool,
-) -> Vec<ColourLanes> {
-    let mut out = vec![[0.0f32; 4]; width * height];
+) -> [Vec<ColourLanes>; N] {
+    let mut out = [(); N].map(|()| vec![[0.0f32; 4]; width * height]);
     let mut known = vec![false; width * height];
     let mut holes = Vec::new();
     let pixels = rows.iter().flat_map(|run| {
@@ -193,30 +197,40 @@ pub(crate) fn predict(
         at..at + run.length as usize
     });
     for (index, at) in pixels.enumerate() {
-        let (mut sum, mut total) = (Vec4::ZERO, 0.0f32);
-        for (reference, sources, share) in references {
+        let (mut sums, mut total) = ([Vec4::ZERO; N], 0.0f32);
+        for (images, sources, share) in references {
             let source = &sources[index];
             let weight = share * source.weight;
             if weight > 0.0 {
                 let factor = if shaded { weight * source.shading } else { weight };
-                sum += Vec4::splat(factor) * reference.read(source.position);
+                let read = ReferenceImage::read(*images, source.position);
+                sums.iter_mut().zip(read).for_each(|(sum, read)| *sum += Vec4::splat(factor) * read);
                 total += weight;
             }
         }
         if total > 0.0 {
-            out[at] = (sum / Vec4::splat(total)).to_array();
+            out.iter_mut().zip(sums).for_each(|(out, sum)| out[at] = (sum / Vec4::splat(total)).to_array());
             known[at] = true;
         } else {
             holes.push(at);
         }
     }
+    out.iter_mut().for_each(|out| fill_holes(out, &known, &holes, [width, height]));
+    out
+}
+
+/// Gives holes the mean of their known neighbours, ring by ring.
+pub(crate) fn fill_holes(pixels: &mut [ColourLanes], known: &[bool], holes: &[usize], [width, height]: [usize; 2]) {
+    if holes.is_empty() {
+        return;
+    }
+    let (mut known, mut holes) = (known.to_vec(), holes.to_vec());
     for _ in 0..HOLE_RINGS {
-        if holes.is_empty() || fill_ring(&mut out, &mut known, &holes, width, height).is_empty() {
+        if holes.is_empty() || fill_ring(pixels, &mut known, &holes, width, height).is_empty() {
             break;
         }
         holes.retain(|&at| !known[at]);
     }
-    out
 }
 
 #[cfg(test)]
@@ -257,7 +271,7 @@ mod tests {
         let picture: Vec<ColourLanes> = (0..48 * 32).map(|i| [(i % 48) as f32, (i / 48) as f32, 1.0, 0.0]).collect();
         let reference = ReferenceImage::new(MaskedPixels::new(48, rows[..].into(), picture), [48, 32], window);
         let sources = &reproject(&here, &[&ReferenceView::new(there)], &window, &rows)[0];
-        let predicted = predict([48, 32], &rows, &[(&reference, sources, 1.0)], true);
+        let [predicted] = predict([48, 32], &rows, &[([&reference], sources, 1.0)], true);
         // Parallax: 40 * 0.5 / 4 = 5 pixels; brightness: sqrt(4).
         let at = 16 * 48 + 20;
         for (value, expected) in predicted[at].iter().zip([2.0 * 25.0, 2.0 * 16.0, 2.0, 0.0]) {

@@ -58,7 +58,7 @@ def parts(sections):
             yield f"reflectance {name}", singles(maps[name])
     pictures = None
     if "PLAN" in sections:
-        pictures = planes.Planes(sections["PLAN"], views, positions, triangles)
+        pictures = planes.Planes(sections, views, positions, triangles)
     elif "PAPR" in sections:
         pictures = paper.Paper(sections["PAPR"], views, positions, triangles)
     for index in range(len(views.views) if pictures else 0):

@@ -19,17 +19,46 @@ class Models:
             self.magnitude = Mixer([7776, 6912, 1296, 4608, 5184, 9216, 1152, 2304], [144, 48])
             self.sign = [Bit() for _ in range(504)]
         self.large = Number()
-        self.last = [[[16 if g == 10 else 8] * 3 for _ in range(3)] for g in range(11)]
-        self.gain = [Number() for _ in range(3)]
+        self.gains, self.corrections = Gains(), Gains()
 
     def copy(self):
         other = Models.__new__(Models)
         for name, model in vars(self).items():
-            if name not in ("kind", "last"):
+            if name != "kind":
                 setattr(other, name, [m.copy() for m in model] if isinstance(model, list) else model.copy())
         other.kind = self.kind
-        other.last = [[list(row) for row in g] for g in self.last]
         return other
+
+
+class Gains:
+    """Gains of one part of the prediction: by gain class, channel and bucket."""
+
+    def __init__(self):
+        self.last = [[[16 if g == 10 else 8] * 3 for _ in range(3)] for g in range(11)]
+        self.numbers = [Number() for _ in range(3)]
+
+    def copy(self):
+        other = Gains.__new__(Gains)
+        other.last = [[list(row) for row in g] for g in self.last]
+        other.numbers = [number.copy() for number in self.numbers]
+        return other
+
+    def decode(self, coder, classes):
+        for g in classes:
+            for row in self.last[g]:
+                for k in range(3):
+                    row[k] = min(max(row[k] + self.numbers[k].signed(coder), 0), 24)
+
+    def scaled(self, part, band, step):
+        """Coefficients of a band times their gains."""
+        steps = np.abs(part) * (single(1) / band_step(band, step))
+        buckets = (steps > single(0.75)).astype(int) + (steps > single(2.5))
+        gains = (np.array(self.last[gain_class(band)]) / 16).astype(single)
+        return np.stack([part[..., c] * gains[c][buckets[..., c]] for c in range(3)], -1)
+
+
+def band_step(band, step):
+    return step * LEVEL_STEPS[4 if band.kind == "low" else band.level - 1]
 
 
 def classes(bounds):
@@ -70,16 +99,25 @@ def padded(height, width, count=3):
     return [[[0] * (width + 4) for _ in range(height + 3)] for _ in range(count)]
 
 
-def decode(coder, models, bands, step, shrink, predicted):
-    """Coefficients of these bands, and their magnitudes. `predicted` are the prediction's, for all bands or the first ones, or None."""
+def decode(coder, models, bands, step, shrink, predicted=None, correction=None):
+    """Coefficients of these bands, and their magnitudes. `predicted` are those of the prediction by views and `correction` those of the
+    model's, for all bands or the first ones, or None."""
+    predicted_bands = len(predicted or correction or ())
+    used = sorted({gain_class(band) for band in bands[:predicted_bands]})
     if predicted is not None:
-        for g in sorted({gain_class(b) for b in bands[: len(predicted)]}):
-            for row in models.last[g]:
-                for k in range(3):
-                    row[k] = min(max(row[k] + models.gain[k].signed(coder), 0), 24)
+        models.gains.decode(coder, used)
+    if correction is not None:
+        models.corrections.decode(coder, used)
     results, magnitudes = [], []
     for index in range(len(bands)):
-        prediction = predicted[index] if predicted is not None and index < len(predicted) else None
+        prediction = None
+        if index < predicted_bands and correction is None:
+            prediction = predicted[index], models.gains.last[gain_class(bands[index])]
+        elif index < predicted_bands:
+            total = models.corrections.scaled(correction[index], bands[index], step)
+            if predicted is not None:
+                total = models.gains.scaled(predicted[index], bands[index], step) + total
+            prediction = total, [[16] * 3] * 3
         band = bands[index]
         parent = (magnitudes[index - 3], 0, 0) if band.kind != "low" and index > 3 else None
         count = {"vertical": 1, "diagonal": 2}.get(band.kind, 0)
@@ -138,19 +176,18 @@ class BandDecoder:
 
     fields = 3
 
-    def __init__(self, coder, models, band, step, shrink, predicted, parent, siblings):
+    def __init__(self, coder, models, band, step, shrink, prediction, parent, siblings):
         self.coder, self.models, self.band = coder, models, band
         self.low = band.kind == "low"
-        self.T = step * LEVEL_STEPS[4 if self.low else band.level - 1]
+        self.T = band_step(band, step)
         self.u = single(1) / self.T
         self.shrink = shrink
         self.B, self.l = context_class(band), 0 if self.low else band.level
         height, width = band.mask.shape
         self.M, self.hints = padded(height, width, self.fields), padded(height, width, self.fields)
         self.out = np.zeros((height, width, 3), single)
-        self.gains = models.last[gain_class(band)]
-        self.predicted = predicted
-        if predicted is not None:
+        self.predicted, self.gains = prediction or (None, None)
+        if prediction is not None:
             self.set_hints()
         self.parent, self.siblings = parent, siblings
 

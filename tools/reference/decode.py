@@ -57,7 +57,8 @@ def main():
             write_pfm(os.path.join(arguments.output, f"reflectance-{name}.pfm"), image)
         print(f"reflectance: {charts.width} x {charts.height} texels, {'relightable' if relightable else 'lights unknown'}")
     if "PLAN" in sections:
-        pictures = planes.Planes(sections["PLAN"][1], views, positions, triangles)
+        contents = {tag: content for tag, (_, content) in sections.items()}
+        pictures = planes.Planes(contents, views, positions, triangles)
     elif "PAPR" in sections:
         pictures = paper.Paper(sections["PAPR"][1], views, positions, triangles)
     else:

@@ -86,10 +86,18 @@ def first_pixel(position):
     return math.ceil(max(position - 0.5, 0))
 
 
-class Geometry:
-    """What a view sees of the mesh."""
+def interpolated_normals(corners, weights, normals):
+    """Unit normals, singles, at places of triangles."""
+    (a, b, c), N = weights, normals[corners]
+    n = [a * N[:, 0, k] + b * N[:, 1, k] + c * N[:, 2, k] for k in range(3)]
+    length = np.sqrt(dot(n, n))
+    return np.stack([np.where(length > 0, x / np.where(length > 0, length, 1), 0) for x in n], -1).astype(single)
 
-    def __init__(self, camera, light, positions, triangles, normals):
+
+class Geometry:
+    """What a view sees of a mesh, or of its triangles that face the camera."""
+
+    def __init__(self, camera, light, positions, triangles, normals, facing=False):
         self.camera, self.light = camera, light
         self.width, self.height = camera.width, camera.height
         q = to_camera(camera, positions.T)
@@ -102,19 +110,17 @@ class Geometry:
         self.triangle = np.full((self.height, self.width), -1)
         barycentric = self.barycentric = np.zeros((self.height, self.width, 2), single)
         for index, corners in enumerate(triangles):
-            if all(q[2][v] > near for v in corners):
+            i, j, k = corners
+            turned = facing and (x[j] - x[i]) * (y[k] - y[i]) - (x[k] - x[i]) * (y[j] - y[i]) >= 0
+            if all(q[2][v] > near for v in corners) and not turned:
                 self.draw(index, corners, x, y, q[2], inverse, barycentric)
         self.coverage = self.triangle >= 0
         self.depth = np.zeros_like(inverse)
         self.depth[self.coverage] = 1.0 / inverse[self.coverage]
         self.normals = np.zeros((self.height, self.width, 3), single)
-        N = normals[np.array(triangles)[self.triangle[self.coverage]]]
         b, c = (barycentric[self.coverage][:, k].astype(np.float64) for k in (0, 1))
-        a = 1.0 - b - c
-        n = [a * N[:, 0, k] + b * N[:, 1, k] + c * N[:, 2, k] for k in range(3)]
-        length = np.sqrt(dot(n, n))
-        for k in range(3):
-            self.normals[self.coverage, k] = np.where(length > 0, n[k] / np.where(length > 0, length, 1), 0)
+        corners = np.array(triangles)[self.triangle[self.coverage]]
+        self.normals[self.coverage] = interpolated_normals(corners, (1.0 - b - c, b, c), normals)
 
     def draw(self, index, corners, x, y, z, inverse, barycentric):
         cx, cy, cz = ([float(v[i]) for i in corners] for v in (x, y, z))

@@ -8,6 +8,7 @@ import numpy as np
 import geometry
 from container import varint
 from entropy import Bit, Damaged, Mixer, Number, Range, States
+from model import Model
 
 single = np.float32
 
@@ -50,12 +51,13 @@ class Head:
         if zlib.crc32(head) != checksum:
             raise Damaged("head of PLAN")
         self.masks, self.level, self.direct = head[0] & 1, head[0] >> 1 & 3, head[0] >> 3 & 1
+        self.modelled = head[0] >> 4 & 1
         at, self.tile_side = 1, None
         if self.level:
             at, self.tile_side = 2, 1 << head[1]
             if not 4 <= head[1] <= 12:
                 raise Damaged("head of PLAN")
-        if head[0] > 15 or head[at] != components:
+        if head[0] > 31 or head[at] != components:
             raise Damaged("head of PLAN")
         at += 1
         self.components = [Component(head[at + 25 * k : at + 25 + 25 * k]) for k in range(components)]
@@ -158,16 +160,17 @@ class Decoded:
 
 
 class Planes:
-    """The pictures of a section; steps are decoded when they are asked for."""
+    """The pictures of section PLAN; steps are decoded when they are asked for."""
 
-    def __init__(self, data, views, positions, triangles):
+    def __init__(self, sections, views, positions, triangles):
         from coefficients import Models, decode, decode_tile
 
         self.decode_coefficients, self.decode_tile, self.Models = decode, decode_tile, Models
         self.views, self.triangles = views, triangles
         self.positions = np.array(positions, np.float64).reshape(-1, 3)
         self.normals = geometry.vertex_normals(self.positions, triangles)
-        self.head = Head(data, views.views, len(views.components))
+        self.head = Head(sections["PLAN"], views.views, len(views.components))
+        self.model = Model(sections, views, positions, triangles) if self.head.modelled else None
         self.done = {}
 
     def view(self, view):
@@ -202,19 +205,29 @@ class Planes:
         low = transform.masks[level]
         result.geometry.extend(low)
         found = [geometry.find(result.geometry, r.geometry, low) for r, _ in references]
-        result.models, result.signals, result.filled = [], [], []
+        modelled = None
+        if self.model and low.any():
+            modelled = self.model.signals(result.geometry, low, self.head.components, level)
+        result.models, result.signals, result.filled, result.modelled = [], [], [], []
         for k, component in enumerate(self.head.components):
             models = parent.models[k].copy() if parent else self.Models(self.head.direct)
-            predicted = None
+            warped = predicted = correction = None
             if references:
                 sources = [(r.filled[k], f, share) for (r, share), f in zip(references, found)]
-                predicted = transform.forward(geometry.predict(low, sources, component.shaded), level)
+                warped = geometry.predict(low, sources, component.shaded)
+                predicted = transform.forward(warped, level)
+            if modelled:
+                other = warped
+                sources = [(r.modelled[k], f, share) for (r, share), f in zip(references, found) if r.modelled]
+                if component.shaded and sources:
+                    other = geometry.predict(low, sources, True)
+                correction = transform.forward(modelled[k] if other is None else modelled[k] - other, level)
             step_size = component.step * single(step.scale / 64)
             start = States if self.head.direct else Range
             coder = start(step.streams[k + 1])
             base = len(transform.bands) - 3 * level
             bands, magnitudes = self.decode_coefficients(
-                coder, models, transform.bands[:base], step_size, component.shrink, predicted
+                coder, models, transform.bands[:base], step_size, component.shrink, predicted, correction
             )
             if not coder.ends_rightly():
                 raise Damaged("end of a component's stream")
@@ -239,6 +252,10 @@ class Planes:
             lows = transform.lows(bands)
             filled, known = lows[level].copy(), low.copy()
             geometry.fill(known, filled, 4)
+            if modelled:
+                shown, known = modelled[k].copy(), low.copy()
+                geometry.fill(known, shown, 4)
+                result.modelled.append(shown)
             result.models.append(models)
             result.signals.append(lows[0])
             result.filled.append(filled)

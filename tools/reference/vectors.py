@@ -67,15 +67,20 @@ def entropy(case):
 
 def coefficients(case):
     used = mask(case["mask"])
-    transform, predicted = Transform(used), None
-    if case["predicted"]:
+    transform = Transform(used)
+
+    def part(name):
+        if not case[name]:
+            return None
         picture = np.zeros(used.shape + (3,), single)
-        picture[used] = singles(case["predicted"]).reshape(-1, 3)
-        predicted = transform.forward(picture)
+        picture[used] = singles(case[name]).reshape(-1, 3)
+        return transform.forward(picture)
+
+    predicted, correction = part("predicted"), part("correction")
     direct = case["modelling"] == "direct"
     coder = (States if direct else Range)(bytes.fromhex(case["stream"]))
     step, shrink = singles(case["step"])[0], list(singles(case["shrink"]))
-    found, _ = decode_coefficients(coder, Models(direct), transform.bands, step, shrink, predicted)
+    found, _ = decode_coefficients(coder, Models(direct), transform.bands, step, shrink, predicted, correction)
     assert coder.ends_rightly()
     assert bits(transform.inverse(found)[used]) == bits(singles(case["picture"]))
 

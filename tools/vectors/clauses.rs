@@ -10,7 +10,7 @@ use tsuya::internals::entropy::{
 };
 use tsuya::internals::quantise::{Quantiser, RateDistortion};
 use tsuya::internals::residual::MaskModels;
-use tsuya::internals::residual::coefficients::{CoefficientModels, Modelling, PictureTask, Tiling};
+use tsuya::internals::residual::coefficients::{CoefficientModels, Modelling, PictureTask, Prediction, Tiling};
 use tsuya::internals::transform::{ColourLanes, WaveletPlan};
 use tsuya::{brdf::Brdf, internals};
 
@@ -143,7 +143,7 @@ fn masks() -> Vec<Value> {
     vec![case(&coverage), case(&shifted)]
 }
 
-/// planes.md sections 6 and 7: a stream of coefficients, and the picture of them; with a prediction and without.
+/// planes.md sections 6 and 7: a stream of coefficients, and the picture of them; with a prediction, with a correction, and without.
 fn planes() -> Vec<Value> {
     let mask = round(13, 10, 4.6);
     let plan = WaveletPlan::new(&mask);
@@ -156,21 +156,22 @@ fn planes() -> Vec<Value> {
         };
         (0..mask.data.len()).map(pixel).collect()
     };
-    let (target, predicted) = (picture(1.0), picture(0.9));
+    let (target, predicted, correction) = (picture(1.0), picture(0.9), picture(0.4));
     let in_mask = |pixels: &[ColourLanes], mask: &Mask| {
         let kept = pixels.iter().zip(&mask.data).filter(|(_, set)| **set);
         singles(kept.flat_map(|(pixel, _)| [pixel[0], pixel[1], pixel[2]]))
     };
     let mut cases = Vec::new();
     for (modelling, name) in [(Modelling::Mixed, "mixed"), (Modelling::Direct, "direct")] {
-        for with in [false, true] {
+        for [with, corrected] in [[false, false], [true, false], [true, true], [false, true]] {
             let quantiser = Quantiser { step: 0.03, shrink: [0.125, 0.0625] };
-            let prediction = with.then(|| plan.forward(predicted.clone()));
+            let bands = |picture: &Vec<ColourLanes>| plan.forward(picture.clone());
+            let (views, model) = (with.then(|| bands(&predicted)), corrected.then(|| bands(&correction)));
             let tiling = Tiling::default();
             let task = PictureTask {
                 plan: &plan,
                 quantiser: &quantiser,
-                predicted: prediction.as_deref(),
+                prediction: Prediction { views: views.as_deref(), correction: model.as_deref() },
                 tiling: &tiling,
                 tiled_bands: &[],
             };
@@ -184,7 +185,8 @@ fn planes() -> Vec<Value> {
             cases.push(json!({
                 "clause": "6 and 7", "modelling": name, "mask": rows(&mask),
                 "step": singles([quantiser.step]), "shrink": singles(quantiser.shrink),
-                "predicted": with.then(|| in_mask(&predicted, &mask)), "stream": hex(&streams.base),
+                "predicted": with.then(|| in_mask(&predicted, &mask)),
+                "correction": corrected.then(|| in_mask(&correction, &mask)), "stream": hex(&streams.base),
                 "picture": in_mask(&plan.inverse(&decoded), &mask),
             }));
         }

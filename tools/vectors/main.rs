@@ -14,7 +14,7 @@ use tsuya::container::{ContainerWriter, SectionCodec, Tag};
 use tsuya::encoder::encode;
 use tsuya::lighting::{EnvironmentLobes, PrefilteredMap, SphericalGaussian};
 use tsuya::visibility::{BakeOptions, bake};
-use tsuya::{DecodeSpeed, EncodeOptions, EncodeTarget, Profile, SpecularModel};
+use tsuya::{DecodeSpeed, EncodeOptions, EncodeTarget, Profile, Refinement, SpecularModel};
 use tsuya::{
     brdf::{self, FittedMaterial, NamedMaterial},
     container,
@@ -38,6 +38,11 @@ fn captures() -> Vec<(&'static str, &'static str, usize, EncodeOptions)> {
         ..EncodeOptions::default()
     };
     let palette = EncodeOptions { specular: SpecularModel::Dsbrdf, ..tuned(DecodeSpeed::Normal, 30.0) };
+    let surface = EncodeOptions {
+        refine: Refinement::Surface,
+        specular: SpecularModel::GgxLobes,
+        ..tuned(DecodeSpeed::Normal, 10.0)
+    };
     vec![
         ("ring-small", "sample-spot", 3, tuned(DecodeSpeed::Normal, 30.0)),
         ("ring-fast", "sample-spot", 3, tuned(DecodeSpeed::Fast, 30.0)),
@@ -46,6 +51,7 @@ fn captures() -> Vec<(&'static str, &'static str, usize, EncodeOptions)> {
         ("ring-palette", "sample-spot", 2, palette),
         ("ring-paper", "sample-spot", 2, paper(1.0)),
         ("dome-small", "dome", 3, tuned(DecodeSpeed::Normal, 40.0)),
+        ("dome-surface", "dome", 19, surface),
         ("dome-paper", "dome", 3, paper(1.0)),
         ("unpolarised-small", "unpolarised", 3, tuned(DecodeSpeed::Normal, 40.0)),
         ("unpolarised-paper", "unpolarised", 3, paper(2.0)),

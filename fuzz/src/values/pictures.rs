@@ -120,9 +120,10 @@ pub fn header(u: &mut Unstructured) -> Result<PlaneHeader> {
     let masks = if u.arbitrary()? { MaskCoding::Coded } else { MaskCoding::Coverage };
     let modelling = if u.arbitrary()? { Modelling::Direct } else { Modelling::Mixed };
     let prediction_level = u.int_in_range(0..=3)?;
+    let is_modelled = u.arbitrary()?;
     // Without tiles their side is not stored.
     let tile_side_log2 = if prediction_level > 0 { u.int_in_range(4..=12)? } else { 8 };
-    let coding = PlaneCoding { components, masks, prediction_level, modelling, tile_side_log2 };
+    let coding = PlaneCoding { components, masks, prediction_level, modelling, is_modelled, tile_side_log2 };
     let views: usize = u.int_in_range(1..=5)?;
     let first = u.int_in_range(0..=views - 1)?;
     let camera = Camera { width: u.int_in_range(1..=300)?, height: u.int_in_range(1..=300)?, ..Camera::default() };

@@ -1,0 +1,193 @@
+//! Round trips of views that are predicted from a surface and its lobes, too.
+
+use super::decode::PlaneDecoder;
+use super::encode::{EncodedPlanes, PlaneEncoder, PlaneQuality};
+use super::header::{PREFIX_BYTES, PlaneHeader};
+use super::model::PredictionModel;
+use super::{ComponentCoding, MaskCoding, PlaneCoding, PredictionScene, low_camera};
+use crate::image::{Grid, Region, RgbImage};
+use crate::limits::{Budget, Limits};
+use crate::mesh::Mesh;
+use crate::options::DecodeSpeed;
+use crate::reflectance::lobes::LOBES;
+use crate::reflectance::maps::ReflectanceMaps;
+use crate::residual::coefficients::Modelling;
+use crate::separate::MaskedPhotographs;
+use crate::surface::atlas::layout;
+use crate::surface::displacement::DisplacedMesh;
+use crate::surface::raster::{coverage_runs, rasterise};
+use crate::surface::view_geometry::{ViewGeometry, ViewedMesh};
+use crate::transform::shape_adaptive::PixelRun;
+use crate::transform::window::Window;
+use crate::views::{Camera, Component, Photograph, PointLight, View};
+use std::borrow::Cow;
+use std::ops::Range;
+use std::sync::Arc;
+
+const COMPONENTS: [Component; 2] = [Component::Diffuse, Component::Specular];
+const WHITE: [f64; 3] = [1.0, 0.9, 0.8];
+
+/// A glossy octahedron with dents between its vertices, and views around it of which the last but one has no light.
+fn scene() -> (Mesh, Vec<View>, PredictionModel<'static>) {
+    let mesh = Mesh {
+        positions: vec![[1., 0., 0.], [-1., 0., 0.], [0., 1., 0.], [0., -1., 0.], [0., 0., 1.], [0., 0., -1.]],
+        triangles: vec![[0, 2, 4], [2, 1, 4], [1, 3, 4], [3, 0, 4], [2, 0, 5], [1, 2, 5], [3, 1, 5], [0, 3, 5]],
+    };
+    let dent = |_, _, place: [f64; 3]| 0.05 * (place[0] * 11.0).sin() * (place[1] * 9.0).cos();
+    let surface = DisplacedMesh::new(&mesh, 4, dent).unwrap();
+    let charts = layout(&mesh, 20.0).unwrap();
+    let (width, height) = (charts.width as usize, charts.height as usize);
+    let map = |scale: f32, step: usize| {
+        let colour = |k: usize| [1.0, 0.8, 0.6].map(|c| c * scale * (0.6 + 0.4 * ((k / step) as f32).sin()));
+        Grid { width, height, data: (0..width * height).map(colour).collect() }
+    };
+    let mut maps = ReflectanceMaps { relightable: true, diffuse: map(0.3, 7), ..ReflectanceMaps::default() };
+    maps.lobes = (0..LOBES).map(|k| map(0.02 * k as f32, 31 + k)).collect();
+    let view = |i: usize| {
+        let (sin, cos) = (i as f64 * 0.35).sin_cos();
+        let camera = Camera {
+            width: 72,
+            height: 60,
+            focal: [90.0, 90.0],
+            principal: [36.0, 30.0],
+            rotation: [[cos, 0.0, -sin], [0.0, -1.0, 0.0], [-sin, 0.0, -cos]],
+            translation: [0.0, 0.0, 4.0],
+        };
+        let light = PointLight { position: [4.0 * sin, 1.0, 4.0 * cos], intensity: [50.0; 3] };
+        View { name: format!("{i:03}"), camera, light: (i != 5).then_some(light) }
+    };
+    let views = (0..7).map(view).collect();
+    let (surface, charts, maps) = (Cow::Owned(surface), Cow::Owned(charts), Cow::Owned(maps));
+    let budget = Budget::new(Limits::default());
+    let model = PredictionModel::new((Some(surface), Some(charts), Some(maps)), &COMPONENTS, WHITE, &budget).unwrap();
+    (mesh, views, model)
+}
+
+/// Photographs that show the model, a little brighter to the right.
+fn photographs(mesh: &Mesh, views: &[View], model: &PredictionModel) -> Vec<Photograph> {
+    let plain = ComponentCoding {
+        step: 1.0,
+        shrink: [0, 0],
+        rotation: [[16384, 0, 0], [0, 16384, 0], [0, 0, 16384]],
+        signed: false,
+        shaded: true,
+    };
+    let coding = PlaneCoding {
+        components: vec![plain; 2],
+        masks: MaskCoding::Coverage,
+        prediction_level: 0,
+        modelling: Modelling::Mixed,
+        is_modelled: true,
+        tile_side_log2: 8,
+    };
+    let photograph = |view: &View| {
+        let mask = rasterise(mesh, &view.camera).coverage();
+        let (width, height) = (mask.width, mask.height);
+        let rows: Vec<PixelRun> = (0..height)
+            .flat_map(|line| {
+                (0..width).filter(|x| mask.data[line * width + x]).map(move |x| (line, x)).collect::<Vec<_>>()
+            })
+            .map(|(line, x)| PixelRun { line: line as u32, start: x as u32, length: 1 })
+            .collect();
+        let window = Window { left: 0, top: 0, width, height };
+        let lit = View { light: view.light.or(views[0].light), ..view.clone() };
+        let geometry = ViewGeometry::new(&ViewedMesh::new(Cow::Borrowed(mesh)), lit);
+        let signals = model.signals((mesh, &geometry), &coding, (&window, &rows, 0)).unwrap();
+        let image = |signal: Vec<[f32; 4]>| {
+            let brightness = |at: usize| 1.0 + 0.1 * (at % width) as f32 / width as f32;
+            let colour =
+                |(at, s): (usize, &[f32; 4])| std::array::from_fn(|k| s[k] * s[k] * WHITE[k] as f32 * brightness(at));
+            RgbImage { width, height, data: signal.iter().enumerate().map(colour).collect() }
+        };
+        Photograph { mask, images: signals.into_iter().map(image).collect() }
+    };
+    views.iter().map(photograph).collect()
+}
+
+fn encode(
+    scene: (&Mesh, &[View], &[Photograph]),
+    quality: &PlaneQuality,
+    model: Option<PredictionModel>,
+) -> EncodedPlanes {
+    let (mesh, views, photographs) = scene;
+    let photographs = &photographs.iter().collect::<Vec<_>>();
+    let covered = &coverage_runs(mesh, views)[..];
+    let source = MaskedPhotographs { mesh, views, components: &COMPONENTS, white: WHITE, covered, photographs };
+    PlaneEncoder::new(&source, false).unwrap().encode_each(quality, model, |_, _, decoded| decoded).unwrap()
+}
+
+#[test]
+fn views_that_the_model_explains_take_few_bytes_and_come_back_in_all_ways() {
+    let (mesh, views, model) = scene();
+    let photographs = photographs(&mesh, &views, &model);
+    for decode_speed in [DecodeSpeed::Normal, DecodeSpeed::Fast, DecodeSpeed::Fastest] {
+        let quality = PlaneQuality { step: 0.02, decode_speed, tile_side_log2: 4, ..PlaneQuality::default() };
+        let alone = encode((&mesh, &views, &photographs), &quality, None);
+        let coded = encode((&mesh, &views, &photographs), &quality, Some(self::scene().2));
+        let share = coded.bytes.len() as f64 / alone.bytes.len() as f64;
+        let most = if decode_speed == DecodeSpeed::Normal { 0.6 } else { 1.0 };
+        assert!(share < most, "{decode_speed:?}: {share:.3} of the bytes without the model");
+        let budget = Budget::new(Limits::default());
+        let header = PlaneHeader::parse(&coded.bytes, &views, 2, &budget).unwrap();
+        let body = &coded.bytes[PREFIX_BYTES + PlaneHeader::head_bytes(&coded.bytes).unwrap() as usize..];
+        let read = |range: Range<u64>| Ok(Some(body[range.start as usize..range.end as usize].to_vec()));
+        let decoded = |model: Option<PredictionModel<'static>>, wanted: &[usize], region: Option<Region>| {
+            let decoder =
+                PlaneDecoder::new(&header, &mesh, &views, WHITE).with_model(model.map(Arc::new)).within(region);
+            let mut photographs = Vec::new();
+            let take = |given: Vec<(usize, Photograph)>| {
+                photographs.extend(given);
+                Ok(())
+            };
+            decoder.for_each_view(|view| wanted.contains(&view), read, &budget, take).map(|()| photographs)
+        };
+        let all: Vec<usize> = (0..views.len()).collect();
+        for (view, photograph) in decoded(Some(self::scene().2), &all, None).unwrap() {
+            assert!(photograph == coded.photographs[view], "{decode_speed:?}: view {view}");
+        }
+        for view in [6, 5, 0] {
+            let one = decoded(Some(self::scene().2), &[view], None).unwrap();
+            assert!(one.len() == 1 && one[0].1 == coded.photographs[view], "{decode_speed:?}: view {view} alone");
+        }
+        let region = Region { left: 20, top: 15, width: 30, height: 22 };
+        let part = decoded(Some(self::scene().2), &[4], Some(region)).unwrap();
+        assert!(part[0].1 == coded.photographs[4].cropped(&region), "{decode_speed:?}: a region");
+        let error = decoded(None, &all, None).unwrap_err();
+        assert!(error.to_string().contains("a reflectance that is not there"), "{error}");
+    }
+}
+
+/// The model of a low band is that of its camera, larger by the gain of the low pass.
+#[test]
+fn the_model_of_a_low_band_is_that_of_its_pixels() {
+    let (mesh, views, model) = scene();
+    let whole = &photographs(&mesh, &views[..1], &model)[0];
+    let low = View { camera: low_camera(&views[0].camera, 1), ..views[0].clone() };
+    let half = &photographs(&mesh, &[low], &model)[0];
+    // Pixel k of the low band stands where pixel 2 k does.
+    let mut compared = 0;
+    for at in (0..half.mask.data.len()).filter(|&at| half.mask.data[at]) {
+        let other = at / half.mask.width * 2 * whole.mask.width + at % half.mask.width * 2;
+        let [a, b] = [half.images[0].data[at][1], whole.images[0].data[other][1]];
+        compared += (a > 0.05 && (a / b - 1.0).abs() < 0.12) as usize;
+    }
+    assert!(compared * 10 > half.mask.count() * 9, "{compared} of {}", half.mask.count());
+}
+
+#[test]
+fn a_file_without_what_its_views_are_predicted_from_is_refused_by_name() {
+    let (_, _, model) = scene();
+    let PredictionModel { surface: displaced, charts, maps, .. } = model;
+    let surface_of = |is_given: bool| is_given.then(|| displaced.clone());
+    let new = |surface: bool, lobes: bool| {
+        let mut given = maps.clone().into_owned();
+        given.lobes.truncate(if lobes { LOBES } else { 0 });
+        let given_surface = surface_of(surface);
+        let parts = (given_surface, Some(charts.clone()), Some(Cow::Owned(given)));
+        PredictionModel::new(parts, &COMPONENTS, WHITE, &Budget::new(Limits::default())).map(|_| ())
+    };
+    assert!(new(true, true).is_ok());
+    assert!(new(false, true).unwrap_err().to_string().contains("DISP"));
+    assert!(new(true, false).unwrap_err().to_string().contains("lobes"));
+    assert_eq!(PredictionScene::new(Cow::Owned(Mesh::default()), Cow::Owned(Vec::new())).drawing_bytes(), 0);
+}
