@@ -70,7 +70,7 @@ fn golden_files_decode_to_what_they_did() {
             files += 1;
         }
     }
-    assert_eq!(files, 14);
+    assert_eq!(files, 15);
 }
 
 #[test]

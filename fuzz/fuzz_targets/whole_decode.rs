@@ -7,7 +7,7 @@ use tsuya_fuzz::compare::decode_in_every_way;
 use tsuya_fuzz::repair::repair;
 
 fuzz_target!(|bytes: &[u8]| {
-    let limits = Limits { memory_bytes: 1 << 25, views: 16, image_side: 256, mesh_elements: 1 << 11 };
+    let limits = Limits { memory_bytes: 1 << 25, views: 24, image_side: 256, mesh_elements: 1 << 11 };
     let _ = decode(bytes, &DecodeOptions { limits, ..Default::default() });
     if let Some(bytes) = repair(bytes) {
         let _ = decode_in_every_way(&bytes, limits);

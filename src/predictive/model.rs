@@ -4,7 +4,7 @@
 //! `+ - * /` and square roots, so that every platform predicts the same bits.
 
 use super::PlaneCoding;
-use super::reflected::{LitPoint, TexelTable};
+use super::reflected::{LANES, LitPoints, TexelLanes, TexelTable};
 use super::workspace::PlaneSignal;
 use crate::container::Tag;
 use crate::error::{Error, Result};
@@ -103,20 +103,28 @@ impl<'a> PredictionModel<'a> {
         let scale = Vec4::splat((1u32 << level) as f32);
         let mut known = vec![false; window.width * window.height];
         let mut holes = Vec::new();
+        let mut seen = Vec::new();
         for run in rows {
             let (y, left) = (window.top + run.line as usize, run.start as usize);
             for x in left..left + run.length as usize {
                 let (at, pixel) = (run.line as usize * window.width + x, y * drawn.width + window.left + x);
+                known[at] = drawn.is_covered(pixel) || geometry.raster.is_covered(pixel);
+                if known[at] {
+                    seen.push((at, [window.left + x, y]));
+                } else {
+                    holes.push(at);
+                }
+            }
+        }
+        for seen in seen.chunks(LANES) {
+            let (mut points, mut normals) = ([[0.0; LANES]; 3], [[0.0; LANES]; 3]);
+            let mut texels = TexelLanes::default();
+            for (lane, &(_, [x, y])) in seen.iter().enumerate() {
+                let pixel = y * drawn.width + x;
                 // Beside the surface the mesh, on which lies what photographs say of silhouettes.
                 let is_surface = drawn.is_covered(pixel);
                 let raster = if is_surface { &drawn } else { &geometry.raster };
-                if !raster.is_covered(pixel) {
-                    holes.push(at);
-                    continue;
-                }
-                known[at] = true;
-                let ray = camera.ray([(window.left + x) as f64 + 0.5, y as f64 + 0.5]);
-                let point: [f64; 3] = std::array::from_fn(|k| centre[k] + raster.depth[pixel] * ray[k]);
+                let ray = camera.ray([x as f64 + 0.5, y as f64 + 0.5]);
                 let [b, c] = raster.barycentric[pixel].map(f64::from);
                 let (mut triangle, mut weights) = (raster.triangle[pixel] as usize, [1.0 - b - c, b, c]);
                 let normal = if is_surface {
@@ -128,11 +136,17 @@ impl<'a> PredictionModel<'a> {
                 };
                 let corners = base.triangles[triangle].map(|v| base.positions[v as usize].map(f64::from));
                 let place = (0..3).map(|k| weights[k] * DVec3::from_array(corners[k])).sum();
-                let texel = self.texels.read(atlas_position(&self.charts, triangle, place));
-                let lit = LitPoint::new(point, normal.map(f64::from), centre, &light);
-                for ((signal, component), colours) in signals.iter_mut().zip(&self.components).zip(&colours) {
-                    let radiance = lit.radiance(*component, &texel);
-                    let [r, g, b] = std::array::from_fn(|k| root(radiance[k] / self.white[k]));
+                self.texels.read(atlas_position(&self.charts, triangle, place), lane, &mut texels);
+                for k in 0..3 {
+                    points[k][lane] = centre[k] + raster.depth[pixel] * ray[k];
+                    normals[k][lane] = normal[k] as f64;
+                }
+            }
+            let lit = LitPoints::new(&points, &normals, centre, &light);
+            for ((signal, component), colours) in signals.iter_mut().zip(&self.components).zip(&colours) {
+                let radiance = lit.radiance(*component, &texels);
+                for (lane, &(at, _)) in seen.iter().enumerate() {
+                    let [r, g, b] = std::array::from_fn(|k| root(radiance[k][lane] / self.white[k]));
                     signal[at] = (colours.rotate(Vec4::new(r, g, b, 0.0)) * scale).to_array();
                 }
             }

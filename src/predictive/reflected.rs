@@ -5,7 +5,6 @@
 use crate::reflectance::lobes::{LOBES, ROUGHNESS};
 use crate::reflectance::maps::ReflectanceMaps;
 use crate::surface::atlas::bilinear_place;
-use crate::vector::{direction, dot};
 use crate::views::{Component, PointLight};
 
 /// Parameters of a texel: diffuse red, green, blue, then the red weights of the lobes, the green and the blue ones.
@@ -40,9 +39,9 @@ impl TexelTable {
         is_alike.then(|| TexelTable { width, height, texels: (0..width * height).map(texel).collect() })
     }
 
-    /// Bilinear reading at an atlas position.
+    /// Bilinear reading at an atlas position, into a lane.
     #[inline(always)]
-    pub(super) fn read(&self, at: [f64; 2]) -> Texel {
+    pub(super) fn read(&self, at: [f64; 2], lane: usize, into: &mut TexelLanes) {
         let ([x0, y0], [x1, y1], [s, t]) = bilinear_place(self.width, self.height, at);
         let [s, t] = [s as f32, t as f32];
         let taps = [(y0, x0, (1.0 - s) * (1.0 - t)), (y0, x1, s * (1.0 - t)), (y1, x0, (1.0 - s) * t), (y1, x1, s * t)];
@@ -51,17 +50,45 @@ impl TexelTable {
             let texel = &self.texels[y * self.width + x];
             (0..sum.len()).for_each(|k| sum[k] += weight * texel[k]);
         }
-        sum
+        into.iter_mut().zip(sum).for_each(|(into, sum)| into[lane] = sum);
     }
 }
 
-/// A surface point under a view's light.
-pub(super) struct LitPoint {
-    irradiance: [f32; 3],
-    cos_light: f32,
-    cos_view: f32,
-    cos_half: f32,
-    cos_difference: f32,
+/// Surface points that are lit side by side.
+pub(super) const LANES: usize = 8;
+pub(super) type Doubles = [f64; LANES];
+type Singles = [f32; LANES];
+/// Parameters, as [`Texel`] has them, of the points.
+pub(super) type TexelLanes = [Singles; PARAMETERS];
+
+#[inline(always)]
+fn doubles(of: impl FnMut(usize) -> f64) -> Doubles {
+    std::array::from_fn(of)
+}
+#[inline(always)]
+fn singles(of: impl FnMut(usize) -> f32) -> Singles {
+    std::array::from_fn(of)
+}
+#[inline(always)]
+fn dot(a: &[Doubles; 3], b: &[Doubles; 3]) -> Doubles {
+    doubles(|i| a[0][i] * b[0][i] + a[1][i] * b[1][i] + a[2][i] * b[2][i])
+}
+/// Unit vectors from points to a place, and the squared distances.
+#[inline(always)]
+fn direction(points: &[Doubles; 3], place: [f64; 3]) -> ([Doubles; 3], Doubles) {
+    let v = [0, 1, 2].map(|k| doubles(|i| place[k] - points[k][i]));
+    let squared = dot(&v, &v);
+    let scale = doubles(|i| if squared[i] > 0.0 { 1.0 / squared[i].sqrt() } else { 0.0 });
+    (v.map(|v| doubles(|i| v[i] * scale[i])), squared)
+}
+
+/// Surface points under a view's light.
+pub(super) struct LitPoints {
+    irradiance: [Singles; 3],
+    cos_light: Singles,
+    cos_view: Singles,
+    cos_half: Singles,
+    cos_difference: Singles,
 }
 
 /// Reflectance at normal incidence of the surface above the diffuse layer.
@@ -71,69 +98,75 @@ const NORMAL_TRANSMISSION: f32 = 0.96;
 /// Smallest cosine of the view that a lobe is evaluated at.
 const MIN_COS_VIEW: f32 = 0.05;
 
-impl LitPoint {
+impl LitPoints {
+    /// Places and unit normals of the points, the camera's centre, and the light.
     #[inline(always)]
-    pub(super) fn new(point: [f64; 3], normal: [f64; 3], centre: [f64; 3], light: &PointLight) -> Self {
-        let (to_light, squared) = direction(point, light.position);
-        let (to_view, _) = direction(point, centre);
-        let half: [f64; 3] = std::array::from_fn(|i| to_light[i] + to_view[i]);
-        let length = dot(half, half).sqrt();
-        LitPoint {
-            irradiance: light.intensity.map(|l| if squared > 0.0 { (l / squared) as f32 } else { 0.0 }),
-            cos_light: dot(normal, to_light) as f32,
-            cos_view: dot(normal, to_view) as f32,
-            cos_half: limited(if length > 0.0 { (dot(normal, half) / length) as f32 } else { 0.0 }, -1.0),
-            cos_difference: limited((0.5 * length) as f32, 0.0),
+    pub(super) fn new(points: &[Doubles; 3], normals: &[Doubles; 3], centre: [f64; 3], light: &PointLight) -> Self {
+        let (to_light, squared) = direction(points, light.position);
+        let (to_view, _) = direction(points, centre);
+        let half = [0, 1, 2].map(|k| doubles(|i| to_light[k][i] + to_view[k][i]));
+        let length = dot(&half, &half).map(f64::sqrt);
+        let along = dot(normals, &half);
+        let cos_half = singles(|i| if length[i] > 0.0 { (along[i] / length[i]) as f32 } else { 0.0 });
+        let irradiance = |l: f64| singles(|i| if squared[i] > 0.0 { (l / squared[i]) as f32 } else { 0.0 });
+        let (cos_light, cos_view) = (dot(normals, &to_light), dot(normals, &to_view));
+        LitPoints {
+            irradiance: light.intensity.map(irradiance),
+            cos_light: singles(|i| cos_light[i] as f32),
+            cos_view: singles(|i| cos_view[i] as f32),
+            cos_half: cos_half.map(|cosine| limited(cosine, -1.0)),
+            cos_difference: singles(|i| limited((0.5 * length[i]) as f32, 0.0)),
         }
     }
 
-    /// Radiance of a component.
+    /// Radiance of a component, red, green, blue.
     #[inline(always)]
-    pub(super) fn radiance(&self, component: Component, texel: &Texel) -> [f32; 3] {
+    pub(super) fn radiance(&self, component: Component, texels: &TexelLanes) -> [Singles; 3] {
         match component {
-            Component::Diffuse => self.diffuse(texel),
-            Component::Specular => self.specular(texel),
+            Component::Diffuse => self.diffuse(texels),
+            Component::Specular => self.specular(texels),
             Component::Combined => {
-                let (diffuse, specular) = (self.diffuse(texel), self.specular(texel));
-                std::array::from_fn(|c| diffuse[c] + specular[c])
+                let (diffuse, specular) = (self.diffuse(texels), self.specular(texels));
+                std::array::from_fn(|c| singles(|i| diffuse[c][i] + specular[c][i]))
             }
         }
     }
 
     #[inline(always)]
-    fn diffuse(&self, texel: &Texel) -> [f32; 3] {
-        let factor = transmission(self.cos_light) * transmission(self.cos_view);
-        let cosine = if self.cos_light > 0.0 { self.cos_light } else { 0.0 };
-        std::array::from_fn(|c| texel[c] * factor * self.irradiance[c] * cosine)
+    fn diffuse(&self, texels: &TexelLanes) -> [Singles; 3] {
+        let factor = singles(|i| transmission(self.cos_light[i]) * transmission(self.cos_view[i]));
+        let cosine = self.cos_light.map(|cosine| if cosine > 0.0 { cosine } else { 0.0 });
+        std::array::from_fn(|c| singles(|i| texels[c][i] * factor[i] * self.irradiance[c][i] * cosine[i]))
     }
 
     #[inline(always)]
-    fn specular(&self, texel: &Texel) -> [f32; 3] {
-        if !(self.cos_light > 0.0 && self.cos_view > 0.0) {
-            return [0.0; 3];
-        }
-        let (light, half) = (self.cos_light, self.cos_half);
-        let view = if self.cos_view > MIN_COS_VIEW { self.cos_view } else { MIN_COS_VIEW };
-        let values: [f32; LOBES] = std::array::from_fn(|k| {
+    fn specular(&self, texels: &TexelLanes) -> [Singles; 3] {
+        let (light, half) = (&self.cos_light, &self.cos_half);
+        let view = self.cos_view.map(|view| if view > MIN_COS_VIEW { view } else { MIN_COS_VIEW });
+        let values: [Singles; LOBES] = std::array::from_fn(|k| {
             let a = (ROUGHNESS[k] * ROUGHNESS[k]) as f32;
             let rest = 1.0 - a;
-            let t = 1.0 - half * half * rest;
-            let light_root = (a + rest * light * light).sqrt();
-            let view_root = (a + rest * view * view).sqrt();
-            a / (std::f32::consts::PI * t * t) * (light / (light + light_root)) / (view + view_root)
+            singles(|i| {
+                let t = 1.0 - half[i] * half[i] * rest;
+                let light_root = (a + rest * light[i] * light[i]).sqrt();
+                let view_root = (a + rest * view[i] * view[i]).sqrt();
+                a / (std::f32::consts::PI * t * t) * (light[i] / (light[i] + light_root)) / (view[i] + view_root)
+            })
         });
-        let x = 1.0 - self.cos_difference;
-        let share = x * x * (x * x) * x;
+        let share = self.cos_difference.map(|cosine| fifth_power(1.0 - cosine));
         std::array::from_fn(|c| {
-            let weights = &texel[3 + c * LOBES..][..LOBES];
-            let (mut sum, mut normal) = (0.0, 0.0);
-            for k in 0..LOBES {
-                sum += weights[k] * values[k];
-                normal += weights[k];
-            }
-            let normal = if normal > NORMAL_REFLECTANCE { normal } else { NORMAL_REFLECTANCE };
-            let gain = if normal < 1.0 { 1.0 / normal - 1.0 } else { 0.0 };
-            sum * (1.0 + gain * share) * self.irradiance[c]
+            let weights = &texels[3 + c * LOBES..][..LOBES];
+            singles(|i| {
+                let (mut sum, mut normal) = (0.0, 0.0);
+                for k in 0..LOBES {
+                    sum += weights[k][i] * values[k][i];
+                    normal += weights[k][i];
+                }
+                let normal = if normal > NORMAL_REFLECTANCE { normal } else { NORMAL_REFLECTANCE };
+                let gain = if normal < 1.0 { 1.0 / normal - 1.0 } else { 0.0 };
+                let radiance = sum * (1.0 + gain * share[i]) * self.irradiance[c][i];
+                if light[i] > 0.0 && self.cos_view[i] > 0.0 { radiance } else { 0.0 }
+            })
         })
     }
 }
@@ -145,11 +178,15 @@ fn limited(cosine: f32, least: f32) -> f32 {
     if cosine < 1.0 { cosine } else { 1.0 }
 }
 
+#[inline(always)]
+fn fifth_power(x: f32) -> f32 {
+    x * x * (x * x) * x
+}
+
 /// Share of the light that passes the surface at the cosine of an angle.
 #[inline(always)]
 fn transmission(cosine: f32) -> f32 {
-    let x = 1.0 - limited(cosine, 0.0);
-    NORMAL_TRANSMISSION - NORMAL_TRANSMISSION * (x * x * (x * x) * x)
+    NORMAL_TRANSMISSION - NORMAL_TRANSMISSION * fifth_power(1.0 - limited(cosine, 0.0))
 }
 
 #[cfg(test)]
@@ -177,10 +214,13 @@ mod tests {
             let (point, centre) = ([0.1 * turn.sin(), 0.2, 0.0], [0.3, 2.5 * (turn * 0.3).cos(), 3.0]);
             let at = [3.0 + 3.2 * (turn * 1.7).sin(), 2.5 + 2.7 * (turn * 0.9).cos()];
             let expected = ReflectionGeometry::new(point, normal, centre, &light);
-            let (texel, found) = (table.read(at), LitPoint::new(point, normal, centre, &light));
+            let (lane, mut texels) = (k % LANES, TexelLanes::default());
+            table.read(at, lane, &mut texels);
+            let only = |v: [f64; 3]| v.map(|x| doubles(|i| if i == lane { x } else { 0.0 }));
+            let found = LitPoints::new(&only(point), &only(normal), centre, &light);
             for component in [Component::Diffuse, Component::Specular, Component::Combined] {
                 let expected = maps::evaluate(&maps, component, at, Some(&expected));
-                for (a, b) in found.radiance(component, &texel).into_iter().zip(expected) {
+                for (a, b) in found.radiance(component, &texels).map(|colour| colour[lane]).into_iter().zip(expected) {
                     assert!((a - b).abs() <= 1e-4 * b.abs() + 1e-6, "{component:?}: {a} {b}");
                     (compared, lit) = (compared + 1, lit + (b > 0.1) as usize);
                 }
