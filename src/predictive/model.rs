@@ -14,7 +14,7 @@ use crate::reflectance::maps::ReflectanceMaps;
 use crate::surface::atlas::atlas_position;
 use crate::surface::charts::Charts;
 use crate::surface::displacement::{DisplacedMesh, coarser, finer};
-use crate::surface::raster::rasterise_facing;
+use crate::surface::raster::{Raster, rasterise_facing};
 use crate::surface::view_geometry::{ViewGeometry, interpolated_normal};
 use crate::surface::warp::fill_holes;
 use crate::transform::shape_adaptive::PixelRun;
@@ -97,8 +97,7 @@ impl<'a> PredictionModel<'a> {
         let mut signals = vec![vec![[0.0f32; 4]; window.width * window.height]; coding.components.len()];
         let (camera, Some(light)) = (&geometry.view.camera, geometry.view.light) else { return Ok(signals) };
         let drawn = rasterise_facing(&self.drawn, camera)?;
-        let fine = self.surface.mesh();
-        let (centre, levels) = (camera.centre(), self.surface.levels() - self.levels_not_drawn);
+        let centre = camera.centre();
         let colours: Vec<_> = coding.components.iter().map(|component| component.colour_transform()).collect();
         let scale = Vec4::splat((1u32 << level) as f32);
         let mut known = vec![false; window.width * window.height];
@@ -120,26 +119,12 @@ impl<'a> PredictionModel<'a> {
             let (mut points, mut normals) = ([[0.0; LANES]; 3], [[0.0; LANES]; 3]);
             let mut texels = TexelLanes::default();
             for (lane, &(_, [x, y])) in seen.iter().enumerate() {
-                let pixel = y * drawn.width + x;
-                // Beside the surface the mesh, on which lies what photographs say of silhouettes.
-                let is_surface = drawn.is_covered(pixel);
-                let raster = if is_surface { &drawn } else { &geometry.raster };
+                let seen = self.seen_point((base, geometry), &drawn, y * drawn.width + x);
+                self.texels.read(seen.place, lane, &mut texels);
                 let ray = camera.ray([x as f64 + 0.5, y as f64 + 0.5]);
-                let [b, c] = raster.barycentric[pixel].map(f64::from);
-                let (mut triangle, mut weights) = (raster.triangle[pixel] as usize, [1.0 - b - c, b, c]);
-                let normal = if is_surface {
-                    let (child, place) = finer(triangle, weights, self.levels_not_drawn);
-                    (triangle, weights) = coarser(triangle, weights, levels);
-                    interpolated_normal(fine.triangles[child], place, self.surface.normals())
-                } else {
-                    geometry.normal(pixel)
-                };
-                let corners = base.triangles[triangle].map(|v| base.positions[v as usize].map(f64::from));
-                let place = (0..3).map(|k| weights[k] * DVec3::from_array(corners[k])).sum();
-                self.texels.read(atlas_position(&self.charts, triangle, place), lane, &mut texels);
                 for k in 0..3 {
-                    points[k][lane] = centre[k] + raster.depth[pixel] * ray[k];
-                    normals[k][lane] = normal[k] as f64;
+                    points[k][lane] = centre[k] + seen.depth * ray[k];
+                    normals[k][lane] = seen.normal[k] as f64;
                 }
             }
             let lit = LitPoints::new(&points, &normals, centre, &light);
@@ -156,6 +141,33 @@ impl<'a> PredictionModel<'a> {
         }
         Ok(signals)
     }
+
+    /// What a pixel sees: the surface, or, beside it, the mesh, on which lies what photographs say of silhouettes.
+    #[inline(always)]
+    fn seen_point(&self, (base, geometry): (&Mesh, &ViewGeometry), drawn: &Raster, pixel: usize) -> SeenPoint {
+        let is_surface = drawn.is_covered(pixel);
+        let raster = if is_surface { drawn } else { &geometry.raster };
+        let [b, c] = raster.barycentric[pixel].map(f64::from);
+        let (mut triangle, mut weights) = (raster.triangle[pixel] as usize, [1.0 - b - c, b, c]);
+        let normal = if is_surface {
+            let (child, place) = finer(triangle, weights, self.levels_not_drawn);
+            (triangle, weights) = coarser(triangle, weights, self.surface.levels() - self.levels_not_drawn);
+            interpolated_normal(self.surface.mesh().triangles[child], place, self.surface.normals())
+        } else {
+            geometry.normal(pixel)
+        };
+        let corners = base.triangles[triangle].map(|v| base.positions[v as usize].map(f64::from));
+        let on_mesh = (0..3).map(|k| weights[k] * DVec3::from_array(corners[k])).sum();
+        SeenPoint { depth: raster.depth[pixel], normal, place: atlas_position(&self.charts, triangle, on_mesh) }
+    }
+}
+
+/// A point of the object that a pixel sees.
+struct SeenPoint {
+    depth: f64,
+    normal: [f32; 3],
+    /// Atlas position.
+    place: [f64; 2],
 }
 
 /// Surface, atlas and reflectance of a file, as far as it has them.

@@ -84,7 +84,7 @@ const CODING_BYTES: [u64; 2] = [12, 40];
 const PREDICTION_BYTES: [u64; 2] = [36, 112];
 /// Bytes for each pixel of the predicted picture while the model is drawn in it, and for each of its window's and component while it corrects the
 /// prediction.
-const MODEL_DRAWING_BYTES: u64 = 48;
+const MODEL_DRAWING_BYTES: u64 = 64;
 const CORRECTION_BYTES: u64 = 80;
 /// Adaptive state of a component.
 pub(crate) const MODEL_BYTES: u64 = 300_000;
