@@ -31,3 +31,26 @@ pub(crate) fn unit(v: [f64; 3]) -> ([f64; 3], f64) {
 pub(crate) fn direction(from: [f64; 3], to: [f64; 3]) -> ([f64; 3], f64) {
     unit(std::array::from_fn(|i| to[i] - from[i]))
 }
+
+/// Points that are worked on side by side.
+pub(crate) const LANES: usize = 8;
+/// A number of each of them.
+pub(crate) type DoubleLanes = [f64; LANES];
+
+/// Returns the numbers that `of` gives for each lane.
+#[inline(always)]
+pub(crate) fn lanes(of: impl FnMut(usize) -> f64) -> DoubleLanes {
+    std::array::from_fn(of)
+}
+
+/// Returns the scalar products.
+#[inline(always)]
+pub(crate) fn dot_lanes(a: &[DoubleLanes; 3], b: &[DoubleLanes; 3]) -> DoubleLanes {
+    lanes(|i| a[0][i] * b[0][i] + a[1][i] * b[1][i] + a[2][i] * b[2][i])
+}
+
+/// Returns the vectors from points to a place.
+#[inline(always)]
+pub(crate) fn towards(points: &[DoubleLanes; 3], place: [f64; 3]) -> [DoubleLanes; 3] {
+    [0, 1, 2].map(|k| lanes(|i| place[k] - points[k][i]))
+}

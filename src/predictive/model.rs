@@ -4,7 +4,7 @@
 //! `+ - * /` and square roots, so that every platform predicts the same bits.
 
 use super::PlaneCoding;
-use super::reflected::{LANES, LitPoints, TexelLanes, TexelTable};
+use super::reflected::{LitPoints, TexelLanes, TexelTable};
 use super::workspace::PlaneSignal;
 use crate::container::Tag;
 use crate::error::{Error, Result};
@@ -19,6 +19,7 @@ use crate::surface::view_geometry::{ViewGeometry, interpolated_normal};
 use crate::surface::warp::fill_holes;
 use crate::transform::shape_adaptive::PixelRun;
 use crate::transform::window::Window;
+use crate::vector::LANES;
 use crate::views::Component;
 use glam::{DVec3, Vec4};
 use std::borrow::Cow;
@@ -35,9 +36,8 @@ pub(crate) struct PredictionModel<'a> {
     pub(crate) charts: Cow<'a, Charts>,
     pub(crate) maps: Cow<'a, ReflectanceMaps>,
     texels: TexelTable,
-    /// The surface as it is drawn, and how many subdivisions it lacks.
+    /// The surface as it is drawn.
     drawn: Mesh,
-    levels_not_drawn: u32,
     components: Vec<Component>,
     white: [f32; 3],
 }
@@ -59,7 +59,7 @@ impl<'a> PredictionModel<'a> {
         let charts = charts.ok_or_else(|| missing(Tag::CHARTS))?;
         let surface = surface.ok_or_else(|| missing(Tag::DISPLACEMENT))?;
         let maps = maps.ok_or_else(|| missing(Tag::REFLECTANCE))?;
-        let levels_not_drawn = surface.levels().min(LEVELS_NOT_DRAWN);
+        let levels_not_drawn = levels_not_drawn(&surface);
         budget.charge_items("surface", surface.mesh().triangles.len() as u64 >> (2 * levels_not_drawn), 24)?;
         budget.charge_items("reflectance", maps.diffuse.data.len() as u64, TexelTable::BYTES_A_TEXEL)?;
         let texels = TexelTable::new(&maps).filter(|_| maps.relightable).ok_or_else(|| {
@@ -72,7 +72,6 @@ impl<'a> PredictionModel<'a> {
             charts,
             maps,
             texels,
-            levels_not_drawn,
             components: components.to_vec(),
             white: white.map(|white| white as f32),
         })
@@ -150,8 +149,9 @@ impl<'a> PredictionModel<'a> {
         let [b, c] = raster.barycentric[pixel].map(f64::from);
         let (mut triangle, mut weights) = (raster.triangle[pixel] as usize, [1.0 - b - c, b, c]);
         let normal = if is_surface {
-            let (child, place) = finer(triangle, weights, self.levels_not_drawn);
-            (triangle, weights) = coarser(triangle, weights, self.surface.levels() - self.levels_not_drawn);
+            let not_drawn = levels_not_drawn(&self.surface);
+            let (child, place) = finer(triangle, weights, not_drawn);
+            (triangle, weights) = coarser(triangle, weights, self.surface.levels() - not_drawn);
             interpolated_normal(self.surface.mesh().triangles[child], place, self.surface.normals())
         } else {
             geometry.normal(pixel)
@@ -160,6 +160,11 @@ impl<'a> PredictionModel<'a> {
         let on_mesh = (0..3).map(|k| weights[k] * DVec3::from_array(corners[k])).sum();
         SeenPoint { depth: raster.depth[pixel], normal, place: atlas_position(&self.charts, triangle, on_mesh) }
     }
+}
+
+/// How many of a surface's subdivisions are left out where it is drawn.
+fn levels_not_drawn(surface: &DisplacedMesh) -> u32 {
+    surface.levels().min(LEVELS_NOT_DRAWN)
 }
 
 /// A point of the object that a pixel sees.

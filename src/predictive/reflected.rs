@@ -2,9 +2,11 @@
 //!
 //! The same terms as [`crate::reflectance::lobes`], in an order and precision that a decoder can afford at each pixel.
 
-use crate::reflectance::lobes::{LOBES, ROUGHNESS};
+use crate::reflectance::geometry::MIN_COS_VIEW;
+use crate::reflectance::lobes::{LOBES, NORMAL_REFLECTANCE, ROUGHNESS, grazing_share};
 use crate::reflectance::maps::ReflectanceMaps;
 use crate::surface::atlas::bilinear_place;
+use crate::vector::{DoubleLanes, LANES, dot_lanes, lanes, towards};
 use crate::views::{Component, PointLight};
 
 /// Parameters of a texel: diffuse red, green, blue, then the red weights of the lobes, the green and the blue ones.
@@ -54,62 +56,53 @@ impl TexelTable {
     }
 }
 
-/// Surface points that are lit side by side.
-pub(super) const LANES: usize = 8;
-pub(super) type Doubles = [f64; LANES];
-type Singles = [f32; LANES];
+/// A number of each of the points that are lit side by side.
+type SingleLanes = [f32; LANES];
 /// Parameters, as [`Texel`] has them, of the points.
-pub(super) type TexelLanes = [Singles; PARAMETERS];
+pub(super) type TexelLanes = [SingleLanes; PARAMETERS];
 
 #[inline(always)]
-fn doubles(of: impl FnMut(usize) -> f64) -> Doubles {
+fn singles(of: impl FnMut(usize) -> f32) -> SingleLanes {
     std::array::from_fn(of)
-}
-#[inline(always)]
-fn singles(of: impl FnMut(usize) -> f32) -> Singles {
-    std::array::from_fn(of)
-}
-#[inline(always)]
-fn dot(a: &[Doubles; 3], b: &[Doubles; 3]) -> Doubles {
-    doubles(|i| a[0][i] * b[0][i] + a[1][i] * b[1][i] + a[2][i] * b[2][i])
 }
 /// Unit vectors from points to a place, and the squared distances.
 #[inline(always)]
-fn direction(points: &[Doubles; 3], place: [f64; 3]) -> ([Doubles; 3], Doubles) {
-    let v = [0, 1, 2].map(|k| doubles(|i| place[k] - points[k][i]));
-    let squared = dot(&v, &v);
-    let scale = doubles(|i| if squared[i] > 0.0 { 1.0 / squared[i].sqrt() } else { 0.0 });
-    (v.map(|v| doubles(|i| v[i] * scale[i])), squared)
+fn direction(points: &[DoubleLanes; 3], place: [f64; 3]) -> ([DoubleLanes; 3], DoubleLanes) {
+    let v = towards(points, place);
+    let squared = dot_lanes(&v, &v);
+    let scale = lanes(|i| if squared[i] > 0.0 { 1.0 / squared[i].sqrt() } else { 0.0 });
+    (v.map(|v| lanes(|i| v[i] * scale[i])), squared)
 }
 
 /// Surface points under a view's light.
 pub(super) struct LitPoints {
-    irradiance: [Singles; 3],
-    cos_light: Singles,
-    cos_view: Singles,
-    cos_half: Singles,
-    cos_difference: Singles,
+    irradiance: [SingleLanes; 3],
+    cos_light: SingleLanes,
+    cos_view: SingleLanes,
+    cos_half: SingleLanes,
+    cos_difference: SingleLanes,
 }
 
-/// Reflectance at normal incidence of the surface above the diffuse layer.
-const NORMAL_REFLECTANCE: f32 = 0.04;
-/// What passes it there.
+/// What passes the surface above the diffuse layer at normal incidence.
 const NORMAL_TRANSMISSION: f32 = 0.96;
-/// Smallest cosine of the view that a lobe is evaluated at.
-const MIN_COS_VIEW: f32 = 0.05;
 
 impl LitPoints {
     /// Places and unit normals of the points, the camera's centre, and the light.
     #[inline(always)]
-    pub(super) fn new(points: &[Doubles; 3], normals: &[Doubles; 3], centre: [f64; 3], light: &PointLight) -> Self {
+    pub(super) fn new(
+        points: &[DoubleLanes; 3],
+        normals: &[DoubleLanes; 3],
+        centre: [f64; 3],
+        light: &PointLight,
+    ) -> Self {
         let (to_light, squared) = direction(points, light.position);
         let (to_view, _) = direction(points, centre);
-        let half = [0, 1, 2].map(|k| doubles(|i| to_light[k][i] + to_view[k][i]));
-        let length = dot(&half, &half).map(f64::sqrt);
-        let along = dot(normals, &half);
+        let half = [0, 1, 2].map(|k| lanes(|i| to_light[k][i] + to_view[k][i]));
+        let length = dot_lanes(&half, &half).map(f64::sqrt);
+        let along = dot_lanes(normals, &half);
         let cos_half = singles(|i| if length[i] > 0.0 { (along[i] / length[i]) as f32 } else { 0.0 });
         let irradiance = |l: f64| singles(|i| if squared[i] > 0.0 { (l / squared[i]) as f32 } else { 0.0 });
-        let (cos_light, cos_view) = (dot(normals, &to_light), dot(normals, &to_view));
+        let (cos_light, cos_view) = (dot_lanes(normals, &to_light), dot_lanes(normals, &to_view));
         LitPoints {
             irradiance: light.intensity.map(irradiance),
             cos_light: singles(|i| cos_light[i] as f32),
@@ -121,7 +114,7 @@ impl LitPoints {
 
     /// Radiance of a component, red, green, blue.
     #[inline(always)]
-    pub(super) fn radiance(&self, component: Component, texels: &TexelLanes) -> [Singles; 3] {
+    pub(super) fn radiance(&self, component: Component, texels: &TexelLanes) -> [SingleLanes; 3] {
         match component {
             Component::Diffuse => self.diffuse(texels),
             Component::Specular => self.specular(texels),
@@ -133,17 +126,17 @@ impl LitPoints {
     }
 
     #[inline(always)]
-    fn diffuse(&self, texels: &TexelLanes) -> [Singles; 3] {
+    fn diffuse(&self, texels: &TexelLanes) -> [SingleLanes; 3] {
         let factor = singles(|i| transmission(self.cos_light[i]) * transmission(self.cos_view[i]));
         let cosine = self.cos_light.map(|cosine| if cosine > 0.0 { cosine } else { 0.0 });
         std::array::from_fn(|c| singles(|i| texels[c][i] * factor[i] * self.irradiance[c][i] * cosine[i]))
     }
 
     #[inline(always)]
-    fn specular(&self, texels: &TexelLanes) -> [Singles; 3] {
+    fn specular(&self, texels: &TexelLanes) -> [SingleLanes; 3] {
         let (light, half) = (&self.cos_light, &self.cos_half);
         let view = self.cos_view.map(|view| if view > MIN_COS_VIEW { view } else { MIN_COS_VIEW });
-        let values: [Singles; LOBES] = std::array::from_fn(|k| {
+        let values: [SingleLanes; LOBES] = std::array::from_fn(|k| {
             let a = (ROUGHNESS[k] * ROUGHNESS[k]) as f32;
             let rest = 1.0 - a;
             singles(|i| {
@@ -153,7 +146,7 @@ impl LitPoints {
                 a / (std::f32::consts::PI * t * t) * (light[i] / (light[i] + light_root)) / (view[i] + view_root)
             })
         });
-        let share = self.cos_difference.map(|cosine| fifth_power(1.0 - cosine));
+        let share = self.cos_difference.map(grazing_share);
         std::array::from_fn(|c| {
             let weights = &texels[3 + c * LOBES..][..LOBES];
             singles(|i| {
@@ -162,7 +155,7 @@ impl LitPoints {
                     sum += weights[k][i] * values[k][i];
                     normal += weights[k][i];
                 }
-                let normal = if normal > NORMAL_REFLECTANCE { normal } else { NORMAL_REFLECTANCE };
+                let normal = if normal > NORMAL_REFLECTANCE as f32 { normal } else { NORMAL_REFLECTANCE as f32 };
                 let gain = if normal < 1.0 { 1.0 / normal - 1.0 } else { 0.0 };
                 let radiance = sum * (1.0 + gain * share[i]) * self.irradiance[c][i];
                 if light[i] > 0.0 && self.cos_view[i] > 0.0 { radiance } else { 0.0 }
@@ -178,15 +171,10 @@ fn limited(cosine: f32, least: f32) -> f32 {
     if cosine < 1.0 { cosine } else { 1.0 }
 }
 
-#[inline(always)]
-fn fifth_power(x: f32) -> f32 {
-    x * x * (x * x) * x
-}
-
 /// Share of the light that passes the surface at the cosine of an angle.
 #[inline(always)]
 fn transmission(cosine: f32) -> f32 {
-    NORMAL_TRANSMISSION - NORMAL_TRANSMISSION * fifth_power(1.0 - limited(cosine, 0.0))
+    NORMAL_TRANSMISSION - NORMAL_TRANSMISSION * grazing_share(limited(cosine, 0.0))
 }
 
 #[cfg(test)]
@@ -216,7 +204,7 @@ mod tests {
             let expected = ReflectionGeometry::new(point, normal, centre, &light);
             let (lane, mut texels) = (k % LANES, TexelLanes::default());
             table.read(at, lane, &mut texels);
-            let only = |v: [f64; 3]| v.map(|x| doubles(|i| if i == lane { x } else { 0.0 }));
+            let only = |v: [f64; 3]| v.map(|x| lanes(|i| if i == lane { x } else { 0.0 }));
             let found = LitPoints::new(&only(point), &only(normal), centre, &light);
             for component in [Component::Diffuse, Component::Specular, Component::Combined] {
                 let expected = maps::evaluate(&maps, component, at, Some(&expected));

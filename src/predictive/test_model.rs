@@ -1,9 +1,10 @@
 //! Round trips of views that are predicted from a surface and its lobes, too.
 
 use super::decode::PlaneDecoder;
-use super::encode::{EncodedPlanes, PlaneEncoder, PlaneQuality};
+use super::encode::PlaneQuality;
 use super::header::{PREFIX_BYTES, PlaneHeader};
 use super::model::PredictionModel;
+use super::tests::{COMPONENTS, WHITE, encode_with_model, octahedron, turned_view};
 use super::workspace::PlaneSignal;
 use super::{ComponentCoding, MaskCoding, PlaneCoding, PredictionScene, low_camera};
 use crate::image::{Grid, Mask, Region, RgbImage};
@@ -13,27 +14,20 @@ use crate::options::DecodeSpeed;
 use crate::reflectance::lobes::LOBES;
 use crate::reflectance::maps::ReflectanceMaps;
 use crate::residual::coefficients::Modelling;
-use crate::separate::MaskedPhotographs;
 use crate::surface::atlas::layout;
 use crate::surface::displacement::DisplacedMesh;
-use crate::surface::raster::{coverage_runs, rasterise};
+use crate::surface::raster::rasterise;
 use crate::surface::view_geometry::{ViewGeometry, ViewedMesh};
 use crate::transform::shape_adaptive::PixelRun;
 use crate::transform::window::Window;
-use crate::views::{Camera, Component, Photograph, PointLight, View};
+use crate::views::{Photograph, View};
 use std::borrow::Cow;
 use std::ops::Range;
 use std::sync::Arc;
 
-const COMPONENTS: [Component; 2] = [Component::Diffuse, Component::Specular];
-const WHITE: [f64; 3] = [1.0, 0.9, 0.8];
-
 /// A glossy octahedron with dents between its vertices, and views around it of which the last but one has no light.
 fn scene() -> (Mesh, Vec<View>, PredictionModel<'static>) {
-    let mesh = Mesh {
-        positions: vec![[1., 0., 0.], [-1., 0., 0.], [0., 1., 0.], [0., -1., 0.], [0., 0., 1.], [0., 0., -1.]],
-        triangles: vec![[0, 2, 4], [2, 1, 4], [1, 3, 4], [3, 0, 4], [2, 0, 5], [1, 2, 5], [3, 1, 5], [0, 3, 5]],
-    };
+    let mesh = octahedron();
     let dent = |_, _, place: [f64; 3]| 0.05 * (place[0] * 11.0).sin() * (place[1] * 9.0).cos();
     let surface = DisplacedMesh::new(&mesh, 4, dent).unwrap();
     let charts = layout(&mesh, 20.0).unwrap();
@@ -45,17 +39,8 @@ fn scene() -> (Mesh, Vec<View>, PredictionModel<'static>) {
     let mut maps = ReflectanceMaps { relightable: true, diffuse: map(0.3, 7), ..ReflectanceMaps::default() };
     maps.lobes = (0..LOBES).map(|k| map(0.02 * k as f32, 31 + k)).collect();
     let view = |i: usize| {
-        let (sin, cos) = (i as f64 * 0.35).sin_cos();
-        let camera = Camera {
-            width: 72,
-            height: 60,
-            focal: [90.0, 90.0],
-            principal: [36.0, 30.0],
-            rotation: [[cos, 0.0, -sin], [0.0, -1.0, 0.0], [-sin, 0.0, -cos]],
-            translation: [0.0, 0.0, 4.0],
-        };
-        let light = PointLight { position: [4.0 * sin, 1.0, 4.0 * cos], intensity: [50.0; 3] };
-        View { name: format!("{i:03}"), camera, light: (i != 5).then_some(light) }
+        let view = turned_view(i, i as f64 * 0.35);
+        View { light: view.light.filter(|_| i != 5), ..view }
     };
     let views = (0..7).map(view).collect();
     let (surface, charts, maps) = (Cow::Owned(surface), Cow::Owned(charts), Cow::Owned(maps));
@@ -110,26 +95,14 @@ fn photographs(mesh: &Mesh, views: &[View], model: &PredictionModel) -> Vec<Phot
     views.iter().map(photograph).collect()
 }
 
-fn encode(
-    scene: (&Mesh, &[View], &[Photograph]),
-    quality: &PlaneQuality,
-    model: Option<PredictionModel>,
-) -> EncodedPlanes {
-    let (mesh, views, photographs) = scene;
-    let photographs = &photographs.iter().collect::<Vec<_>>();
-    let covered = &coverage_runs(mesh, views)[..];
-    let source = MaskedPhotographs { mesh, views, components: &COMPONENTS, white: WHITE, covered, photographs };
-    PlaneEncoder::new(&source, false).unwrap().encode_each(quality, model, |_, _, decoded| decoded).unwrap()
-}
-
 #[test]
 fn views_that_the_model_explains_take_few_bytes_and_come_back_in_all_ways() {
     let (mesh, views, model) = scene();
     let photographs = photographs(&mesh, &views, &model);
     for decode_speed in [DecodeSpeed::Normal, DecodeSpeed::Fast, DecodeSpeed::Fastest] {
         let quality = PlaneQuality { step: 0.02, decode_speed, tile_side_log2: 4, ..PlaneQuality::default() };
-        let alone = encode((&mesh, &views, &photographs), &quality, None);
-        let coded = encode((&mesh, &views, &photographs), &quality, Some(self::scene().2));
+        let alone = encode_with_model((&mesh, &views, &photographs), false, &quality, None);
+        let coded = encode_with_model((&mesh, &views, &photographs), false, &quality, Some(self::scene().2));
         let share = coded.bytes.len() as f64 / alone.bytes.len() as f64;
         let most = if decode_speed == DecodeSpeed::Normal { 0.6 } else { 1.0 };
         assert!(share < most, "{decode_speed:?}: {share:.3} of the bytes without the model");

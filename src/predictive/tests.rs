@@ -3,6 +3,7 @@
 use super::decode::{DecodedPhotograph, PlaneDecoder, decode};
 use super::encode::{EncodedPlanes, PlaneEncoder, PlaneQuality};
 use super::header::{PREFIX_BYTES, PlaneHeader};
+use super::model::PredictionModel;
 use crate::image::{Mask, RgbImage};
 use crate::limits::{Budget, Limits};
 use crate::mesh::Mesh;
@@ -12,39 +13,59 @@ use crate::surface::raster::coverage_runs;
 use crate::views::{Camera, Component, Photograph, PointLight, View};
 use std::ops::Range;
 
-const COMPONENTS: [Component; 2] = [Component::Diffuse, Component::Specular];
+pub(super) const COMPONENTS: [Component; 2] = [Component::Diffuse, Component::Specular];
 
 fn encode(
     (mesh, views, photographs): (&Mesh, &[View], &[Photograph]),
     signed: bool,
     quality: &PlaneQuality,
 ) -> EncodedPlanes {
+    encode_with_model((mesh, views, photographs), signed, quality, None)
+}
+
+pub(super) fn encode_with_model(
+    (mesh, views, photographs): (&Mesh, &[View], &[Photograph]),
+    signed: bool,
+    quality: &PlaneQuality,
+    model: Option<PredictionModel>,
+) -> EncodedPlanes {
     let photographs = &photographs.iter().collect::<Vec<_>>();
     let covered = &coverage_runs(mesh, views)[..];
     let source = MaskedPhotographs { mesh, views, components: &COMPONENTS, white: WHITE, covered, photographs };
-    PlaneEncoder::new(&source, signed).unwrap().encode(quality).unwrap()
+    let encoder = PlaneEncoder::new(&source, signed).unwrap();
+    encoder.encode_each(quality, model, |_, _, decoded| decoded).unwrap()
+}
+
+pub(super) fn octahedron() -> Mesh {
+    Mesh {
+        positions: vec![[1., 0., 0.], [-1., 0., 0.], [0., 1., 0.], [0., -1., 0.], [0., 0., 1.], [0., 0., -1.]],
+        triangles: vec![[0, 2, 4], [2, 1, 4], [1, 3, 4], [3, 0, 4], [2, 0, 5], [1, 2, 5], [3, 1, 5], [0, 3, 5]],
+    }
+}
+
+/// A view of 72 x 60 pixels at an angle of the turntable, its light beside it.
+pub(super) fn turned_view(number: usize, angle: f64) -> View {
+    let (sin, cos) = angle.sin_cos();
+    let camera = Camera {
+        width: 72,
+        height: 60,
+        focal: [90.0, 90.0],
+        principal: [36.0, 30.0],
+        rotation: [[cos, 0.0, -sin], [0.0, -1.0, 0.0], [-sin, 0.0, -cos]],
+        translation: [0.0, 0.0, 4.0],
+    };
+    let light = Some(PointLight { position: [4.0 * sin, 1.0, 4.0 * cos], intensity: [50.0; 3] });
+    View { name: format!("{number:03}"), camera, light }
 }
 
 /// A textured octahedron on a turntable, its pictures drawn by projecting a pattern, with ragged masks, which in every other view leave
 /// out most of one side: other views look for it there, far from the mask.
 fn scene(count: usize) -> (Mesh, Vec<View>, Vec<Photograph>) {
-    let mesh = Mesh {
-        positions: vec![[1., 0., 0.], [-1., 0., 0.], [0., 1., 0.], [0., -1., 0.], [0., 0., 1.], [0., 0., -1.]],
-        triangles: vec![[0, 2, 4], [2, 1, 4], [1, 3, 4], [3, 0, 4], [2, 0, 5], [1, 2, 5], [3, 1, 5], [0, 3, 5]],
-    };
+    let mesh = octahedron();
     let (mut views, mut photographs) = (Vec::new(), Vec::new());
     for i in 0..count {
-        let (sin, cos) = (i as f64 * std::f64::consts::TAU / count as f64).sin_cos();
-        let camera = Camera {
-            width: 72,
-            height: 60,
-            focal: [90.0, 90.0],
-            principal: [36.0, 30.0],
-            rotation: [[cos, 0.0, -sin], [0.0, -1.0, 0.0], [-sin, 0.0, -cos]],
-            translation: [0.0, 0.0, 4.0],
-        };
-        let light = Some(PointLight { position: [4.0 * sin, 1.0, 4.0 * cos], intensity: [50.0; 3] });
-        let view = View { name: format!("{i:03}"), camera, light };
+        let view = turned_view(i, i as f64 * std::f64::consts::TAU / count as f64);
+        let camera = view.camera;
         let raster = crate::surface::raster::rasterise(&mesh, &camera);
         let mut mask = Mask::filled(72, 60, false);
         let mut images = vec![RgbImage::filled(72, 60, [0.0; 3]); 2];
@@ -68,7 +89,7 @@ fn scene(count: usize) -> (Mesh, Vec<View>, Vec<Photograph>) {
     (mesh, views, photographs)
 }
 
-const WHITE: [f64; 3] = [1.0, 0.9, 0.8];
+pub(super) const WHITE: [f64; 3] = [1.0, 0.9, 0.8];
 
 #[test]
 fn what_the_encoder_saw_is_what_the_decoder_gives_for_all_or_one() {

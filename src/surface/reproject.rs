@@ -8,6 +8,7 @@ use super::view_geometry::ViewGeometry;
 use crate::image::Mask;
 use crate::transform::shape_adaptive::PixelRun;
 use crate::transform::window::Window;
+use crate::vector::{DoubleLanes, LANES, dot_lanes, lanes, towards};
 use crate::views::{Camera, View};
 
 /// A point is hidden in a reference when it lies behind the nearest surface there by this share of its depth.
@@ -89,29 +90,9 @@ fn known_depths(farthest: &[f64], width: usize, height: usize) -> Mask {
     Mask { width, height, data: farthest.iter().map(|&far| far > 0.0).collect() }
 }
 
-/// Pixels that are worked on side by side.
-const LANES: usize = 8;
-type PixelLanes = [f64; LANES];
-
-#[inline(always)]
-fn lanes(of: impl FnMut(usize) -> f64) -> PixelLanes {
-    std::array::from_fn(of)
-}
-
-#[inline(always)]
-fn dot_lanes(a: &[PixelLanes; 3], b: &[PixelLanes; 3]) -> PixelLanes {
-    lanes(|i| a[0][i] * b[0][i] + a[1][i] * b[1][i] + a[2][i] * b[2][i])
-}
-
-/// From the points to a place.
-#[inline(always)]
-fn towards(points: &[PixelLanes; 3], place: [f64; 3]) -> [PixelLanes; 3] {
-    [0, 1, 2].map(|k| lanes(|i| place[k] - points[k][i]))
-}
-
 /// Irradiance of points by a light of unit intensity.
 #[inline(always)]
-fn irradiance(points: &[PixelLanes; 3], normals: &[PixelLanes; 3], light: [f64; 3]) -> PixelLanes {
+fn irradiance(points: &[DoubleLanes; 3], normals: &[DoubleLanes; 3], light: [f64; 3]) -> DoubleLanes {
     let l = towards(points, light);
     let (square, along) = (dot_lanes(&l, &l), dot_lanes(normals, &l));
     lanes(|i| {
@@ -179,9 +160,9 @@ const HIDDEN: Reprojection = Reprojection { position: [0.0; 2], weight: 0.0, sha
 /// Reprojects points into a reference; `here` is their irradiance under the target's light.
 #[inline(always)]
 fn reproject_points(
-    points: &[PixelLanes; 3],
-    normals: &[PixelLanes; 3],
-    here: Option<&PixelLanes>,
+    points: &[DoubleLanes; 3],
+    normals: &[DoubleLanes; 3],
+    here: Option<&DoubleLanes>,
     to: &ReprojectionTarget,
 ) -> [Reprojection; LANES] {
     let Camera { rotation: r, translation: t, focal, principal, .. } = &to.seen.view.camera;

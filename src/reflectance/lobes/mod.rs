@@ -19,7 +19,7 @@ pub(crate) const LOBES: usize = 5;
 /// Roughness `alpha` of each lobe. Part of the format.
 pub(crate) const ROUGHNESS: [f64; LOBES] = [0.05, 0.09, 0.16, 0.28, 0.5];
 /// Reflectance at normal incidence of the surface above the diffuse layer.
-const NORMAL_REFLECTANCE: f64 = 0.04;
+pub(crate) const NORMAL_REFLECTANCE: f64 = 0.04;
 /// Smallest cosine of the view that a lobe is evaluated at.
 const MIN_COS_VIEW: f64 = 0.05;
 
