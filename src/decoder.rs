@@ -205,11 +205,11 @@ fn reduction_of_wavelet_texture() -> Error {
 }
 
 /// What photographs are predicted from besides other photographs, if they are: the asset's parts, or, where these were left out, the file's.
-fn prediction_model<'a, R: Read + Seek>(
+fn prediction_model<R: Read + Seek>(
     file: &mut Container<R>,
-    asset: &'a Asset,
+    asset: &Asset,
     is_modelled: bool,
-) -> Result<Option<PredictionModel<'a>>> {
+) -> Result<Option<PredictionModel>> {
     if !is_modelled {
         return Ok(None);
     }
@@ -224,7 +224,8 @@ fn prediction_model<'a, R: Read + Seek>(
         surface = file.drive(|file| stages::displacement(file, Some(mesh), charts.as_deref()))?.map(Cow::Owned);
         maps = file.drive(|file| stages::reflectance(file, Some(mesh), charts.as_deref()))?.map(Cow::Owned);
     }
-    PredictionModel::new((surface, charts, maps), components, *white, &file.budget()).map(Some)
+    let parts = (surface.as_deref(), charts.as_deref(), maps.as_deref());
+    PredictionModel::new(mesh, parts, components, *white, &file.budget()).map(Some)
 }
 
 /// Decodes the selected photographs that the file has not lost.

@@ -36,8 +36,8 @@ pub struct IncrementalDecoder {
     header: Option<Arc<FileHeader>>,
     mesh: Option<Option<Arc<Mesh>>>,
     charts: Option<Option<Arc<Charts>>>,
-    /// What photographs are predicted from besides each other.
-    model: Option<Arc<PredictionModel<'static>>>,
+    /// What photographs are predicted from besides each other, and what that was made from.
+    model: Option<(Arc<PredictionModel>, Option<DisplacedMesh>, Option<ReflectanceMaps>)>,
     photographs: Option<PhotographDecoder>,
     reduction: u8,
     region: Option<Region>,
@@ -209,8 +209,9 @@ impl IncrementalDecoder {
 
     /// Decodes the surface, where it is finer than the mesh; `None` in a file without. Kept where photographs are predicted from it.
     pub fn surface(&mut self) -> Result<Poll<Option<DisplacedMesh>>> {
-        if let Some(model) = ready!(self.model()?) {
-            return Ok(Poll::Ready(Some(model.surface.as_ref().clone())));
+        ready!(self.model()?);
+        if let Some((_, surface, _)) = &self.model {
+            return Ok(Poll::Ready(surface.clone()));
         }
         let charts = ready!(self.charts()?);
         let mesh = ready!(self.mesh()?);
@@ -219,8 +220,9 @@ impl IncrementalDecoder {
 
     /// Decodes the reflectance; `None` in a file without. Kept where photographs are predicted from it.
     pub fn reflectance(&mut self) -> Result<Poll<Option<ReflectanceMaps>>> {
-        if let Some(model) = ready!(self.model()?) {
-            return Ok(Poll::Ready(Some(model.maps.as_ref().clone())));
+        ready!(self.model()?);
+        if let Some((.., maps)) = &self.model {
+            return Ok(Poll::Ready(maps.clone()));
         }
         let charts = ready!(self.charts()?);
         let mesh = ready!(self.mesh()?);
@@ -244,11 +246,11 @@ impl IncrementalDecoder {
     }
 
     /// Decodes what the photographs are predicted from besides each other; `None` where that is nothing, or before the header is decoded.
-    fn model(&mut self) -> Result<Poll<Option<Arc<PredictionModel<'static>>>>> {
+    fn model(&mut self) -> Result<Poll<Option<Arc<PredictionModel>>>> {
         let Some(header) = self.header.clone() else { return Ok(Poll::Ready(None)) };
         let PhotographCoding::Predictive(planes) = &header.photographs else { return Ok(Poll::Ready(None)) };
         if self.model.is_some() || !planes.header.coding.is_modelled {
-            return Ok(Poll::Ready(self.model.clone()));
+            return Ok(Poll::Ready(self.model.as_ref().map(|(model, ..)| model.clone())));
         }
         let mut ranges = Vec::new();
         for tag in [Tag::CHARTS, Tag::DISPLACEMENT, Tag::REFLECTANCE] {
@@ -260,12 +262,12 @@ impl IncrementalDecoder {
         let charts = ready!(self.charts()?);
         let surface = ready!(stages::displacement(&mut self.file, mesh.as_deref(), charts.as_deref())?);
         let maps = ready!(stages::reflectance(&mut self.file, mesh.as_deref(), charts.as_deref())?);
-        let charts = charts.map(|charts| Cow::Owned((*charts).clone()));
+        let Some(mesh) = mesh else { return Ok(Poll::Ready(None)) };
         let (components, white) = (&header.capture.components, header.capture.white);
-        let parts = (surface.map(Cow::Owned), charts, maps.map(Cow::Owned));
-        let model = PredictionModel::new(parts, components, white, &self.file.budget())?;
-        self.model = Some(Arc::new(model));
-        Ok(Poll::Ready(self.model.clone()))
+        let parts = (surface.as_ref(), charts.as_deref(), maps.as_ref());
+        let model = Arc::new(PredictionModel::new(&mesh, parts, components, white, &self.file.budget())?);
+        self.model = Some((model.clone(), surface, maps));
+        Ok(Poll::Ready(Some(model)))
     }
 
     /// Runs a stage whose result the caller keeps: what it charges is released.

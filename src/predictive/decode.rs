@@ -52,7 +52,7 @@ impl<'a> PlaneDecoder<'a> {
     }
 
     /// Predicts views from a model, too, as the head says.
-    pub(crate) fn with_model(self, model: Option<Arc<PredictionModel<'a>>>) -> Self {
+    pub(crate) fn with_model(self, model: Option<Arc<PredictionModel>>) -> Self {
         PlaneDecoder { scene: self.scene.with_model(model), ..self }
     }
 

@@ -200,13 +200,14 @@ impl<'a> PlaneEncoder<'a> {
         reflectance: &'m ReflectanceEncoder,
         maps: &'m ReflectanceMaps,
         decode_speed: DecodeSpeed,
-    ) -> Result<Option<PredictionModel<'m>>> {
+    ) -> Result<Option<PredictionModel>> {
         let is_fast = matches!(decode_speed, DecodeSpeed::Fast | DecodeSpeed::Fastest);
         let surface = reflectance.surface().filter(|_| !is_fast && maps.relightable && !maps.lobes.is_empty());
-        let Some(surface) = surface.map(Cow::Borrowed) else { return Ok(None) };
-        let (charts, maps) = (Cow::Borrowed(reflectance.charts()), Cow::Borrowed(maps));
-        let parts = (Some(surface), Some(charts), Some(maps));
-        PredictionModel::new(parts, self.components, self.white, &Budget::new(Limits::UNLIMITED)).map(Some)
+        if surface.is_none() {
+            return Ok(None);
+        }
+        let parts = (surface, Some(reflectance.charts()), Some(maps));
+        PredictionModel::new(self.mesh, parts, self.components, self.white, &Budget::new(Limits::UNLIMITED)).map(Some)
     }
 
     /// Codes all views, predicted from a model, too, and keeps of each what `take` makes of its index, its photograph and what is decoded of that.

@@ -152,7 +152,7 @@ pub(crate) struct PredictionScene<'a> {
     surface: ViewedMesh<'a>,
     views: Cow<'a, [View]>,
     /// What the views are predicted from besides, if they are.
-    model: Option<Arc<PredictionModel<'a>>>,
+    model: Option<Arc<PredictionModel>>,
 }
 
 /// A view prepared for coding: mask, transform and geometry.
@@ -298,7 +298,7 @@ impl<'a> PredictionScene<'a> {
     }
 
     /// Predicts views from a model, too.
-    pub(crate) fn with_model(self, model: Option<Arc<PredictionModel<'a>>>) -> Self {
+    pub(crate) fn with_model(self, model: Option<Arc<PredictionModel>>) -> Self {
         PredictionScene { model, ..self }
     }
 
@@ -346,7 +346,7 @@ impl<'a> PredictionScene<'a> {
         let rows = (&window.low_band(level), plan.row_runs(level), level);
         // A view that shows nothing has no model, so that it can be written without one.
         let model = match self.model.as_ref().filter(|_| coding.is_modelled && !rows.1.is_empty()) {
-            Some(model) => model.signals((self.surface.mesh(), &geometry), coding, rows)?,
+            Some(model) => model.signals(&geometry, coding, rows)?,
             None => Vec::new(),
         };
         let tiling = Tiling::new(&tiles, window.corner(), |level| window.low_band(level).size(), bands);

@@ -58,7 +58,7 @@ impl<'a> ViewDecoder<'a> {
     }
 
     /// Predicts views from a model, too, as the head says.
-    pub(crate) fn with_model(self, model: Option<Arc<PredictionModel<'a>>>) -> Self {
+    pub(crate) fn with_model(self, model: Option<Arc<PredictionModel>>) -> Self {
         ViewDecoder { planes: self.planes.with_model(model), ..self }
     }
 

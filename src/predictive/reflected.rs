@@ -8,11 +8,10 @@ use crate::reflectance::maps::ReflectanceMaps;
 use crate::surface::atlas::bilinear_place;
 use crate::vector::{DoubleLanes, LANES, dot_lanes, lanes, towards};
 use crate::views::{Component, PointLight};
+use glam::Vec4;
 
-/// Parameters of a texel: diffuse red, green, blue, then the red weights of the lobes, the green and the blue ones.
-const PARAMETERS: usize = 3 + 3 * LOBES;
-/// With as many more that vectors have equal lengths.
-type Texel = [f32; PARAMETERS.next_multiple_of(4)];
+/// Parameters of a texel: the diffuse colour, then the lobes' weights.
+pub(super) type Texel = [Vec4; 1 + LOBES];
 
 /// Parameters of all texels, those of each together.
 #[derive(Debug)]
@@ -30,36 +29,30 @@ impl TexelTable {
         let (width, height) = (maps.diffuse.width, maps.diffuse.height);
         let is_alike =
             maps.lobes.len() == LOBES && maps.lobes.iter().all(|map| (map.width, map.height) == (width, height));
-        let texel = |at: usize| {
-            let mut texel = Texel::default();
-            for c in 0..3 {
-                texel[c] = maps.diffuse.data[at][c];
-                (0..LOBES).for_each(|k| texel[3 + c * LOBES + k] = maps.lobes[k].data[at][c]);
-            }
-            texel
+        let colour = |[r, g, b]: [f32; 3]| Vec4::new(r, g, b, 0.0);
+        let texel = |at: usize| -> Texel {
+            std::array::from_fn(|k| colour(if k == 0 { maps.diffuse.data[at] } else { maps.lobes[k - 1].data[at] }))
         };
         is_alike.then(|| TexelTable { width, height, texels: (0..width * height).map(texel).collect() })
     }
 
-    /// Bilinear reading at an atlas position, into a lane.
+    /// Bilinear reading at an atlas position.
     #[inline(always)]
-    pub(super) fn read(&self, at: [f64; 2], lane: usize, into: &mut TexelLanes) {
+    pub(super) fn read(&self, at: [f64; 2]) -> Texel {
         let ([x0, y0], [x1, y1], [s, t]) = bilinear_place(self.width, self.height, at);
         let [s, t] = [s as f32, t as f32];
         let taps = [(y0, x0, (1.0 - s) * (1.0 - t)), (y0, x1, s * (1.0 - t)), (y1, x0, (1.0 - s) * t), (y1, x1, s * t)];
-        let mut sum = Texel::default();
+        let mut sum = [Vec4::ZERO; 1 + LOBES];
         for (y, x, weight) in taps {
             let texel = &self.texels[y * self.width + x];
-            (0..sum.len()).for_each(|k| sum[k] += weight * texel[k]);
+            sum.iter_mut().zip(texel).for_each(|(sum, texel)| *sum += Vec4::splat(weight) * *texel);
         }
-        into.iter_mut().zip(sum).for_each(|(into, sum)| into[lane] = sum);
+        sum
     }
 }
 
 /// A number of each of the points that are lit side by side.
 type SingleLanes = [f32; LANES];
-/// Parameters, as [`Texel`] has them, of the points.
-pub(super) type TexelLanes = [SingleLanes; PARAMETERS];
 
 #[inline(always)]
 fn singles(of: impl FnMut(usize) -> f32) -> SingleLanes {
@@ -77,10 +70,16 @@ fn direction(points: &[DoubleLanes; 3], place: [f64; 3]) -> ([DoubleLanes; 3], D
 /// Surface points under a view's light.
 pub(super) struct LitPoints {
     irradiance: [SingleLanes; 3],
-    cos_light: SingleLanes,
-    cos_view: SingleLanes,
-    cos_half: SingleLanes,
-    cos_difference: SingleLanes,
+    /// Cosine of the angle of the light, at least 0.
+    cosine: SingleLanes,
+    /// Share of the light that passes the surface in and out.
+    transmission: SingleLanes,
+    /// Lobes of weight 1.
+    lobes: [SingleLanes; LOBES],
+    /// How far reflection is on the way to that of grazing light.
+    grazing: SingleLanes,
+    /// Whether light and camera are on the surface's outer side.
+    is_lit: [bool; LANES],
 }
 
 /// What passes the surface above the diffuse layer at normal incidence.
@@ -100,67 +99,70 @@ impl LitPoints {
         let half = [0, 1, 2].map(|k| lanes(|i| to_light[k][i] + to_view[k][i]));
         let length = dot_lanes(&half, &half).map(f64::sqrt);
         let along = dot_lanes(normals, &half);
-        let cos_half = singles(|i| if length[i] > 0.0 { (along[i] / length[i]) as f32 } else { 0.0 });
+        let half = singles(|i| if length[i] > 0.0 { (along[i] / length[i]) as f32 } else { 0.0 });
+        let half = half.map(|cosine| limited(cosine, -1.0));
         let irradiance = |l: f64| singles(|i| if squared[i] > 0.0 { (l / squared[i]) as f32 } else { 0.0 });
-        let (cos_light, cos_view) = (dot_lanes(normals, &to_light), dot_lanes(normals, &to_view));
-        LitPoints {
-            irradiance: light.intensity.map(irradiance),
-            cos_light: singles(|i| cos_light[i] as f32),
-            cos_view: singles(|i| cos_view[i] as f32),
-            cos_half: cos_half.map(|cosine| limited(cosine, -1.0)),
-            cos_difference: singles(|i| limited((0.5 * length[i]) as f32, 0.0)),
-        }
-    }
-
-    /// Radiance of a component, red, green, blue.
-    #[inline(always)]
-    pub(super) fn radiance(&self, component: Component, texels: &TexelLanes) -> [SingleLanes; 3] {
-        match component {
-            Component::Diffuse => self.diffuse(texels),
-            Component::Specular => self.specular(texels),
-            Component::Combined => {
-                let (diffuse, specular) = (self.diffuse(texels), self.specular(texels));
-                std::array::from_fn(|c| singles(|i| diffuse[c][i] + specular[c][i]))
-            }
-        }
-    }
-
-    #[inline(always)]
-    fn diffuse(&self, texels: &TexelLanes) -> [SingleLanes; 3] {
-        let factor = singles(|i| transmission(self.cos_light[i]) * transmission(self.cos_view[i]));
-        let cosine = self.cos_light.map(|cosine| if cosine > 0.0 { cosine } else { 0.0 });
-        std::array::from_fn(|c| singles(|i| texels[c][i] * factor[i] * self.irradiance[c][i] * cosine[i]))
-    }
-
-    #[inline(always)]
-    fn specular(&self, texels: &TexelLanes) -> [SingleLanes; 3] {
-        let (light, half) = (&self.cos_light, &self.cos_half);
-        let view = self.cos_view.map(|view| if view > MIN_COS_VIEW { view } else { MIN_COS_VIEW });
-        let values: [SingleLanes; LOBES] = std::array::from_fn(|k| {
+        let (light_along, view_along) = (dot_lanes(normals, &to_light), dot_lanes(normals, &to_view));
+        let (cos_light, cos_view) = (singles(|i| light_along[i] as f32), singles(|i| view_along[i] as f32));
+        let view = cos_view.map(|view| if view > MIN_COS_VIEW { view } else { MIN_COS_VIEW });
+        let lobes = std::array::from_fn(|k| {
             let a = (ROUGHNESS[k] * ROUGHNESS[k]) as f32;
             let rest = 1.0 - a;
             singles(|i| {
+                let (light, view) = (cos_light[i], view[i]);
                 let t = 1.0 - half[i] * half[i] * rest;
-                let light_root = (a + rest * light[i] * light[i]).sqrt();
-                let view_root = (a + rest * view[i] * view[i]).sqrt();
-                a / (std::f32::consts::PI * t * t) * (light[i] / (light[i] + light_root)) / (view[i] + view_root)
+                let light_root = (a + rest * light * light).sqrt();
+                let view_root = (a + rest * view * view).sqrt();
+                a / (std::f32::consts::PI * t * t) * (light / (light + light_root)) / (view + view_root)
             })
         });
-        let share = self.cos_difference.map(grazing_share);
-        std::array::from_fn(|c| {
-            let weights = &texels[3 + c * LOBES..][..LOBES];
-            singles(|i| {
-                let (mut sum, mut normal) = (0.0, 0.0);
-                for k in 0..LOBES {
-                    sum += weights[k][i] * values[k][i];
-                    normal += weights[k][i];
-                }
-                let normal = if normal > NORMAL_REFLECTANCE as f32 { normal } else { NORMAL_REFLECTANCE as f32 };
-                let gain = if normal < 1.0 { 1.0 / normal - 1.0 } else { 0.0 };
-                let radiance = sum * (1.0 + gain * share[i]) * self.irradiance[c][i];
-                if light[i] > 0.0 && self.cos_view[i] > 0.0 { radiance } else { 0.0 }
-            })
-        })
+        LitPoints {
+            irradiance: light.intensity.map(irradiance),
+            cosine: cos_light.map(|cosine| if cosine > 0.0 { cosine } else { 0.0 }),
+            transmission: singles(|i| transmission(cos_light[i]) * transmission(cos_view[i])),
+            lobes,
+            grazing: singles(|i| grazing_share(limited((0.5 * length[i]) as f32, 0.0))),
+            is_lit: std::array::from_fn(|i| cos_light[i] > 0.0 && cos_view[i] > 0.0),
+        }
+    }
+
+    /// Radiance of a component at a point of these parameters; red, green, blue.
+    #[inline(always)]
+    pub(super) fn radiance(&self, component: Component, point: usize, texel: &Texel) -> Vec4 {
+        match component {
+            Component::Diffuse => self.diffuse(point, texel),
+            Component::Specular => self.specular(point, texel),
+            Component::Combined => self.diffuse(point, texel) + self.specular(point, texel),
+        }
+    }
+
+    #[inline(always)]
+    fn irradiance(&self, point: usize) -> Vec4 {
+        let [r, g, b] = self.irradiance.each_ref().map(|colour| colour[point]);
+        Vec4::new(r, g, b, 0.0)
+    }
+
+    #[inline(always)]
+    fn diffuse(&self, point: usize, texel: &Texel) -> Vec4 {
+        let [transmission, cosine] = [self.transmission[point], self.cosine[point]].map(Vec4::splat);
+        texel[0] * transmission * self.irradiance(point) * cosine
+    }
+
+    #[inline(always)]
+    fn specular(&self, point: usize, texel: &Texel) -> Vec4 {
+        if !self.is_lit[point] {
+            return Vec4::ZERO;
+        }
+        let (mut sum, mut normal) = (Vec4::ZERO, Vec4::ZERO);
+        for (weight, lobe) in texel[1..].iter().zip(&self.lobes) {
+            sum += *weight * Vec4::splat(lobe[point]);
+            normal += *weight;
+        }
+        // The weights' sum is what the surface reflects at normal incidence; towards grazing light it reflects all.
+        let least = Vec4::splat(NORMAL_REFLECTANCE as f32);
+        let normal = Vec4::select(normal.cmpgt(least), normal, least);
+        let gain = Vec4::select(normal.cmplt(Vec4::ONE), Vec4::ONE / normal - Vec4::ONE, Vec4::ZERO);
+        sum * (Vec4::ONE + gain * Vec4::splat(self.grazing[point])) * self.irradiance(point)
     }
 }
 
@@ -202,13 +204,12 @@ mod tests {
             let (point, centre) = ([0.1 * turn.sin(), 0.2, 0.0], [0.3, 2.5 * (turn * 0.3).cos(), 3.0]);
             let at = [3.0 + 3.2 * (turn * 1.7).sin(), 2.5 + 2.7 * (turn * 0.9).cos()];
             let expected = ReflectionGeometry::new(point, normal, centre, &light);
-            let (lane, mut texels) = (k % LANES, TexelLanes::default());
-            table.read(at, lane, &mut texels);
+            let (lane, texel) = (k % LANES, table.read(at));
             let only = |v: [f64; 3]| v.map(|x| lanes(|i| if i == lane { x } else { 0.0 }));
             let found = LitPoints::new(&only(point), &only(normal), centre, &light);
             for component in [Component::Diffuse, Component::Specular, Component::Combined] {
                 let expected = maps::evaluate(&maps, component, at, Some(&expected));
-                for (a, b) in found.radiance(component, &texels).map(|colour| colour[lane]).into_iter().zip(expected) {
+                for (a, b) in found.radiance(component, lane, &texel).to_array().into_iter().zip(expected) {
                     assert!((a - b).abs() <= 1e-4 * b.abs() + 1e-6, "{component:?}: {a} {b}");
                     (compared, lit) = (compared + 1, lit + (b > 0.1) as usize);
                 }

@@ -15,6 +15,7 @@ use crate::reflectance::lobes::LOBES;
 use crate::reflectance::maps::ReflectanceMaps;
 use crate::residual::coefficients::Modelling;
 use crate::surface::atlas::layout;
+use crate::surface::charts::Charts;
 use crate::surface::displacement::DisplacedMesh;
 use crate::surface::raster::rasterise;
 use crate::surface::view_geometry::{ViewGeometry, ViewedMesh};
@@ -25,12 +26,11 @@ use std::borrow::Cow;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// A glossy octahedron with dents between its vertices, and views around it of which the last but one has no light.
-fn scene() -> (Mesh, Vec<View>, PredictionModel<'static>) {
-    let mesh = octahedron();
+/// A glossy octahedron's dents between its vertices.
+fn parts(mesh: &Mesh) -> (DisplacedMesh, Charts, ReflectanceMaps) {
     let dent = |_, _, place: [f64; 3]| 0.05 * (place[0] * 11.0).sin() * (place[1] * 9.0).cos();
-    let surface = DisplacedMesh::new(&mesh, 4, dent).unwrap();
-    let charts = layout(&mesh, 20.0).unwrap();
+    let surface = DisplacedMesh::new(mesh, 4, dent).unwrap();
+    let charts = layout(mesh, 20.0).unwrap();
     let (width, height) = (charts.width as usize, charts.height as usize);
     let map = |scale: f32, step: usize| {
         let colour = |k: usize| [1.0, 0.8, 0.6].map(|c| c * scale * (0.6 + 0.4 * ((k / step) as f32).sin()));
@@ -38,14 +38,20 @@ fn scene() -> (Mesh, Vec<View>, PredictionModel<'static>) {
     };
     let mut maps = ReflectanceMaps { relightable: true, diffuse: map(0.3, 7), ..ReflectanceMaps::default() };
     maps.lobes = (0..LOBES).map(|k| map(0.02 * k as f32, 31 + k)).collect();
+    (surface, charts, maps)
+}
+
+/// The octahedron, and views around it of which the last but one has no light.
+fn scene() -> (Mesh, Vec<View>, PredictionModel) {
+    let mesh = octahedron();
+    let (surface, charts, maps) = parts(&mesh);
     let view = |i: usize| {
         let view = turned_view(i, i as f64 * 0.35);
         View { light: view.light.filter(|_| i != 5), ..view }
     };
     let views = (0..7).map(view).collect();
-    let (surface, charts, maps) = (Cow::Owned(surface), Cow::Owned(charts), Cow::Owned(maps));
-    let budget = Budget::new(Limits::default());
-    let model = PredictionModel::new((Some(surface), Some(charts), Some(maps)), &COMPONENTS, WHITE, &budget).unwrap();
+    let parts = (Some(&surface), Some(&charts), Some(&maps));
+    let model = PredictionModel::new(&mesh, parts, &COMPONENTS, WHITE, &Budget::new(Limits::default())).unwrap();
     (mesh, views, model)
 }
 
@@ -74,7 +80,7 @@ fn signals(mesh: &Mesh, view: &View, model: &PredictionModel, level: usize) -> (
         .collect();
     let window = Window { left: 0, top: 0, width, height };
     let geometry = ViewGeometry::new(&ViewedMesh::new(Cow::Borrowed(mesh)), view.clone());
-    let signals = model.signals((mesh, &geometry), &coding, (&window, &rows, level)).unwrap();
+    let signals = model.signals(&geometry, &coding, (&window, &rows, level)).unwrap();
     (mask, signals)
 }
 
@@ -110,7 +116,7 @@ fn views_that_the_model_explains_take_few_bytes_and_come_back_in_all_ways() {
         let header = PlaneHeader::parse(&coded.bytes, &views, 2, &budget).unwrap();
         let body = &coded.bytes[PREFIX_BYTES + PlaneHeader::head_bytes(&coded.bytes).unwrap() as usize..];
         let read = |range: Range<u64>| Ok(Some(body[range.start as usize..range.end as usize].to_vec()));
-        let decoded = |model: Option<PredictionModel<'static>>, wanted: &[usize], region: Option<Region>| {
+        let decoded = |model: Option<PredictionModel>, wanted: &[usize], region: Option<Region>| {
             let decoder =
                 PlaneDecoder::new(&header, &mesh, &views, WHITE).with_model(model.map(Arc::new)).within(region);
             let mut photographs = Vec::new();
@@ -156,18 +162,16 @@ fn the_model_of_a_low_band_is_that_of_its_pixels() {
 
 #[test]
 fn a_file_without_what_its_views_are_predicted_from_is_refused_by_name() {
-    let (_, _, model) = scene();
-    let PredictionModel { surface: displaced, charts, maps, .. } = model;
-    let surface_of = |is_given: bool| is_given.then(|| displaced.clone());
-    let new = |surface: bool, lobes: bool| {
-        let mut given = maps.clone().into_owned();
-        given.lobes.truncate(if lobes { LOBES } else { 0 });
-        let given_surface = surface_of(surface);
-        let parts = (given_surface, Some(charts.clone()), Some(Cow::Owned(given)));
-        PredictionModel::new(parts, &COMPONENTS, WHITE, &Budget::new(Limits::default())).map(|_| ())
+    let mesh = octahedron();
+    let (surface, charts, maps) = parts(&mesh);
+    let new = |has_surface: bool, lobes: usize| {
+        let mut given = maps.clone();
+        given.lobes.truncate(lobes);
+        let parts = (has_surface.then_some(&surface), Some(&charts), Some(&given));
+        PredictionModel::new(&mesh, parts, &COMPONENTS, WHITE, &Budget::new(Limits::default())).map(|_| ())
     };
-    assert!(new(true, true).is_ok());
-    assert!(new(false, true).unwrap_err().to_string().contains("DISP"));
-    assert!(new(true, false).unwrap_err().to_string().contains("lobes"));
+    assert!(new(true, LOBES).is_ok());
+    assert!(new(false, LOBES).unwrap_err().to_string().contains("DISP"));
+    assert!(new(true, 0).unwrap_err().to_string().contains("lobes"));
     assert_eq!(PredictionScene::new(Cow::Owned(Mesh::default()), Cow::Owned(Vec::new())).drawing_bytes(), 0);
 }

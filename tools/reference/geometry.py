@@ -95,7 +95,7 @@ def interpolated_normals(corners, weights, normals):
 
 
 class Geometry:
-    """What a view sees of a mesh, or of its triangles that face the camera."""
+    """What a view sees of a mesh, or of its triangles that face the camera; without normals where none are given."""
 
     def __init__(self, camera, light, positions, triangles, normals, facing=False):
         self.camera, self.light = camera, light
@@ -117,6 +117,8 @@ class Geometry:
         self.coverage = self.triangle >= 0
         self.depth = np.zeros_like(inverse)
         self.depth[self.coverage] = 1.0 / inverse[self.coverage]
+        if normals is None:
+            return
         self.normals = np.zeros((self.height, self.width, 3), single)
         b, c = (barycentric[self.coverage][:, k].astype(np.float64) for k in (0, 1))
         corners = np.array(triangles)[self.triangle[self.coverage]]

@@ -85,48 +85,75 @@ class Model:
         self.charts = reflectance.Charts(sections["CHRT"], positions, triangles)
         self.positions, self.triangles = np.array(positions, float), np.array(triangles)
         moved, finer = reflectance.surface(sections["DISP"], self.charts)
-        moved, self.levels = moved.astype(float), sections["DISP"][1]
-        self.finer, self.normals = np.array(finer), geometry.vertex_normals(moved, finer)
+        moved, levels = moved.astype(float), sections["DISP"][1]
         # Drawn without the last subdivisions: of the children the one at each corner.
-        self.missing = min(self.levels, 1)
-        children = 4**self.missing
+        missing = min(levels, 1)
+        children = 4**missing
         corner = (children - 1) // 3
         self.drawn = [
             (finer[t][0], finer[t + corner][1], finer[t + 2 * corner][2]) for t in range(0, len(finer), children)
         ]
         self.vertices = moved[: max(v for corners in self.drawn for v in corners) + 1]
+        self.lattice(np.array(finer), geometry.vertex_normals(moved, finer), missing)
+        self.corners = [self.corner_places(len(self.drawn), levels - missing), self.corner_places(len(triangles), 0)]
         self.maps, relightable = reflectance.decode(sections["RFLC"], self.charts)
         if not relightable or "lobe-0" not in self.maps:
             raise Damaged("views are predicted from lobes, which RFLC does not have")
         self.components, self.white = views.components, [single(w) for w in views.white]
 
-    def coarser(self, triangle, weights):
-        """Triangles of the mesh that drawn ones come from, and the weights there."""
-        a, b, c = weights
-        for _ in range(self.levels - self.missing):
-            child = triangle % 4
-            halves = (
-                (a + 0.5 * (b + c), 0.5 * b, 0.5 * c),
-                (0.5 * a, b + 0.5 * (a + c), 0.5 * c),
-                (0.5 * a, 0.5 * b, c + 0.5 * (a + b)),
-                (0.5 * (a + c), 0.5 * (a + b), 0.5 * (b + c)),
-            )
-            a, b, c = (np.select([child == k for k in range(4)], [half[i] for half in halves]) for i in range(3))
-            triangle = triangle // 4
-        return triangle, (a, b, c)
+    def corner_places(self, count, levels):
+        """Atlas positions of the corners of triangles that come from those of the mesh by subdivisions."""
+        places = np.zeros((count, 3, 2), single)
+        for k in range(3):
+            triangle, (a, b, c) = np.arange(count), [np.full(count, float(i == k)) for i in range(3)]
+            for _ in range(levels):
+                child = triangle % 4
+                halves = (
+                    (a + 0.5 * (b + c), 0.5 * b, 0.5 * c),
+                    (0.5 * a, b + 0.5 * (a + c), 0.5 * c),
+                    (0.5 * a, 0.5 * b, c + 0.5 * (a + b)),
+                    (0.5 * (a + c), 0.5 * (a + b), 0.5 * (b + c)),
+                )
+                a, b, c = (np.select([child == n for n in range(4)], [half[i] for half in halves]) for i in range(3))
+                triangle = triangle // 4
+            x, y = self.places(triangle, (a, b, c))
+            places[:, k, 0], places[:, k, 1] = x, y
+        return places
 
-    def finest_normals(self, triangle, weights):
-        """Normals of the surface at places of drawn triangles."""
-        a, b, c = weights
-        for _ in range(self.missing):
-            cases = [a >= 0.5, b >= 0.5, c >= 0.5]
-            a, b, c = (
-                np.select(cases, [2.0 * a - 1.0, 2.0 * a, 2.0 * a], 1.0 - 2.0 * c),
-                np.select(cases, [2.0 * b, 2.0 * b - 1.0, 2.0 * b], 1.0 - 2.0 * a),
-                np.select(cases, [2.0 * c, 2.0 * c, 2.0 * c - 1.0], 1.0 - 2.0 * b),
-            )
-            triangle = 4 * triangle + np.select(cases, [0, 1, 2], 3)
-        return geometry.interpolated_normals(self.finer[triangle], (a, b, c), self.normals)
+    def lattice(self, finer, normals, missing):
+        """Normals of the finest vertices on each drawn triangle, by their steps from the first corner to the second and to the third."""
+        self.parts = parts = 2**missing
+        count = len(self.drawn)
+        self.lattices = np.zeros((count, parts + 1, parts + 1, 3), single)
+        for i in range(parts + 1):
+            for j in range(parts + 1 - i):
+                a, b, c = ((parts - i - j) / parts, i / parts, j / parts)
+                triangle = np.arange(count)
+                for _ in range(missing):
+                    if a >= 0.5:
+                        a, b, c, child = 2.0 * a - 1.0, 2.0 * b, 2.0 * c, 0
+                    elif b >= 0.5:
+                        a, b, c, child = 2.0 * a, 2.0 * b - 1.0, 2.0 * c, 1
+                    elif c >= 0.5:
+                        a, b, c, child = 2.0 * a, 2.0 * b, 2.0 * c - 1.0, 2
+                    else:
+                        a, b, c, child = 1.0 - 2.0 * c, 1.0 - 2.0 * a, 1.0 - 2.0 * b, 3
+                    triangle = 4 * triangle + child
+                self.lattices[:, i, j] = normals[finer[triangle, (a, b, c).index(1.0)]]
+
+    def surface_normals(self, triangle, b, c):
+        """Normals, of any length, at places of drawn triangles."""
+        m = self.parts
+        x, y = b * m, c * m
+        i = np.minimum(x.astype(int), m - 1)
+        j = np.minimum(y.astype(int), m - 1 - i)
+        u, v = x - i, y - j
+        far = (u + v > 1.0) & (i + j + 1 < m)
+        weights = np.where(far, [u + v - 1.0, 1.0 - u, 1.0 - v], [1.0 - u - v, u, v])
+        rows = np.where(far, [i + 1, i, i + 1], [i, i + 1, i])
+        columns = np.where(far, [j + 1, j + 1, j], [j, j, j + 1])
+        of = [self.lattices[triangle, row, column].astype(float) for row, column in zip(rows, columns)]
+        return [weights[0] * of[0][:, k] + weights[1] * of[1][:, k] + weights[2] * of[2][:, k] for k in range(3)]
 
     def places(self, triangle, weights):
         """Atlas positions of places on triangles of the mesh."""
@@ -165,7 +192,7 @@ class Model:
         camera, light = mesh.camera, mesh.light
         if not light or not low.any():
             return signals
-        drawn = geometry.Geometry(camera, light, self.vertices, self.drawn, self.normals[: len(self.vertices)], True)
+        drawn = geometry.Geometry(camera, light, self.vertices, self.drawn, None, True)
         # Beside the surface the mesh.
         use = low & (drawn.coverage | mesh.coverage)
         fine = drawn.coverage[use]
@@ -179,12 +206,20 @@ class Model:
         eye, r = geometry.centre(camera), camera.rotation
         q = [(xs + 0.5 - camera.principal[0]) / camera.focal[0], (ys + 0.5 - camera.principal[1]) / camera.focal[1], 1.0]
         points = [eye[i] + depth * (r[0][i] * q[0] + r[1][i] * q[1] + r[2][i] * q[2]) for i in range(3)]
-        weights = (1.0 - barycentric[:, 0] - barycentric[:, 1], barycentric[:, 0], barycentric[:, 1])
-        of_surface = np.where(fine, triangle, 0)
-        normals = np.where(fine[:, None], self.finest_normals(of_surface, weights), mesh.normals[use]).astype(float).T
-        above, halved = self.coarser(of_surface, weights)
-        triangle = np.where(fine, above, triangle)
-        at = self.places(triangle, [np.where(fine, h, w) for h, w in zip(halved, weights)])
+        b, c = barycentric.T
+        a = 1.0 - b - c
+        on_surface = self.surface_normals(np.where(fine, triangle, 0), np.where(fine, b, 0.0), np.where(fine, c, 0.0))
+        on_mesh = mesh.normals[use].astype(float).T
+        normals = [np.where(fine, surface, base) for surface, base in zip(on_surface, on_mesh)]
+        squared = geometry.dot(normals, normals)
+        inverse = np.where(squared > 0, 1.0 / np.sqrt(np.where(squared > 0, squared, 1.0)), 0.0)
+        normals = [n * inverse for n in normals]
+        corners = np.where(
+            fine[:, None, None],
+            self.corners[0][np.where(fine, triangle, 0)],
+            self.corners[1][np.where(fine, 0, triangle)],
+        ).astype(float)
+        at = [a * corners[:, 0, k] + b * corners[:, 1, k] + c * corners[:, 2, k] for k in range(2)]
         lit = Light(points, normals, eye, light)
         diffuse = lit.diffuse(self.read("diffuse", at))
         specular = lit.specular([self.read(name, at) for name in reflectance.LOBES])
