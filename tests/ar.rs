@@ -62,7 +62,8 @@ fn a_moving_tag_is_followed() {
     for lens in [Lens::Pinhole, lens] {
         let camera = camera(640, 480, 600.0);
         let rays = Rays::new(&camera, &lens);
-        let mut tracker = MarkerTracker::new(Rig::parse("tag36h11:0:0.1").unwrap(), camera, lens).unwrap();
+        let mut tracker =
+            MarkerTracker::new(Rig::parse("tag36h11:0:0.1", &Default::default()).unwrap(), camera, lens).unwrap();
         let (mut worst_turn, mut worst_place) = (0.0f64, 0.0f64);
         for frame in 0..100 {
             let t = frame as f64 / 100.0 * std::f64::consts::TAU;
@@ -88,7 +89,7 @@ fn aruco_markers_and_rigs() {
     let camera = camera(640, 480, 600.0);
     let truth = posed([25.0, -30.0, 12.0], [0.05, -0.02, 0.6]);
     let picture = draw(&camera, &Lens::Pinhole, &ARUCO_0, &truth, 1);
-    let rig = Rig::parse("aruco:0:0.1").unwrap();
+    let rig = Rig::parse("aruco:0:0.1", &Default::default()).unwrap();
     let found = MarkerDetector::new(&rig.families()).unwrap().detect(&picture, false).unwrap();
     let best = estimate_poses(&camera, &Lens::Pinhole, &rig, &found)[0];
     let turn = best.pose.angle_to(&truth).to_degrees();
@@ -118,7 +119,9 @@ fn aruco_markers_and_rigs() {
     }) {
         assert!(said.contains("rig.json: line"), "{wrong}: {said}");
     }
-    assert!(Rig::parse("tag36h11:0:big").is_err() && Rig::parse("tag36h11:0:0").is_err());
+    for wrong in ["tag36h11:0:big", "tag36h11:0:0", "tag36h11:0", "artoolkit:*:80", "artoolkit::80"] {
+        assert!(Rig::parse(wrong, &Default::default()).is_err(), "{wrong}");
+    }
 }
 
 /// The sample's file with visibility, an even sky, a calibration for 640 x 480 and frames of a marker that moves, in a folder.
