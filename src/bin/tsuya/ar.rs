@@ -12,13 +12,13 @@ use anyhow::Result;
 use clap::Args;
 use frames::Source;
 use indicatif::{ProgressBar, ProgressStyle};
-use light::LightArguments;
+use light::{LightArguments, LightInput};
 use objects::{Objects, PlacementArguments};
 use report::Work;
 use sinks::Sink;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
-use tsuya::ar::{ArOptions, RenderMode, RigMount, Session};
+use tsuya::ar::{ArObject, ArOptions, RenderMode, RigMount, Session};
 use tsuya::capture::Calibration;
 use tsuya::image::{ImageOrientation, Mask};
 use tsuya::marker::Rig;
@@ -37,9 +37,10 @@ pub struct Ar {
     asset: Vec<PathBuf>,
     /// The marker, FAMILY:ID:SIZE as in tag36h11:76:0.065 (* for any number), or a JSON file with several that belong together.
     /// Families: tag36h11, tag25h9, tag16h5, tagStandard41h12, aruco, aruco-mip-36h12, OpenCV's aruco-4x4-50 to aruco-7x7-1000, and
-    /// artoolkit, whose ID is a pattern file: artoolkit:patt.hiro:80.
-    #[arg(long, help_heading = "Object and camera", value_name = "MARKER")]
-    marker: String,
+    /// artoolkit, whose ID is a pattern file: artoolkit:patt.hiro:80. Several times: one for each object, in their order; objects on one marker shadow
+    /// each other, those on different ones only hide each other.
+    #[arg(long, help_heading = "Object and camera", value_name = "MARKER", required = true)]
+    marker: Vec<String>,
     /// Width of the black border of artoolkit markers over their side [default: 0.25].
     #[arg(long, help_heading = "Object and camera", value_name = "SHARE")]
     marker_border: Option<f64>,
@@ -107,8 +108,8 @@ impl Ar {
         let began = Instant::now();
         let access = source::access();
         let calibration = capture::read_calibration(&self.camera, &access)?;
-        let rig = self.rig()?;
         output::warn(&access.remarks());
+        let rigs = self.rigs()?;
         let mut source = Source::open_frames(&self.frames, &self.ffmpeg)?;
         let rate = self.rate.map(|rate| [rate, 1]);
         let mut sink = Sink::create(&self.output, &source, rate, &self.ffmpeg, self.force)?;
@@ -119,16 +120,18 @@ impl Ar {
 
         let bar = progress(&source);
         bar.set_message("reading the object");
-        let objects = Objects::read(&self.asset, &self.placement, &rig, still)?;
-        let prepared = objects.prepare(options.taps, still)?;
-        let object = prepared.object()?;
+        let read = |(rig, which): &(Rig, Vec<usize>)| Objects::read(&self.asset, which, &self.placement, rig, still);
+        let groups: Vec<Objects> = rigs.iter().map(read).collect::<Result<_>>()?;
+        let prepare = |objects| Objects::prepare(objects, options.taps, still);
+        let prepared: Vec<_> = groups.iter().map(prepare).collect::<Result<_>>()?;
+        let objects: Vec<_> = prepared.iter().map(|prepared| prepared.object()).collect::<Result<_>>()?;
+        let light = |object: &ArObject| self.light.input(&object.placement, &self.ffmpeg);
+        let mut lights: Vec<_> = objects.iter().map(light).collect::<Result<_>>()?;
         let mut masks = Masks::open(self.occlusion.as_deref(), &self.ffmpeg)?;
         bar.set_message("frames");
 
-        let mut work = Work::new(self.json);
+        let mut work = Work::new(rigs.iter().map(|(rig, _)| rig.describe()).collect(), self.json);
         let single = source.is_single();
-        let described = rig.describe();
-        let mut light = self.light.input(&object.placement, &self.ffmpeg)?;
         let clock = Instant::now();
         let mut upcoming = source.next()?;
         work.reading += clock.elapsed().as_secs_f64();
@@ -138,7 +141,10 @@ impl Ar {
             Some(plate) => self.calibration_of(calibration, orientation, plate.size()),
             None => calibration,
         };
-        let mut session = Session::new(&object, &calibration, rig, light.source(), options)?;
+        let mut sessions = Vec::new();
+        for ((object, (rig, _)), light) in objects.iter().zip(&rigs).zip(&lights) {
+            sessions.push(Session::new(object, &calibration, rig.clone(), light.source(), options)?);
+        }
         while let Some(mut plate) = upcoming.take() {
             let clock = Instant::now();
             let [width, height] = plate.size();
@@ -151,14 +157,14 @@ impl Ar {
             }
             let nearer = masks.next()?;
             work.reading += clock.elapsed().as_secs_f64();
-            let environment = light.next()?;
-            let report = session.frame(&mut plate, nearer, environment.as_ref())?;
+            let environments: Vec<_> = lights.iter_mut().map(LightInput::next).collect::<tsuya::Result<_>>()?;
+            let reports = Session::frame_of_all(&mut sessions, &mut plate, nearer, &environments)?;
             let clock = Instant::now();
-            work.add(&report, &source);
             // A photograph without its object is no result.
-            if !(single && report.estimate.is_none()) {
-                sink.put(&plate, &mut source, report.frame)?;
+            if !single || reports.iter().any(|report| report.estimate.is_some()) {
+                sink.put(&plate, &mut source, work.frames)?;
             }
+            work.add(&reports, &source);
             work.writing += clock.elapsed().as_secs_f64();
             bar.inc(1);
             // The next one only now: what is shown waits for no camera.
@@ -171,34 +177,45 @@ impl Ar {
         if work.seen == 0 {
             let place = if single { source.name(0) } else { format!("any of the {} frames", work.frames) };
             return Err(Failed(format!(
-                "no marker {described} in {place}: it must be wholly in the picture with its white margin, and of this family and number"
+                "no marker {} in {place}: it must be wholly in the picture with its white margin, and of this family and number",
+                rigs.iter().map(|(rig, _)| rig.describe()).collect::<Vec<_>>().join(" or ")
             ))
             .into());
         }
         sink.finish()?;
-        if let Some((_, first)) = &work.first_missing {
-            let missing = work.frames - work.seen;
-            let message = format!(
-                "{missing} of {} frames show no marker {described} (the first: {first}); they are as they were",
-                work.frames
-            );
-            output::warn(&[message]);
-        }
+        output::warn(&work.warnings());
         work.print(&calibration, began.elapsed().as_secs_f64(), output::is_stream(&self.output))
     }
 
-    fn rig(&self) -> Result<Rig> {
-        let is_file = Path::new(&self.marker).exists();
-        let mut rig = if self.marker.contains(':') && !is_file {
-            Rig::parse(&self.marker, &source::access())?
-        } else {
-            Rig::read(&self.marker, &source::access())?
-        };
+    /// The markers, each once, with the numbers of the objects that stand on it.
+    fn rigs(&self) -> Result<Vec<(Rig, Vec<usize>)>> {
+        let (markers, objects) = (self.marker.len(), self.asset.len());
+        if markers != 1 && markers != objects {
+            let message = format!("--marker comes {markers} times for {objects} objects: once, or once for each");
+            return Err(Error::parameter(message).into());
+        }
+        let mut rigs: Vec<(&str, Rig, Vec<usize>)> = Vec::new();
+        for object in 0..objects {
+            let marker = &self.marker[object % markers];
+            match rigs.iter_mut().find(|(known, ..)| known == marker) {
+                Some((_, _, which)) => which.push(object),
+                None => rigs.push((marker, self.rig(marker)?, vec![object])),
+            }
+        }
         let asked = self.marker_border.is_some() || self.marker_confidence.is_some();
-        if asked && rig.patterns.is_empty() {
+        if asked && rigs.iter().all(|(_, rig, _)| rig.patterns.is_empty()) {
             let message = "--marker-border and --marker-confidence are of artoolkit markers, of which there is none";
             return Err(Error::parameter(message).into());
         }
+        Ok(rigs.into_iter().map(|(_, rig, which)| (rig, which)).collect())
+    }
+
+    fn rig(&self, marker: &str) -> Result<Rig> {
+        let mut rig = if marker.contains(':') && !Path::new(marker).exists() {
+            Rig::parse(marker, &source::access())?
+        } else {
+            Rig::read(marker, &source::access())?
+        };
         for pattern in &mut rig.patterns {
             self.marker_border.map_or(Ok(()), |border| pattern.set_border(border))?;
             self.marker_confidence.map_or(Ok(()), |confidence| pattern.set_min_confidence(confidence))?;

@@ -82,12 +82,18 @@ pub struct Objects {
 }
 
 impl Objects {
-    /// Reads the files; `still` needs their photographs, too.
-    pub fn read(files: &[PathBuf], arguments: &PlacementArguments, rig: &Rig, still: bool) -> Result<Self> {
-        let selection = || if still && files.len() == 1 { ViewSelection::All } else { ViewSelection::None };
+    /// Reads the files that are numbers `which` of all; `still` needs the photographs of a single one, too.
+    pub fn read(
+        files: &[PathBuf],
+        which: &[usize],
+        arguments: &PlacementArguments,
+        rig: &Rig,
+        still: bool,
+    ) -> Result<Self> {
+        let selection = || if still && which.len() == 1 { ViewSelection::All } else { ViewSelection::None };
         let (mut subjects, mut placements) = (Vec::new(), Vec::new());
-        for (object, file) in files.iter().enumerate() {
-            let asset = source::decode(file, selection())?.0;
+        for &object in which {
+            let asset = source::decode(&files[object], selection())?.0;
             placements.push(arguments.placement(&asset, rig, object, files.len())?);
             subjects.push(JobAsset::Asset(Box::new(asset)));
         }

@@ -10,64 +10,91 @@ use tsuya::capture::Calibration;
 /// What was done so far.
 pub struct Work {
     pub frames: usize,
-    /// Frames with the object, and the first without: its number and name.
+    /// Frames with some object.
     pub seen: usize,
-    pub first_missing: Option<(usize, String)>,
+    /// For each marker the frames without it, and the name of the first.
+    pub missing: Vec<(usize, String)>,
     /// Seconds of all frames.
     pub reading: f64,
     pub writing: f64,
     times: FrameTimes,
     rms_pixels: f64,
+    /// Markers that were found, over all frames.
+    found: usize,
+    /// What messages call the markers.
+    markers: Vec<String>,
     /// Poses, where they are printed.
     poses: Option<Vec<Value>>,
 }
 
 impl Work {
-    pub fn new(as_json: bool) -> Self {
+    pub fn new(markers: Vec<String>, as_json: bool) -> Self {
         Work {
             frames: 0,
             seen: 0,
-            first_missing: None,
+            missing: vec![(0, String::new()); markers.len()],
             reading: 0.0,
             writing: 0.0,
             times: FrameTimes::default(),
             rms_pixels: 0.0,
+            found: 0,
+            markers,
             poses: as_json.then(Vec::new),
         }
     }
 
-    /// Takes in a frame.
-    pub fn add(&mut self, report: &FrameReport, source: &Source) {
+    /// Takes in a frame, one report for each marker.
+    pub fn add(&mut self, reports: &[FrameReport], source: &Source) {
         self.frames += 1;
-        match report.estimate {
-            Some(estimate) => {
-                self.seen += 1;
-                self.rms_pixels += estimate.rms_pixels;
-                let FrameTimes { whole, pose, light, render, composite } = report.times;
-                self.times.whole += whole;
-                self.times.pose += pose;
-                self.times.light += light;
-                self.times.render += render;
-                self.times.composite += composite;
+        self.seen += usize::from(reports.iter().any(|report| report.estimate.is_some()));
+        for (k, report) in reports.iter().enumerate() {
+            match report.estimate {
+                Some(estimate) => {
+                    self.found += 1;
+                    self.rms_pixels += estimate.rms_pixels;
+                    let FrameTimes { whole, pose, light, render, composite } = report.times;
+                    self.times.whole += whole;
+                    self.times.pose += pose;
+                    self.times.light += light;
+                    self.times.render += render;
+                    self.times.composite += composite;
+                }
+                None => {
+                    let (count, first) = &mut self.missing[k];
+                    *count += 1;
+                    if *count == 1 {
+                        *first = source.name(report.frame);
+                    }
+                }
             }
-            None if self.first_missing.is_none() => {
-                self.first_missing = Some((report.frame, source.name(report.frame)));
+            if let Some(poses) = &mut self.poses {
+                let estimate = report.estimate;
+                let mut pose = json!({
+                    "frame": source.name(report.frame),
+                    "rotation": estimate.map(|e| e.pose.rotation),
+                    "translation": estimate.map(|e| e.pose.translation),
+                    "rms_pixels": estimate.map(|e| e.rms_pixels),
+                    "max_pixels": estimate.map(|e| e.max_pixels),
+                    "markers": estimate.map_or(0, |e| e.markers),
+                    "gain": report.gain,
+                    "noise": report.noise,
+                });
+                if reports.len() > 1 {
+                    pose["marker"] = self.markers[k].as_str().into();
+                }
+                poses.push(pose);
             }
-            None => {}
         }
-        if let Some(poses) = &mut self.poses {
-            let estimate = report.estimate;
-            poses.push(json!({
-                "frame": source.name(report.frame),
-                "rotation": estimate.map(|e| e.pose.rotation),
-                "translation": estimate.map(|e| e.pose.translation),
-                "rms_pixels": estimate.map(|e| e.rms_pixels),
-                "max_pixels": estimate.map(|e| e.max_pixels),
-                "markers": estimate.map_or(0, |e| e.markers),
-                "gain": report.gain,
-                "noise": report.noise,
-            }));
-        }
+    }
+
+    /// One sentence for each marker that some frames do not show.
+    pub fn warnings(&self) -> Vec<String> {
+        let missing = self.missing.iter().zip(&self.markers).filter(|((count, _), _)| *count > 0);
+        let without = if self.markers.len() > 1 { "they are without its objects" } else { "they are as they were" };
+        let sentence = |((count, first), marker): (&(usize, String), &String)| {
+            format!("{count} of {} frames show no marker {marker} (the first: {first}); {without}", self.frames)
+        };
+        missing.map(sentence).collect()
     }
 
     /// Prints it; to standard error where standard output is the video.
@@ -100,7 +127,7 @@ impl Work {
              and {:.1} ms reading, {:.1} ms writing\n",
             self.seen,
             self.frames,
-            self.rms_pixels / seen,
+            self.rms_pixels / self.found.max(1) as f64,
             1.0 / whole.max(1e-9),
             1e3 * reading,
             1e3 * writing
