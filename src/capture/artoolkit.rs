@@ -395,7 +395,7 @@ mod tests {
             off < MAX_FIT_PIXELS && remarks.len() == 1 && remarks[0].contains("version 1) is fitted"),
             "{off} {remarks:?}"
         );
-        let prism = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.3, 0.0, -0.3, 0.0, 600.0, 600.0, 320.0, 240.0, 1.0];
+        let prism = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.05, 0.0, -0.05, 0.0, 600.0, 600.0, 320.0, 240.0, 1.0];
         let said = read(&file([640, 480], matrix([600.0; 2], [320.0, 240.0], 0.0), &prism)).0.unwrap_err().to_string();
         assert!(said.contains("version 5) has no equal") && said.contains("pixels off"), "{said}");
     }

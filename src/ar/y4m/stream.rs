@@ -1,6 +1,6 @@
 //! Streams of YUV4MPEG2.
 
-use super::{Y4mFrame, Y4mHeader};
+use super::{MAGIC, Y4mFrame, Y4mHeader};
 use crate::error::{Error, Result};
 use crate::input::{FileAccess, quoted};
 use std::io::{BufRead, Read, Write};
@@ -78,8 +78,14 @@ fn read_line(stream: &mut impl BufRead, path: &Path, what: &str) -> Result<Optio
         let message = format!("{what}: no line of up to {MAX_LINE} bytes; is it YUV4MPEG2, and whole?");
         return Err(Error::input(path, message));
     }
-    let line = String::from_utf8(line).map_err(|_| Error::input(path, format!("{what}: its line is no text")))?;
-    Ok(Some(line))
+    match String::from_utf8(line) {
+        Ok(line) => Ok(Some(line)),
+        // What is no such line at all is shown as it is.
+        Err(e) if !e.as_bytes().starts_with(MAGIC.as_bytes()) => {
+            Ok(Some(String::from_utf8_lossy(e.as_bytes()).into_owned()))
+        }
+        Err(_) => Err(Error::input(path, format!("{what}: its line is no text"))),
+    }
 }
 
 /// Writes a stream of YUV4MPEG2 frame by frame.
