@@ -6,13 +6,15 @@ mod markers;
 mod stage;
 mod support;
 
+use markers::{ARUCO_0, TAG36H11_0, camera, draw, posed};
 use stage::stage;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::sync::mpsc;
 use std::time::{Duration, Instant};
-use support::text;
+use support::{complaint, json, text};
+use tsuya::capture::Lens;
 
 const SIZE: [usize; 2] = [640, 480];
 const LINE: &str = "YUV4MPEG2 W640 H480 F30000:1001 Ip A1:1 C420jpeg XYSCSS=420JPEG\n";
@@ -210,4 +212,53 @@ fn several_objects_shadow_each_other() {
     );
     assert!((1.4..2.6).contains(&(both as f64 / one as f64)), "{one} {both}");
     assert!(mean(&two) < mean(&right) - 0.2 && mean(&two) > mean(&right) - 40.0);
+}
+
+#[test]
+fn objects_on_markers_of_their_own_hide_each_other() {
+    let folder = stage();
+    let at = |name: &str| folder.path().join(name);
+    // Two markers on one table, which the camera sees at once.
+    let pose = |x: f64| posed([-50.0, 0.0, 0.0], [x, 0.02, 0.6]);
+    let drawn = [(&TAG36H11_0[..], -0.09), (&ARUCO_0[..], 0.09)]
+        .map(|(cells, x)| draw(&camera(640, 480, 600.0), &Lens::Pinhole, cells, &pose(x), 3));
+    let mut frame = image::GrayImage::new(640, 480);
+    for (x, y, pixel) in frame.enumerate_pixels_mut() {
+        pixel.0 = [*drawn[usize::from(x >= 320)].value_at(x as usize, y as usize)];
+    }
+    frame.save(at("table.png")).unwrap();
+    let asset = text(&at("asset.tsuya")).to_owned();
+    // The first object stands beside its marker and behind the second one, which it is drawn before, whatever comes first on the command line.
+    let run = |order: [usize; 2], output: &str| {
+        let (markers, places, sizes) =
+            (["tag36h11:0:0.1", "aruco:0:0.1"], ["0.16,0,-0.02", "0,0,0.02"], ["0.08", "0.05"]);
+        let mut arguments: Vec<String> = ["ar", text(&at("table.png"))].map(String::from).to_vec();
+        for k in order {
+            let values = ["--asset", &asset, "--marker", markers[k], "--translate", places[k], "--size", sizes[k]];
+            arguments.extend(values.map(String::from));
+        }
+        let rest = ["--camera", text(&at("camera.json")), "--env", text(&at("sky.png")), "-o", text(&at(output))];
+        arguments.extend(rest.map(String::from));
+        arguments.extend(["--samples", "1", "--noise", "0", "--json"].map(String::from));
+        let report = json(&arguments.iter().map(String::as_str).collect::<Vec<_>>());
+        (report, image::open(at(output)).unwrap().into_rgb8())
+    };
+    let (report, placed) = run([0, 1], "placed.png");
+    let (_, swapped) = run([1, 0], "swapped.png");
+    let poses = report["poses"].as_array().unwrap();
+    let found: Vec<(&str, f64)> = (poses.iter())
+        .map(|pose| (pose["marker"].as_str().unwrap(), pose["translation"][0].as_f64().unwrap()))
+        .collect();
+    assert!(found[0].0 == "tag36h11:0" && (found[0].1 + 0.09).abs() < 0.003, "{found:?}");
+    assert!(found[1].0 == "aruco:0" && (found[1].1 - 0.09).abs() < 0.003, "{found:?}");
+    let differ = |a: &image::RgbImage, b: &image::RgbImage| {
+        a.pixels().zip(b.pixels()).filter(|(a, b)| (0..3).any(|c| a[c].abs_diff(b[c]) > 3)).count()
+    };
+    let before = image::open(at("table.png")).unwrap().into_rgb8();
+    println!("{} pixels changed, {} by the order", differ(&placed, &before), differ(&placed, &swapped));
+    assert!(differ(&placed, &swapped) == 0 && differ(&placed, &before) > 2000);
+    let wrong =
+        ["ar", "x.png", "--asset", "a", "--asset", "b", "--asset", "c", "--marker", "d", "--marker", "e", "--camera"];
+    let said = complaint(1, &[&wrong[..], &[text(&at("camera.json")), "--env", "e", "-o", "f.png"]].concat());
+    assert!(said.contains("--marker comes 2 times for 3 objects"), "{said}");
 }

@@ -112,7 +112,7 @@ impl ArToolKitCamera {
         for at in (8..bytes.len()).step_by(8) {
             let number = BigEndian::read_f64(&bytes[at..]);
             // Products of larger ones overflow.
-            if !(number.abs() <= 1e12) {
+            if number.is_nan() || number.abs() > 1e12 {
                 return Err(format!("byte {at}: {number} is no number of a camera"));
             }
             numbers.push(number);
@@ -145,7 +145,7 @@ impl ArToolKitCamera {
             ArToolKitDistortion::Pixels { aspect, .. } => [aspect, 1.0],
             ArToolKitDistortion::OpenCv { focal, .. } => focal,
         };
-        if [fx, fy, scale, lengths[0], lengths[1]].iter().any(|&x| !(x >= 1e-6)) {
+        if [fx, fy, scale, lengths[0], lengths[1]].iter().any(|&x| x < 1e-6) {
             return Err("focal lengths and the distortion's scale must be above 0".into());
         }
         Ok(ArToolKitCamera {

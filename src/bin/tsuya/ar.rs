@@ -106,6 +106,10 @@ struct RenderArguments {
 impl Ar {
     pub fn run(self) -> Result<()> {
         let began = Instant::now();
+        let streams = self.asset.iter().chain([&self.frames]).filter(|path| output::is_stream(path)).count();
+        if streams > 1 {
+            return Err(Error::parameter("standard input is one thing: the frames or an object").into());
+        }
         let access = source::access();
         let calibration = capture::read_calibration(&self.camera, &access)?;
         output::warn(&access.remarks());
