@@ -187,7 +187,7 @@ fn markers_of_artoolkit_are_found_by_their_pictures() {
         ("0.2,", "0.6,", "0.05 to 0.45"),
         ("0.7,", "7,", "above 0 and below 1"),
         ("\"pattern\": \"patt.16\", ", "", "pattern"),
-        ("artoolkit", "artoolkit-3x3", "barcode"),
+        ("artoolkit", "artoolkit-4x4", "barcodes"),
     ] {
         std::fs::write(at("rig.json"), rig_file.replacen(from, to, 1)).unwrap();
         let found = Rig::read(at("rig.json"), &Default::default()).unwrap_err().to_string();
@@ -343,8 +343,8 @@ fn what_cannot_be_done_is_said_and_leaves_nothing() {
     assert!(said.contains("--rotate-y comes 3 times for 2 objects"), "{said}");
     let said = complaint("frames/0.png", tag, "camera.json", &["--marker-border", "0.2"], 1, "a.png");
     assert!(said.contains("artoolkit markers, of which there is none"), "{said}");
-    let said = complaint("frames/0.png", "artoolkit-3x3:5:0.1", "camera.json", &[], 5, "a.png");
-    assert!(said.contains("barcode markers"), "{said}");
+    let said = complaint("frames/0.png", "artoolkit-4x4:5:0.1", "camera.json", &[], 5, "a.png");
+    assert!(said.contains("barcodes"), "{said}");
     let said = complaint("frames/0.png", "artoolkit:nowhere.patt:0.1", "camera.json", &[], 2, "a.png");
     assert!(said.contains("nowhere.patt"), "{said}");
     let left: Vec<_> = std::fs::read_dir(folder.path()).unwrap().map(|e| e.unwrap().file_name()).collect();

@@ -232,13 +232,15 @@ fn objects_on_markers_of_their_own_hide_each_other() {
     let run = |order: [usize; 2], output: &str| {
         let (markers, places, sizes) =
             (["tag36h11:0:0.1", "aruco:0:0.1"], ["0.16,0,-0.02", "0,0,0.02"], ["0.08", "0.05"]);
-        let mut arguments: Vec<String> = ["ar", text(&at("table.png"))].map(String::from).to_vec();
+        let path = |name: &str| text(&at(name)).to_owned();
+        let mut arguments = vec!["ar".to_owned(), path("table.png")];
         for k in order {
             let values = ["--asset", &asset, "--marker", markers[k], "--translate", places[k], "--size", sizes[k]];
             arguments.extend(values.map(String::from));
         }
-        let rest = ["--camera", text(&at("camera.json")), "--env", text(&at("sky.png")), "-o", text(&at(output))];
-        arguments.extend(rest.map(String::from));
+        for (flag, name) in [("--camera", "camera.json"), ("--env", "sky.png"), ("-o", output)] {
+            arguments.extend([flag.to_owned(), path(name)]);
+        }
         arguments.extend(["--samples", "1", "--noise", "0", "--json"].map(String::from));
         let report = json(&arguments.iter().map(String::as_str).collect::<Vec<_>>());
         (report, image::open(at(output)).unwrap().into_rgb8())
@@ -259,6 +261,7 @@ fn objects_on_markers_of_their_own_hide_each_other() {
     assert!(differ(&placed, &swapped) == 0 && differ(&placed, &before) > 2000);
     let wrong =
         ["ar", "x.png", "--asset", "a", "--asset", "b", "--asset", "c", "--marker", "d", "--marker", "e", "--camera"];
-    let said = complaint(1, &[&wrong[..], &[text(&at("camera.json")), "--env", "e", "-o", "f.png"]].concat());
+    let camera = at("camera.json");
+    let said = complaint(1, &[&wrong[..], &[text(&camera), "--env", "e", "-o", "f.png"]].concat());
     assert!(said.contains("--marker comes 2 times for 3 objects"), "{said}");
 }

@@ -1,4 +1,4 @@
-//! ArUco markers: the bits of squares, compared with the dictionaries.
+//! ArUco markers, and ARToolKit's barcodes: the bits of squares, compared with the dictionaries.
 
 use super::MarkerFamily;
 use super::detection::{MarkerDetection, area};
@@ -14,6 +14,20 @@ pub(super) struct ArucoCodes {
     codes: Cow<'static, [u64]>,
     side: usize,
     most_wrong: u32,
+    /// Width of the black border, in cells.
+    border: f64,
+}
+
+/// The codes of ARToolKit's barcodes of 3 x 3 cells: the upper and the lower left one are black, the lower right one is white, and the other six
+/// are the bits of the number by rows, the highest first, 1 for black.
+fn barcodes() -> Vec<u64> {
+    const CORNERS: [usize; 3] = [0, 6, 8];
+    let cell = |number: u64, k: usize| match k {
+        0 | 6 => 0,
+        8 => 1,
+        _ => 1 ^ (number >> (5 - (k - CORNERS.iter().filter(|&&corner| corner < k).count())) & 1),
+    };
+    (0..64).map(|number| (0..9).fold(0, |code, k| code << 1 | cell(number, k))).collect()
 }
 
 impl ArucoCodes {
@@ -25,9 +39,12 @@ impl ArucoCodes {
             MarkerFamily::ArucoOpenCv(dictionary) => {
                 (dictionary.codes().into(), dictionary.side(), dictionary.corrected_bits())
             }
+            MarkerFamily::ArToolKitBarcode => (barcodes().into(), 3, 0),
             _ => return None,
         };
-        Some(ArucoCodes { family, codes, side, most_wrong })
+        // The barcode takes half of the side.
+        let border = if family == MarkerFamily::ArToolKitBarcode { 1.5 } else { 1.0 };
+        Some(ArucoCodes { family, codes, side, most_wrong, border })
     }
 }
 
@@ -42,8 +59,8 @@ pub(super) fn detect(families: &[ArucoCodes], grey: &Grid<u8>, squares: &[[[f64;
 
 /// Reads the bits of a square whose corners go clockwise; the marker's own upper left corner first in what is given back.
 fn decode(family: &ArucoCodes, grey: &Grid<u8>, corners: [[f64; 2]; 4]) -> Option<MarkerDetection> {
-    let &ArucoCodes { family, ref codes, side, most_wrong } = family;
-    let cells = side + 2;
+    let &ArucoCodes { family, ref codes, side, most_wrong, border: border_cells } = family;
+    let cells = side + (2.0 * border_cells) as usize;
     let map = unit_square_to(corners)?;
     let mean = |column: f64, row: f64| -> Option<f64> {
         let offsets = [-0.2, 0.0, 0.2];
@@ -55,12 +72,12 @@ fn decode(family: &ArucoCodes, grey: &Grid<u8>, corners: [[f64; 2]; 4]) -> Optio
         Some(sum / 9.0)
     };
     let middle = |k: usize| k as f64 + 0.5;
+    let within = |k: usize| middle(k) + border_cells;
     let border: Vec<f64> = (0..cells * cells)
         .filter(|k| [0, cells - 1].contains(&(k % cells)) || [0, cells - 1].contains(&(k / cells)))
         .map(|k| mean(middle(k % cells), middle(k / cells)))
         .collect::<Option<_>>()?;
-    let values: Vec<f64> =
-        (0..side * side).map(|k| mean(middle(k % side + 1), middle(k / side + 1))).collect::<Option<_>>()?;
+    let values: Vec<f64> = (0..side * side).map(|k| mean(within(k % side), within(k / side))).collect::<Option<_>>()?;
     let black = border.iter().sum::<f64>() / border.len() as f64;
     let darkest = border.iter().copied().fold(0.0, f64::max);
     let white = values.iter().copied().fold(0.0, f64::max);
@@ -93,16 +110,17 @@ mod tests {
         for &(family, name) in &MarkerFamily::NAMES {
             let Some(codes) = ArucoCodes::new(family) else { continue };
             let (side, number) = (codes.side, codes.codes.len() - 3);
-            let (cell, margin) = (11, 30);
-            let marker = (side + 2) * cell;
+            let (cell, margin) = (12, 30);
+            let border = (codes.border * cell as f64) as usize;
+            let marker = side * cell + 2 * border;
             let mut grey = Grid::filled(marker + 2 * margin, marker + 2 * margin, 230u8);
             for y in 0..marker {
                 for x in 0..marker {
-                    let inside = |at: usize| (1..=side).contains(&(at / cell));
+                    let inside = |at: usize| (border..border + side * cell).contains(&at);
                     let bit = |row: usize, column: usize| {
                         codes.codes[number] >> (side * side - 1 - row * side - column) & 1 == 1
                     };
-                    let white = inside(x) && inside(y) && bit(y / cell - 1, x / cell - 1);
+                    let white = inside(x) && inside(y) && bit((y - border) / cell, (x - border) / cell);
                     *grey.value_at_mut(margin + x, margin + y) = if white { 230 } else { 25 };
                 }
             }
@@ -112,6 +130,8 @@ mod tests {
             assert!((x - margin as f64).abs() < 0.3 && (y - margin as f64).abs() < 0.3, "{name}: {found:?}");
             assert_eq!(MarkerFamily::from_name(name).unwrap(), family);
         }
+        // The bits of number 5 are 000101: the fourth and the last of the six cells are black, and two corners.
+        assert_eq!(barcodes()[5], 0b011_101_001, "{:09b}", barcodes()[5]);
         assert_eq!(MarkerFamily::from_name("DICT_6X6_250").unwrap().name(), "aruco-6x6-250");
         assert_eq!(MarkerFamily::from_name("DICT_APRILTAG_36h11").unwrap(), MarkerFamily::Tag36h11);
     }

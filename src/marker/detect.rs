@@ -56,7 +56,10 @@ impl MarkerDetector {
                 MarkerFamily::Tag25h9 => Tags::tag_25h9(),
                 MarkerFamily::Tag16h5 => Tags::tag_16h5(),
                 MarkerFamily::Standard41h12 => Tags::tag_standard_41h12(),
-                MarkerFamily::Aruco | MarkerFamily::ArucoMip36h12 | MarkerFamily::ArucoOpenCv(_) => {
+                MarkerFamily::Aruco
+                | MarkerFamily::ArucoMip36h12
+                | MarkerFamily::ArucoOpenCv(_)
+                | MarkerFamily::ArToolKitBarcode => {
                     aruco.extend(ArucoCodes::new(family));
                     continue;
                 }

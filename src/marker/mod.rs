@@ -55,6 +55,8 @@ pub enum MarkerFamily {
     ArucoOpenCv(ArucoDictionary),
     /// ARToolKit's squares with a picture, each found by its [`MarkerPattern`].
     ArToolKit,
+    /// ARToolKit's barcodes of 3 x 3 cells without error correction; few bits, easily found where there is none.
+    ArToolKitBarcode,
 }
 
 const fn opencv(side: u8, count: u16) -> MarkerFamily {
@@ -63,7 +65,7 @@ const fn opencv(side: u8, count: u16) -> MarkerFamily {
 
 impl MarkerFamily {
     /// All families with the names that they go by.
-    pub const NAMES: [(MarkerFamily, &'static str); 23] = [
+    pub const NAMES: [(MarkerFamily, &'static str); 24] = [
         (MarkerFamily::Tag36h11, "tag36h11"),
         (MarkerFamily::Tag25h9, "tag25h9"),
         (MarkerFamily::Tag16h5, "tag16h5"),
@@ -87,18 +89,18 @@ impl MarkerFamily {
         (opencv(7, 250), "aruco-7x7-250"),
         (opencv(7, 1000), "aruco-7x7-1000"),
         (MarkerFamily::ArToolKit, "artoolkit"),
+        (MarkerFamily::ArToolKitBarcode, "artoolkit-3x3"),
     ];
 
     /// Returns the family of a name, capital letters or small, or of OpenCV's for it (`DICT_6X6_250`).
     ///
     /// # Errors
     ///
-    /// [`Error::Parameter`] for an unknown name, [`Error::Unsupported`] for ARToolKit's barcode markers.
+    /// [`Error::Parameter`] for an unknown name, [`Error::Unsupported`] for ARToolKit's barcodes of other kinds.
     pub fn from_name(name: &str) -> Result<Self> {
         let plain = name.to_ascii_lowercase().replace('_', "-");
-        if plain.starts_with("artoolkit-") || ["barcode", "matrix"].contains(&&plain[..]) {
-            let message =
-                "ARToolKit's barcode markers (matrix codes); its markers with pattern files are read (artoolkit)";
+        if plain.starts_with("artoolkit-") && plain != "artoolkit-3x3" {
+            let message = "ARToolKit's barcodes (matrix codes) of other kinds than 3 x 3 cells without error correction (artoolkit-3x3)";
             return Err(Error::Unsupported(message.into()));
         }
         let plain = match plain.strip_prefix("dict-") {

@@ -36,8 +36,8 @@ pub struct Ar {
     #[arg(long, help_heading = "Object and camera", value_name = "FILE", required = true)]
     asset: Vec<PathBuf>,
     /// The marker, FAMILY:ID:SIZE as in tag36h11:76:0.065 (* for any number), or a JSON file with several that belong together.
-    /// Families: tag36h11, tag25h9, tag16h5, tagStandard41h12, aruco, aruco-mip-36h12, OpenCV's aruco-4x4-50 to aruco-7x7-1000, and
-    /// artoolkit, whose ID is a pattern file: artoolkit:patt.hiro:80. Several times: one for each object, in their order; objects on one marker shadow
+    /// Families: tag36h11, tag25h9, tag16h5, tagStandard41h12, aruco, aruco-mip-36h12, OpenCV's aruco-4x4-50 to aruco-7x7-1000,
+    /// artoolkit-3x3 (barcodes), and artoolkit, whose ID is a pattern file: artoolkit:patt.hiro:80. Several times: one for each object, in their order; objects on one marker shadow
     /// each other, those on different ones only hide each other.
     #[arg(long, help_heading = "Object and camera", value_name = "MARKER", required = true)]
     marker: Vec<String>,
