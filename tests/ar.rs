@@ -174,7 +174,7 @@ fn markers_of_artoolkit_are_found_by_their_pictures() {
         assert_eq!(find(&rig), 0, "{frame}");
     }
     println!("corners at most {worst:.3} pixels from the truth");
-    assert!(worst < 0.3, "{worst}");
+    assert!(worst < 0.4, "{worst}");
     // Beside others in a rig, whose patterns are named from its own folder.
     let rig_file = r#"{"markers": [{"family": "tag36h11", "id": 3, "size": 0.08},
         {"family": "artoolkit", "pattern": "patt.16", "border": 0.2, "confidence": 0.7, "size": 0.1,
