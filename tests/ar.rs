@@ -2,9 +2,12 @@
 
 #[path = "support/markers.rs"]
 mod markers;
+#[path = "support/stage.rs"]
+mod stage;
 mod support;
 
-use markers::{ARUCO_0, Rays, TAG36H11_0, camera, draw, draw_through, posed};
+use markers::{ARTOOLKIT, ARUCO_0, Rays, TAG36H11_0, camera, draw, draw_through, pattern_file, posed};
+use stage::stage;
 use std::path::Path;
 use support::{shared, text};
 use tsuya::Camera;
@@ -62,7 +65,8 @@ fn a_moving_tag_is_followed() {
     for lens in [Lens::Pinhole, lens] {
         let camera = camera(640, 480, 600.0);
         let rays = Rays::new(&camera, &lens);
-        let mut tracker = MarkerTracker::new(Rig::parse("tag36h11:0:0.1").unwrap(), camera, lens).unwrap();
+        let mut tracker =
+            MarkerTracker::new(Rig::parse("tag36h11:0:0.1", &Default::default()).unwrap(), camera, lens).unwrap();
         let (mut worst_turn, mut worst_place) = (0.0f64, 0.0f64);
         for frame in 0..100 {
             let t = frame as f64 / 100.0 * std::f64::consts::TAU;
@@ -88,7 +92,7 @@ fn aruco_markers_and_rigs() {
     let camera = camera(640, 480, 600.0);
     let truth = posed([25.0, -30.0, 12.0], [0.05, -0.02, 0.6]);
     let picture = draw(&camera, &Lens::Pinhole, &ARUCO_0, &truth, 1);
-    let rig = Rig::parse("aruco:0:0.1").unwrap();
+    let rig = Rig::parse("aruco:0:0.1", &Default::default()).unwrap();
     let found = MarkerDetector::new(&rig.families()).unwrap().detect(&picture, false).unwrap();
     let best = estimate_poses(&camera, &Lens::Pinhole, &rig, &found)[0];
     let turn = best.pose.angle_to(&truth).to_degrees();
@@ -118,30 +122,98 @@ fn aruco_markers_and_rigs() {
     }) {
         assert!(said.contains("rig.json: line"), "{wrong}: {said}");
     }
-    assert!(Rig::parse("tag36h11:0:big").is_err() && Rig::parse("tag36h11:0:0").is_err());
+    for wrong in ["tag36h11:0:big", "tag36h11:0:0", "tag36h11:0", "artoolkit:*:80", "artoolkit::80"] {
+        assert!(Rig::parse(wrong, &Default::default()).is_err(), "{wrong}");
+    }
 }
 
-/// The sample's file with visibility, an even sky, a calibration for 640 x 480 and frames of a marker that moves, in a folder.
-fn stage() -> tempfile::TempDir {
+#[test]
+fn markers_of_artoolkit_are_found_by_their_pictures() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
-    std::fs::write(at("plain.tsuya"), &support::encoded_sample().bytes).unwrap();
-    support::output(&["bake", text(&at("plain.tsuya")), "-o", text(&at("asset.tsuya")), "--resolution", "12"]);
-    let sky = r#"{"w": 640, "h": 480, "fl_x": 600, "camera_model": "PINHOLE"}"#;
-    std::fs::write(at("camera.json"), sky).unwrap();
-    let environment = image::RgbImage::from_fn(64, 32, |x, y| {
-        if y < 16 { image::Rgb([200, 210, if x < 20 { 255 } else { 220 }]) } else { image::Rgb([120, 110, 100]) }
-    });
-    environment.save(at("sky.png")).unwrap();
-    std::fs::create_dir(at("skies")).unwrap();
-    std::fs::create_dir(at("frames")).unwrap();
-    for frame in 0..4u32 {
-        let pose = posed([-50.0, 3.0 * frame as f64, 0.0], [0.0, 0.02, 0.6 + 0.01 * frame as f64]);
-        let drawn = draw(&camera(640, 480, 600.0), &Lens::Pinhole, &TAG36H11_0, &pose, frame);
-        image::GrayImage::from_raw(640, 480, drawn.data).unwrap().save(at(&format!("frames/{frame}.png"))).unwrap();
-        environment.save(at(&format!("skies/{frame}.png"))).unwrap();
+    for (side, mirrored, name) in
+        [(16, false, "patt.16"), (32, false, "patt:32"), (64, false, "patt.64"), (16, true, "other")]
+    {
+        std::fs::write(at(name), pattern_file(&ARTOOLKIT, side, mirrored)).unwrap();
     }
-    folder
+    let parse = |name: &str| Rig::parse(&format!("artoolkit:{}:0.1", text(&at(name))), &Default::default()).unwrap();
+    let camera = camera(640, 480, 600.0);
+    let mut worst = 0.0f64;
+    for (frame, [x, y, z]) in
+        [[0.0, 0.0, 0.0], [25.0, -30.0, 92.0], [-40.0, 10.0, 185.0], [10.0, 45.0, -80.0]].into_iter().enumerate()
+    {
+        let truth = posed([x, y, z], [0.03, -0.02, 0.55]);
+        let picture = draw(&camera, &Lens::Pinhole, &ARTOOLKIT, &truth, frame as u32);
+        for name in ["patt.16", "patt:32", "patt.64"] {
+            let rig = parse(name);
+            let mut detector = MarkerDetector::with_patterns(&rig.families(), &rig.patterns).unwrap();
+            let found = detector.detect(&picture, false).unwrap();
+            assert_eq!((found.len(), found[0].family, found[0].id), (1, MarkerFamily::ArToolKit, 0), "{name} {frame}");
+            for (corner, expected) in found[0].corners.iter().zip(rig.markers[0].corners()) {
+                let expected = camera.project(truth.transform_point(expected)).unwrap().0;
+                worst = worst.max((corner[0] - expected[0]).hypot(corner[1] - expected[1]));
+            }
+            let best = estimate_poses(&camera, &Lens::Pinhole, &rig, &found)[0];
+            assert!(best.pose.angle_to(&truth).to_degrees() < 1.0 && best.max_pixels < 0.5, "{name} {frame}: {best:?}");
+        }
+        // Another picture in the same square is none, unless as little likeness as that is enough.
+        let mut rig = parse("other");
+        let find = |rig: &Rig| {
+            MarkerDetector::with_patterns(&rig.families(), &rig.patterns)
+                .unwrap()
+                .detect(&picture, false)
+                .unwrap()
+                .len()
+        };
+        assert_eq!(find(&rig), 0, "{frame}");
+        rig.patterns[0].set_min_confidence(0.01).unwrap();
+        assert_eq!(find(&rig), 1, "{frame}");
+        // Nor is it one in a border of another width.
+        let mut rig = parse("patt.16");
+        rig.patterns[0].set_border(0.4).unwrap();
+        assert_eq!(find(&rig), 0, "{frame}");
+    }
+    println!("corners at most {worst:.3} pixels from the truth");
+    assert!(worst < 0.4, "{worst}");
+    // Beside others in a rig, whose patterns are named from its own folder.
+    let rig_file = r#"{"markers": [{"family": "tag36h11", "id": 3, "size": 0.08},
+        {"family": "artoolkit", "pattern": "patt.16", "border": 0.2, "confidence": 0.7, "size": 0.1,
+         "pose": [[1, 0, 0, 0.2], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]}]}"#;
+    std::fs::write(at("rig.json"), rig_file).unwrap();
+    let rig = Rig::read(at("rig.json"), &Default::default()).unwrap();
+    assert_eq!(rig.describe(), "tag36h11:3, artoolkit:patt.16");
+    for (from, to, said) in [
+        ("patt.16", "../patt.16", "rig.json: line"),
+        ("0.2,", "0.6,", "0.05 to 0.45"),
+        ("0.7,", "7,", "above 0 and below 1"),
+        ("\"pattern\": \"patt.16\", ", "", "pattern"),
+        ("artoolkit", "artoolkit-4x4", "barcodes"),
+    ] {
+        std::fs::write(at("rig.json"), rig_file.replacen(from, to, 1)).unwrap();
+        let found = Rig::read(at("rig.json"), &Default::default()).unwrap_err().to_string();
+        assert!(found.contains(said), "{from}: {found}");
+    }
+}
+
+/// ARToolKit's photograph of its marker, in another size than its camera's.
+#[test]
+fn artoolkits_own_photograph() {
+    let Some(folder) = shared("ar/hiro") else { return };
+    let picture = grey(&folder.join("img.jpg"));
+    let access = Default::default();
+    let calibration = tsuya::capture::read_calibration(folder.join("camera_para.dat"), &access).unwrap();
+    assert!(access.remarks().is_empty(), "{:?}", access.remarks());
+    let camera = calibration.camera;
+    assert!((camera.width, camera.height) == (640, 480) && (camera.focal[0] - 591.41).abs() < 0.01, "{camera:?}");
+    let scaled = calibration.scaled_to([picture.width, picture.height]);
+    let rig = Rig::parse(&format!("artoolkit:{}:80", text(&folder.join("patt.hiro"))), &access).unwrap();
+    let mut tracker = MarkerTracker::new(rig, scaled.camera, scaled.lens).unwrap();
+    let (found, detections) = tracker.track(&picture).unwrap().unwrap();
+    println!("{detections:?}\n{found:?}");
+    assert!(detections.len() == 1 && found.max_pixels < 1.0, "{found:?}");
+    // It lies before the camera, some hands' breadths away, its face to it.
+    let [_, _, z] = found.pose.translation;
+    assert!((100.0..1000.0).contains(&z) && found.pose.rotation[2][2] < -0.3, "{found:?}");
 }
 
 #[test]
@@ -242,14 +314,39 @@ fn what_cannot_be_done_is_said_and_leaves_nothing() {
     assert!(said.contains("no marker tag36h11:7 in any of the 4 frames"), "{said}");
     let said = complaint("frames/0.png", tag, "other.json", &[], 3, "a.png");
     assert!(said.contains("640 x 480") && said.contains("320 x 240") && said.contains("other.json"), "{said}");
+    // Of another size, but scaled where that is asked for: off by as much as the calibration is.
+    support::output(&[
+        "ar",
+        text(&at("frames/0.png")),
+        "--asset",
+        text(&at("asset.tsuya")),
+        "--marker",
+        tag,
+        "--camera",
+        text(&at("other.json")),
+        "--scale-camera",
+        "--env",
+        text(&at("sky.png")),
+        "-o",
+        text(&at("scaled.png")),
+    ]);
     let said = complaint("frames/0.png", "tag36:0:0.1", "camera.json", &[], 1, "a.png");
     assert!(said.contains("known: tag36h11"), "{said}");
     let said = complaint("frames", tag, "camera.json", &["--ffmpeg", "/nowhere/ffmpeg"], 2, "a.mp4");
     assert!(said.contains("ffmpeg, which is not installed"), "{said}");
     let said = complaint("frames", tag, "camera.json", &[], 1, "a.png");
     assert!(said.contains("several frames go into a folder or a video"), "{said}");
-    let said = complaint("frames/0.png", tag, "camera.json", &["--asset", "another.tsuya"], 1, "a.png");
-    assert!(said.contains("'--asset <FILE>' cannot be used multiple times"), "{said}");
+    let asset = at("asset.tsuya");
+    let twice = ["--asset", text(&asset)];
+    let thrice = [&twice[..], &["--rotate-y", "1", "--rotate-y", "2", "--rotate-y", "3"]].concat();
+    let said = complaint("frames/0.png", tag, "camera.json", &thrice, 1, "a.png");
+    assert!(said.contains("--rotate-y comes 3 times for 2 objects"), "{said}");
+    let said = complaint("frames/0.png", tag, "camera.json", &["--marker-border", "0.2"], 1, "a.png");
+    assert!(said.contains("artoolkit markers, of which there is none"), "{said}");
+    let said = complaint("frames/0.png", "artoolkit-4x4:5:0.1", "camera.json", &[], 5, "a.png");
+    assert!(said.contains("barcodes"), "{said}");
+    let said = complaint("frames/0.png", "artoolkit:nowhere.patt:0.1", "camera.json", &[], 2, "a.png");
+    assert!(said.contains("nowhere.patt"), "{said}");
     let left: Vec<_> = std::fs::read_dir(folder.path()).unwrap().map(|e| e.unwrap().file_name()).collect();
     assert!(left.iter().all(|name| !name.to_string_lossy().starts_with(".tsuya")), "{left:?}");
     // In a sequence such a frame stays as it is, and is counted.

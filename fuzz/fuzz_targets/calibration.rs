@@ -1,8 +1,8 @@
-//! Any bytes as a camera's calibration, and as a rig of markers.
+//! Any bytes as a camera's calibration, as a rig of markers, and as a marker's pattern.
 #![no_main]
 use libfuzzer_sys::fuzz_target;
 use tsuya::capture;
-use tsuya::marker::Rig;
+use tsuya::marker::{MarkerPattern, Rig};
 use tsuya_fuzz::folder;
 
 fuzz_target!(|bytes: &[u8]| {
@@ -17,7 +17,14 @@ fuzz_target!(|bytes: &[u8]| {
         assert!(!rig.families().is_empty());
         let _ = rig.describe();
     }
-    if let Ok(text) = std::str::from_utf8(bytes) {
-        let _ = Rig::parse(text);
+    if let Ok(mut pattern) = MarkerPattern::read(&path, &folder::access()) {
+        assert!((16..=64).contains(&pattern.side()));
+        pattern.set_border(0.2).expect("a width");
+    }
+    // Those of ARToolKit name files of their own.
+    if let Ok(text) = std::str::from_utf8(bytes)
+        && !text.to_ascii_lowercase().contains("artoolkit")
+    {
+        let _ = Rig::parse(text, &folder::access());
     }
 });

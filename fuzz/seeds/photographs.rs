@@ -12,7 +12,22 @@ use std::io::Cursor;
 /// Puts photographs and meshes.
 pub fn put(seeds: &Seeds) {
     photographs(seeds);
+    videos(seeds);
     meshes(seeds);
+}
+
+fn videos(seeds: &Seeds) {
+    for (chroma, bytes) in [("420jpeg", 12), ("420mpeg2", 12), ("420paldv", 12), ("422", 16), ("444", 24), ("mono", 8)]
+    {
+        let mut stream = format!("YUV4MPEG2 W4 H2 F30000:1001 Ip A1:1 C{chroma} XYSCSS={chroma}\n").into_bytes();
+        for frame in 0..2 {
+            stream.extend(b"FRAME\n");
+            stream.extend((0..bytes).map(|k| (frame * 40 + k * 9) as u8));
+        }
+        seeds.put("photograph", &format!("video-{chroma}"), stream);
+    }
+    seeds.put("photograph", "video-full", "YUV4MPEG2 W2 H1 F25:1 C444 XCOLORRANGE=FULL\nFRAME Ip\nabcdef");
+    seeds.put("photograph", "video-deep", "YUV4MPEG2 W2 H1 F25:1 C420p10\nFRAME\nabcdef");
 }
 
 fn photographs(seeds: &Seeds) {

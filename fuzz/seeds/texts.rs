@@ -24,6 +24,8 @@ pub fn put(seeds: &Seeds) {
         r#"{"model":"lafortune","coefficients":[-1,0.9],"exponent":20}"#,
         r#"{"model":"torrance-sparrow","roughness":0.2}"#,
         r#"{"model":"blinn-phong","exponent":30}"#,
+        r#"{"model":"blinn-phong","exponent":{"texture":"e.png","scale":100}}"#,
+        r#"{"model":"lambert","diffuse":0.5,"shine":[1,{"a":2}]}"#,
         r#"{"model":"dsbrdf","file":"m.tsuya","name":"lobes"}"#,
     ];
     for (number, material) in materials.iter().enumerate() {
@@ -216,4 +218,29 @@ fn calibrations(seeds: &Seeds) {
     for (name, text) in all {
         seeds.put("calibration", name, text);
     }
+    // ARToolKit's, of all versions; one whose distortion has another middle, and one with a thin prism.
+    let matrix = [600.0, 0.0, 320.0, 0.0, 0.0, 610.0, 240.0, 0.0, 0.0, 0.0, 1.0, 0.0];
+    let versions: [&[f64]; 7] = [
+        &[320.0, 240.0, 12.0, 0.98],
+        &[320.0, 240.0, 0.98, 12.0, -3.0],
+        &[320.0, 240.0, 0.98, 1.1, 12.0, -3.0],
+        &[-0.2, 0.05, 0.002, -0.001, 600.0, 610.0, 320.0, 240.0, 1.05],
+        &[-0.2, 0.05, 0.002, -0.001, 0.01, 0.02, 0.003, 0.001, 0.0, 0.0, 0.0, 0.0, 600.0, 610.0, 320.0, 240.0, 1.05],
+        &[318.5, 263.5, 26.2, 1.0127],
+        &[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.3, 0.0, -0.3, 0.0, 600.0, 600.0, 320.0, 240.0, 1.0],
+    ];
+    for (number, factors) in versions.iter().enumerate() {
+        let numbers = matrix.iter().chain(*factors).flat_map(|x: &f64| x.to_be_bytes());
+        let bytes: Vec<u8> = [640u32, 480].iter().flat_map(|side| side.to_be_bytes()).chain(numbers).collect();
+        seeds.put("calibration", &format!("camera_para-{number}"), bytes);
+    }
+    let mut pattern = String::new();
+    for turn in 0..4 {
+        for k in 0..3 * 256 {
+            let (mut row, mut column) = (k / 16 % 16, k % 16);
+            (0..turn).for_each(|_| (row, column) = (column, 15 - row));
+            pattern += if column == 3 || (row == 12 && column < 9) { "20 " } else { "230\n" };
+        }
+    }
+    seeds.put("calibration", "pattern", pattern);
 }

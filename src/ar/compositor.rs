@@ -1,16 +1,18 @@
 //! Shadow and object over a frame, with the camera's gain and noise.
 
-use super::canvas::{self, LensCanvas};
+use super::canvas::{self, CanvasWindow, LensCanvas};
 use super::object_renderer::ObjectRenderer;
 use super::plate::{Plate, SrgbCurve};
 use super::sensor::{self, PAPER_ALBEDO};
 use super::{ArObject, ArOptions, FrameReport, FrameTimes};
 use crate::capture::calibration::Calibration;
 use crate::error::Result;
-use crate::image::{Grid, Mask};
+use crate::image::Grid;
 use crate::marker::PoseEstimate;
 use crate::marker::detection::MarkerDetection;
-use crate::relight::{GroundShadow, PreparedEnvironment};
+use crate::relight::{GroundShadow, PreparedEnvironment, RealtimeFrame};
+use crate::views::Camera;
+use std::borrow::Cow;
 use std::time::Instant;
 
 /// Part of a new frame's gain in the one that is used.
@@ -22,6 +24,16 @@ pub(super) struct TrackedFrame {
     pub(super) grey: Grid<u8>,
     pub(super) found: Option<(PoseEstimate, Vec<MarkerDetection>)>,
     pub(super) seconds: f64,
+}
+
+/// An object as a frame's camera sees it.
+pub(super) struct ObjectView<'r> {
+    pub(super) report: FrameReport,
+    /// That the object's shadow is seen by; `None` where its marker is not.
+    camera: Option<Camera>,
+    object: Option<(CanvasWindow, Cow<'r, RealtimeFrame>)>,
+    /// From the camera to the object's middle, in the unit of the marker's size.
+    pub(super) distance: f64,
 }
 
 /// Blends the object and its shadow with frames.
@@ -50,47 +62,61 @@ impl<'a> Compositor<'a> {
         self.shadow.keep();
     }
 
-    /// Puts the object into a frame; `times` has the steps before.
-    pub(super) fn composite(
+    /// Draws the object as the frame's camera sees it, and reads the frame's gain and noise; `times` has the steps before.
+    pub(super) fn look<'r>(
         &mut self,
-        renderer: &mut ObjectRenderer,
+        renderer: &'r mut ObjectRenderer,
         curve: &SrgbCurve,
-        plate: &mut Plate,
-        nearer: Option<&Mask>,
+        plate: &Plate,
         TrackedFrame { frame, grey, found, .. }: TrackedFrame,
         mut times: FrameTimes,
-    ) -> Result<FrameReport> {
+    ) -> Result<ObjectView<'r>> {
         let Some((estimate, detections)) = found else {
             let gain = self.gain.unwrap_or([1.0; 3]);
             times.render = 0.0;
-            return Ok(FrameReport { frame, estimate: None, gain, noise: 0.0, times });
+            let report = FrameReport { frame, estimate: None, gain, noise: 0.0, times };
+            return Ok(ObjectView { report, camera: None, object: None, distance: f64::MAX });
         };
         let rig_of_world = self.options.mount.rig_of_world();
-        let camera = self.object.placement.camera(&self.canvas.camera, &estimate.pose, &rig_of_world);
+        let placement = &self.object.placement;
+        let camera = placement.camera(&self.canvas.camera, &estimate.pose, &rig_of_world);
 
         let clock = Instant::now();
-        let window = canvas::window_around(self.object.object.mesh(), &camera);
-        let object = match window {
+        let mesh = self.object.object.mesh();
+        let object = match canvas::window_around(mesh, &camera) {
             Some(window) => Some((window, renderer.render(self.object, &canvas::cropped(&camera, window))?)),
             None => None,
         };
         times.render += clock.elapsed().as_secs_f64();
 
         let clock = Instant::now();
-        let before = nearer.map(|nearer| (nearer, plate.clone()));
         let gain = self.update_gain(curve, plate, &detections).map(|c| c * self.options.gain);
-        if self.options.shadow {
-            self.canvas.blend_shadow(&self.shadow, &camera, curve, plate);
-        }
         let noise = self.options.noise.unwrap_or_else(|| sensor::noise_sigma(&grey));
-        if let Some((window, object)) = &object {
+        times.composite = clock.elapsed().as_secs_f64();
+        let (middle, _) = mesh.bounding_sphere();
+        let centre = camera.centre();
+        let distance = (0..3).map(|k| (middle[k] - centre[k]).powi(2)).sum::<f64>().sqrt() * placement.scale;
+        let report = FrameReport { frame, estimate: Some(estimate), gain, noise, times };
+        Ok(ObjectView { report, camera: Some(camera), object, distance })
+    }
+
+    /// Darkens the ground.
+    pub(super) fn blend_shadow(&self, view: &mut ObjectView, curve: &SrgbCurve, plate: &mut Plate) {
+        let clock = Instant::now();
+        if let (Some(camera), true) = (&view.camera, self.options.shadow) {
+            self.canvas.blend_shadow(&self.shadow, camera, curve, plate);
+        }
+        view.report.times.composite += clock.elapsed().as_secs_f64();
+    }
+
+    /// Puts the object over the frame.
+    pub(super) fn blend_object(&self, view: &mut ObjectView, curve: &SrgbCurve, plate: &mut Plate) {
+        let clock = Instant::now();
+        let FrameReport { frame, gain, noise, .. } = view.report;
+        if let Some((window, object)) = &view.object {
             self.canvas.blend_object(object, *window, gain, (noise, frame as u32), curve, plate);
         }
-        if let Some((nearer, before)) = &before {
-            plate.restore(before, nearer)?;
-        }
-        times.composite = clock.elapsed().as_secs_f64();
-        Ok(FrameReport { frame, estimate: Some(estimate), gain, noise, times })
+        view.report.times.composite += clock.elapsed().as_secs_f64();
     }
 
     /// Updates and returns the factors of the surroundings' radiance that make the markers' paper as bright as the frame shows it.

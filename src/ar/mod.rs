@@ -4,6 +4,7 @@
 //! steps: **pose** ([`crate::marker`]), **light** (the surroundings, if they change), **render** ([`crate::relight`]) and **composite**
 //! (shadow, object, the camera's gain and noise). See `spec/placing.md`.
 
+mod assembly;
 mod canvas;
 mod compositor;
 mod object_renderer;
@@ -11,11 +12,14 @@ pub(crate) mod placement;
 mod plate;
 mod sensor;
 mod session;
+mod y4m;
 
+pub use assembly::ArAssembly;
 pub use placement::{Placement, RigMount};
 pub use plate::Plate;
 pub use sensor::PAPER_ALBEDO;
 pub use session::Session;
+pub use y4m::{Y4mChroma, Y4mFrame, Y4mHeader, Y4mReader, Y4mWriter};
 
 use crate::asset::Asset;
 use crate::lighting::EnvironmentMap;

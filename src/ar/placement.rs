@@ -78,6 +78,11 @@ impl Placement {
         DMat3::from_cols_array_2d(&self.rotation).transpose()
     }
 
+    /// A point of the object in the world.
+    pub fn point_to_world(&self, point: [f64; 3]) -> [f64; 3] {
+        (self.matrix() * DVec3::from_array(point) * self.scale + DVec3::from_array(self.translation)).to_array()
+    }
+
     /// A direction of the object in world axes.
     pub fn to_world(&self, direction: [f64; 3]) -> [f64; 3] {
         (self.matrix() * DVec3::from_array(direction)).to_array()

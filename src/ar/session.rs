@@ -1,6 +1,6 @@
 //! State kept from frame to frame: tracker, light, renderer and compositor.
 
-use super::compositor::{Compositor, TrackedFrame};
+use super::compositor::{Compositor, ObjectView, TrackedFrame};
 use super::object_renderer::ObjectRenderer;
 use super::plate::{Plate, SrgbCurve};
 use super::{ArObject, ArOptions, FrameReport, FrameTimes, LightSource};
@@ -80,33 +80,99 @@ impl<'a> Session<'a> {
         nearer: Option<&Mask>,
         environment: Option<&EnvironmentMap>,
     ) -> Result<FrameReport> {
-        if environment.is_some() && matches!(self.light, SessionLight::Fixed(_)) {
-            return Err(Error::parameter("an environment for one frame of a session whose light is fixed"));
-        }
         let clock = Instant::now();
         let Session { tracker, light, renderer, compositor, curve } = self;
-        let (tracked, seconds) = crate::parallel::join(
-            || tracker.track(plate, curve),
-            || {
-                light.follow(environment, compositor);
-                if environment.is_some() { clock.elapsed().as_secs_f64() } else { 0.0 }
-            },
-        );
-        let tracked = tracked?;
-        let preparing = Instant::now();
-        let mut times = FrameTimes { pose: tracked.seconds, light: seconds, ..FrameTimes::default() };
-        let renderer = match renderer {
-            Some(renderer) if environment.is_none() => renderer,
-            _ => {
-                let scene = light.scene(compositor.object, &compositor.options)?;
-                renderer.insert(ObjectRenderer::new(scene, compositor.options.mode))
-            }
-        };
-        times.render = preparing.elapsed().as_secs_f64();
-        let mut report = compositor.composite(renderer, curve, plate, nearer, tracked, times)?;
-        report.times.whole = clock.elapsed().as_secs_f64();
-        Ok(report)
+        let mut view = look(tracker, light, renderer, compositor, curve, plate, environment)?;
+        let before = nearer.map(|nearer| (nearer, plate.clone()));
+        compositor.blend_shadow(&mut view, curve, plate);
+        compositor.blend_object(&mut view, curve, plate);
+        if let Some((nearer, before)) = &before {
+            plate.restore(before, nearer)?;
+        }
+        view.report.times.whole = clock.elapsed().as_secs_f64();
+        Ok(view.report)
     }
+
+    /// Puts the objects of several sessions, whose markers move apart from each other, into one frame, each as [`Self::frame`] does with its own
+    /// `environment`. All markers are looked for in the frame as it was; grounds are darkened first, and objects drawn one over the
+    /// other, the farther one's middle first. Objects of different sessions do not shadow each other.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`Self::frame`]; [`Error::Parameter`] for another number of environments than of sessions.
+    pub fn frame_of_all(
+        sessions: &mut [Session],
+        plate: &mut Plate,
+        nearer: Option<&Mask>,
+        environments: &[Option<EnvironmentMap>],
+    ) -> Result<Vec<FrameReport>> {
+        if sessions.len() != environments.len() {
+            let (a, b) = (environments.len(), sessions.len());
+            return Err(Error::parameter(format!("{a} environments for {b} sessions")));
+        }
+        let mut views = Vec::with_capacity(sessions.len());
+        for (session, environment) in sessions.iter_mut().zip(environments) {
+            let clock = Instant::now();
+            let Session { tracker, light, renderer, compositor, curve } = session;
+            let mut view = look(tracker, light, renderer, compositor, curve, plate, environment.as_ref())?;
+            view.report.times.whole = clock.elapsed().as_secs_f64() - view.report.times.composite;
+            views.push((view, &*compositor, &*curve));
+        }
+        let before = nearer.map(|nearer| (nearer, plate.clone()));
+        views.iter_mut().for_each(|(view, compositor, curve)| compositor.blend_shadow(view, curve, plate));
+        let mut order: Vec<usize> = (0..views.len()).collect();
+        order.sort_by(|&a, &b| views[b].0.distance.total_cmp(&views[a].0.distance));
+        for k in order {
+            let (view, compositor, curve) = &mut views[k];
+            compositor.blend_object(view, curve, plate);
+        }
+        if let Some((nearer, before)) = &before {
+            plate.restore(before, nearer)?;
+        }
+        let report = |(mut view, ..): (ObjectView, _, _)| {
+            view.report.times.whole += view.report.times.composite;
+            view.report
+        };
+        Ok(views.into_iter().map(report).collect())
+    }
+}
+
+/// Finds an object's marker, follows its light, and draws it.
+fn look<'r, 'a: 'r>(
+    tracker: &mut FrameTracker,
+    light: &mut SessionLight,
+    renderer: &'r mut Option<ObjectRenderer<'a>>,
+    compositor: &mut Compositor<'a>,
+    curve: &SrgbCurve,
+    plate: &Plate,
+    environment: Option<&EnvironmentMap>,
+) -> Result<ObjectView<'r>> {
+    if environment.is_some() && matches!(light, SessionLight::Fixed(_)) {
+        return Err(Error::parameter("an environment for one frame of a session whose light is fixed"));
+    }
+    let clock = Instant::now();
+    let (tracked, seconds) = crate::parallel::join(
+        || tracker.track(plate, curve),
+        || {
+            light.follow(environment, compositor);
+            if environment.is_some() { clock.elapsed().as_secs_f64() } else { 0.0 }
+        },
+    );
+    let tracked = tracked?;
+    let preparing = Instant::now();
+    let mut times = FrameTimes { pose: tracked.seconds, light: seconds, ..FrameTimes::default() };
+    if environment.is_some() {
+        *renderer = None;
+    }
+    let renderer = match renderer {
+        Some(renderer) => renderer,
+        none => {
+            let scene = light.scene(compositor.object, &compositor.options)?;
+            none.insert(ObjectRenderer::new(scene, compositor.options.mode))
+        }
+    };
+    times.render = preparing.elapsed().as_secs_f64();
+    compositor.look(renderer, curve, plate, tracked, times)
 }
 
 /// Light of the frames.

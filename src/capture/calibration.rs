@@ -1,4 +1,5 @@
-//! A camera's calibration from a file: OpenCV's YAML, ROS's `camera_info` YAML, or JSON with the keys of `transforms.json`.
+//! A camera's calibration from a file: OpenCV's YAML, ROS's `camera_info` YAML, JSON with the keys of `transforms.json`, or ARToolKit's
+//! `camera_para.dat` ([`super::artoolkit`]).
 //!
 //! - OpenCV and ROS: `image_width`, `image_height`, `camera_matrix` (or `K`), `distortion_coefficients` (or `D`) as matrices with `data`, or as
 //!   plain lists; `distortion_model`, if there: `plumb_bob`, `rational_polynomial` (both OpenCV's `k1 k2 p1 p2 k3 k4 k5 k6`), `equidistant`
@@ -7,6 +8,7 @@
 //! - JSON: `w`, `h`, `fl_x`, `fl_y`, `cx`, `cy`, `camera_model`, `k1 k2 k3 k4 p1 p2`, pixel centres at .5, as nerfstudio writes them.
 
 use super::Lens;
+use super::artoolkit::{from_camera_para, is_camera_para};
 use super::json::JsonDocument;
 use super::transforms::read_intrinsics;
 use crate::error::{Error, Result};
@@ -18,6 +20,7 @@ use std::path::Path;
 use yaml_rust2::parser::{Event, Parser, Tag};
 use yaml_rust2::{Yaml, YamlLoader};
 
+const WHAT: &str = "camera calibration (OpenCV or ROS YAML, JSON, or ARToolKit's camera_para.dat)";
 /// Bytes of a calibration file, at most.
 const MAX_BYTES: u64 = 1 << 20;
 /// Values of a YAML file, at most, those that aliases repeat counted each time; a calibration with its views has some thousands.
@@ -46,11 +49,23 @@ impl Calibration {
         Err(Error::input(
             picture,
             format!(
-                "{width} x {height} pixels, but {} calibrates {w} x {h}: take the calibration made for this size, or scale focal \
-                 lengths and principal point with it",
+                "{width} x {height} pixels, but {} calibrates {w} x {h}: take the calibration made for this size, or, if the \
+                 pictures are the calibrated ones made smaller or larger, option `scale_camera`",
                 calibration.display()
             ),
         ))
+    }
+
+    /// Returns the calibration of the same pictures made smaller or larger, each axis by itself; nothing is cropped.
+    pub fn scaled_to(&self, [width, height]: [usize; 2]) -> Self {
+        let sides = [width, height];
+        let from = [self.camera.width, self.camera.height];
+        let scaled =
+            |lengths: [f64; 2]| std::array::from_fn(|i| lengths[i] * sides[i] as f64 / f64::from(from[i].max(1)));
+        let (focal, principal) = (scaled(self.camera.focal), scaled(self.camera.principal));
+        // The lens bends what is not yet in pixels; skew is of the rows' focal length.
+        let camera = Camera { width: width as u32, height: height as u32, focal, principal, ..self.camera };
+        Calibration { camera, ..*self }
     }
 }
 
@@ -94,7 +109,14 @@ impl Calibration {
 /// Errors name the file and the key that is missing or wrong.
 pub fn read_calibration(path: impl AsRef<Path>, access: &FileAccess) -> Result<Calibration> {
     let path = path.as_ref();
-    let text = access.read_text(path, "camera calibration (OpenCV or ROS YAML, or JSON)", MAX_BYTES)?;
+    {
+        let bytes = access.read_bytes(path, WHAT, MAX_BYTES)?;
+        if is_camera_para(&bytes) {
+            let (camera, lens) = from_camera_para(path, &bytes, access)?;
+            return checked(path, Calibration { camera, lens });
+        }
+    }
+    let text = access.read_text(path, WHAT, MAX_BYTES)?;
     if text.trim_start().starts_with('<') {
         let message = "an XML file (OpenCV's or another program's), which is not read: save the calibration as YAML (OpenCV's FileStorage does \
                        so under a name that ends in .yml)";
@@ -112,6 +134,11 @@ pub fn read_calibration(path: impl AsRef<Path>, access: &FileAccess) -> Result<C
         let _held = access.reserve(path, "camera calibration", nodes * NODE_BYTES + 4 * text.len() as u64)?;
         from_yaml(&text).map_err(|message| Error::input(path, message))?
     };
+    checked(path, calibration)
+}
+
+/// The calibration, its camera at the origin; an error where it is none.
+fn checked(path: &Path, calibration: Calibration) -> Result<Calibration> {
     let Camera { width, height, focal, principal, .. } = calibration.camera;
     let finite = focal.iter().all(|f| f.is_finite() && *f > 0.0) && principal.iter().all(|p| p.is_finite());
     if !finite || width == 0 || height == 0 {

@@ -14,6 +14,8 @@
 mod agreement;
 pub(crate) mod align;
 #[cfg(feature = "ar")]
+mod artoolkit;
+#[cfg(feature = "ar")]
 pub(crate) mod calibration;
 mod clipping;
 mod colmap;

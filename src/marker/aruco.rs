@@ -1,21 +1,11 @@
-//! ArUco markers: squares among the contours of an image, their corners as the intersections of straight lines along the edges, their bits
-//! compared with the dictionaries.
+//! ArUco markers, and ARToolKit's barcodes: the bits of squares, compared with the dictionaries.
 
 use super::MarkerFamily;
 use super::detection::{MarkerDetection, area};
+use super::squares::{bilinear, turned, unit_square_to};
 use crate::image::Grid;
-use aruco_rs::ImageBuffer;
 use aruco_rs::core::dictionary::{DICTIONARY_ARUCO, DICTIONARY_ARUCO_MIP_36H12};
-use aruco_rs::cv::ComputerVision;
-use aruco_rs::cv::contours::find_contours;
-use aruco_rs::cv::geometry::{approx_poly_dp, is_contour_convex};
-use aruco_rs::cv::scalar::ScalarCV;
 use std::borrow::Cow;
-
-/// An edge is looked for this many pixels to each side, at most.
-const EDGE_REACH: f64 = 4.0;
-/// Shortest edge of a marker, pixels.
-const MIN_EDGE: f64 = 12.0;
 
 /// Codes, bits along a side, and how many may be read wrongly: fewer than half the least distance between codes, and few enough that hardly
 /// any other square is taken for one.
@@ -24,6 +14,20 @@ pub(super) struct ArucoCodes {
     codes: Cow<'static, [u64]>,
     side: usize,
     most_wrong: u32,
+    /// Width of the black border, in cells.
+    border: f64,
+}
+
+/// The codes of ARToolKit's barcodes of 3 x 3 cells: the upper and the lower left one are black, the lower right one is white, and the other six
+/// are the bits of the number by rows, the highest first, 1 for black.
+fn barcodes() -> Vec<u64> {
+    const CORNERS: [usize; 3] = [0, 6, 8];
+    let cell = |number: u64, k: usize| match k {
+        0 | 6 => 0,
+        8 => 1,
+        _ => 1 ^ (number >> (5 - (k - CORNERS.iter().filter(|&&corner| corner < k).count())) & 1),
+    };
+    (0..64).map(|number| (0..9).fold(0, |code, k| code << 1 | cell(number, k))).collect()
 }
 
 impl ArucoCodes {
@@ -35,38 +39,19 @@ impl ArucoCodes {
             MarkerFamily::ArucoOpenCv(dictionary) => {
                 (dictionary.codes().into(), dictionary.side(), dictionary.corrected_bits())
             }
+            MarkerFamily::ArToolKitBarcode => (barcodes().into(), 3, 0),
             _ => return None,
         };
-        Some(ArucoCodes { family, codes, side, most_wrong })
+        // The barcode takes half of the side.
+        let border = if family == MarkerFamily::ArToolKitBarcode { 1.5 } else { 1.0 };
+        Some(ArucoCodes { family, codes, side, most_wrong, border })
     }
 }
 
-/// Markers of these families, none twice at one position.
-pub(super) fn detect(families: &[ArucoCodes], grey: &Grid<u8>) -> Vec<MarkerDetection> {
-    let (width, height) = (grey.width as u32, grey.height as u32);
-    let mut binary = vec![0u8; grey.data.len()];
-    ScalarCV::adaptive_threshold(&ImageBuffer { data: &grey.data, width, height }, &mut binary, 2, 7);
-    let mut labels = vec![0i32; (grey.width + 2) * (grey.height + 2)];
-    let contours = find_contours(&ImageBuffer { data: &binary, width, height }, &mut labels);
-    let mut found: Vec<MarkerDetection> = Vec::new();
-    for contour in contours.iter().filter(|c| c.points.len() as f64 >= 4.0 * MIN_EDGE) {
-        let square = approx_poly_dp(&contour.points, 0.05 * contour.points.len() as f64);
-        if square.len() != 4 || !is_contour_convex(&square) {
-            continue;
-        }
-        let mut corners: [[f64; 2]; 4] = std::array::from_fn(|k| [square[k].x as f64 + 0.5, square[k].y as f64 + 0.5]);
-        let twice: f64 =
-            (0..4).map(|k| corners[k][0] * corners[(k + 1) % 4][1] - corners[k][1] * corners[(k + 1) % 4][0]).sum();
-        if twice < 0.0 {
-            corners.swap(1, 3);
-        }
-        let long = |k: usize| (corners[k][0] - corners[(k + 1) % 4][0]).hypot(corners[k][1] - corners[(k + 1) % 4][1]);
-        if (0..4).any(|k| long(k) < MIN_EDGE) {
-            continue;
-        }
-        let Some(corners) = refine(grey, corners) else { continue };
-        found.extend(families.iter().filter_map(|family| decode(family, grey, corners)));
-    }
+/// Markers of these families among the squares of an image, the larger ones first.
+pub(super) fn detect(families: &[ArucoCodes], grey: &Grid<u8>, squares: &[[[f64; 2]; 4]]) -> Vec<MarkerDetection> {
+    let of_square = |&corners| families.iter().filter_map(move |family| decode(family, grey, corners));
+    let mut found: Vec<MarkerDetection> = squares.iter().flat_map(of_square).collect();
     // The same marker has contours inside and outside.
     found.sort_by(|a, b| area(b).total_cmp(&area(a)));
     found
@@ -74,8 +59,8 @@ pub(super) fn detect(families: &[ArucoCodes], grey: &Grid<u8>) -> Vec<MarkerDete
 
 /// Reads the bits of a square whose corners go clockwise; the marker's own upper left corner first in what is given back.
 fn decode(family: &ArucoCodes, grey: &Grid<u8>, corners: [[f64; 2]; 4]) -> Option<MarkerDetection> {
-    let &ArucoCodes { family, ref codes, side, most_wrong } = family;
-    let cells = side + 2;
+    let &ArucoCodes { family, ref codes, side, most_wrong, border: border_cells } = family;
+    let cells = side + (2.0 * border_cells) as usize;
     let map = unit_square_to(corners)?;
     let mean = |column: f64, row: f64| -> Option<f64> {
         let offsets = [-0.2, 0.0, 0.2];
@@ -87,12 +72,12 @@ fn decode(family: &ArucoCodes, grey: &Grid<u8>, corners: [[f64; 2]; 4]) -> Optio
         Some(sum / 9.0)
     };
     let middle = |k: usize| k as f64 + 0.5;
+    let within = |k: usize| middle(k) + border_cells;
     let border: Vec<f64> = (0..cells * cells)
         .filter(|k| [0, cells - 1].contains(&(k % cells)) || [0, cells - 1].contains(&(k / cells)))
         .map(|k| mean(middle(k % cells), middle(k / cells)))
         .collect::<Option<_>>()?;
-    let values: Vec<f64> =
-        (0..side * side).map(|k| mean(middle(k % side + 1), middle(k / side + 1))).collect::<Option<_>>()?;
+    let values: Vec<f64> = (0..side * side).map(|k| mean(within(k % side), within(k / side))).collect::<Option<_>>()?;
     let black = border.iter().sum::<f64>() / border.len() as f64;
     let darkest = border.iter().copied().fold(0.0, f64::max);
     let white = values.iter().copied().fold(0.0, f64::max);
@@ -103,17 +88,7 @@ fn decode(family: &ArucoCodes, grey: &Grid<u8>, corners: [[f64; 2]; 4]) -> Optio
     let bits: Vec<bool> = values.iter().map(|&v| v > threshold).collect();
     let mut best: Option<(u32, usize, usize)> = None;
     for turn in 0..4 {
-        // The marker's upper left corner is the square's corner number `turn`.
-        let at = |row: usize, column: usize| match turn {
-            0 => (row, column),
-            1 => (column, side - 1 - row),
-            2 => (side - 1 - row, side - 1 - column),
-            _ => (side - 1 - column, row),
-        };
-        let code = (0..side * side).fold(0u64, |code, k| {
-            let (row, column) = at(k / side, k % side);
-            (code << 1) | bits[row * side + column] as u64
-        });
+        let code = (0..side * side).fold(0u64, |code, k| (code << 1) | bits[turned(turn, side, k)] as u64);
         for (id, known) in codes.iter().enumerate() {
             let wrong = (known ^ code).count_ones();
             if wrong <= most_wrong && best.is_none_or(|(least, ..)| wrong < least) {
@@ -125,121 +100,38 @@ fn decode(family: &ArucoCodes, grey: &Grid<u8>, corners: [[f64; 2]; 4]) -> Optio
     Some(MarkerDetection { family, id: id as u32, corners: std::array::from_fn(|k| corners[(k + turn) % 4]) })
 }
 
-/// The perspective map from the unit square, x to the right and y down, to four corners that go clockwise from the upper left (Heckbert
-/// 1989).
-fn unit_square_to(corners: [[f64; 2]; 4]) -> Option<impl Fn(f64, f64) -> [f64; 2]> {
-    let (across, down, constant) = crate::marker::homography::homography(corners)?;
-    Some(move |x: f64, y: f64| {
-        let p = across * x + down * y + constant;
-        [p.x / p.z, p.y / p.z]
-    })
-}
-
-/// Corners as the intersections of straight lines through the points of steepest change along each edge; `None` where an edge has none.
-fn refine(grey: &Grid<u8>, corners: [[f64; 2]; 4]) -> Option<[[f64; 2]; 4]> {
-    let lines: Vec<[f64; 3]> = (0..4).map(|k| edge(grey, corners[k], corners[(k + 1) % 4])).collect::<Option<_>>()?;
-    let mut refined = [[0.0; 2]; 4];
-    for (k, corner) in refined.iter_mut().enumerate() {
-        let ([a, b, c], [d, e, f]) = (lines[(k + 3) % 4], lines[k]);
-        let determinant = a * e - b * d;
-        *corner = [(c * e - b * f) / determinant, (a * f - c * d) / determinant];
-        let moved = (corner[0] - corners[k][0]).hypot(corner[1] - corners[k][1]);
-        if moved.is_nan() || moved > 2.0 * EDGE_REACH {
-            return None;
-        }
-    }
-    Some(refined)
-}
-
-/// The line `a x + b y = c` of an edge that is dark on one side.
-fn edge(grey: &Grid<u8>, from: [f64; 2], to: [f64; 2]) -> Option<[f64; 3]> {
-    let along = [to[0] - from[0], to[1] - from[1]];
-    let length = along[0].hypot(along[1]);
-    let normal = [-along[1] / length, along[0] / length];
-    let reach = EDGE_REACH.min(0.08 * length).max(1.0);
-    let steps = (4.0 * reach).ceil() as i32;
-    let count = (length.ceil() as usize).clamp(8, 256);
-    let mut points = Vec::with_capacity(count);
-    for k in 0..count {
-        // The ends belong to the corners.
-        let t = 0.06 + 0.88 * (k as f64 + 0.5) / count as f64;
-        let middle = [from[0] + t * along[0], from[1] + t * along[1]];
-        let value = |s: f64| bilinear(grey, [middle[0] + s * normal[0], middle[1] + s * normal[1]]);
-        let (mut sum, mut moment) = (0.0, 0.0);
-        for step in -steps..steps {
-            let (s, next) = (step as f64 * reach / steps as f64, (step + 1) as f64 * reach / steps as f64);
-            // The inside is dark: on the side that the normal points to.
-            let drop = (value(s)? - value(next)?).max(0.0).powi(2);
-            sum += drop;
-            moment += drop * 0.5 * (s + next);
-        }
-        if sum > 16.0 {
-            let s = moment / sum;
-            points.push([middle[0] + s * normal[0], middle[1] + s * normal[1]]);
-        }
-    }
-    let mut line = None;
-    for _ in 0..2 {
-        if points.len() < 6 {
-            return None;
-        }
-        let n = points.len() as f64;
-        let mean: [f64; 2] = std::array::from_fn(|c| points.iter().map(|p| p[c]).sum::<f64>() / n);
-        let moment = |i: usize, j: usize| points.iter().map(|p| (p[i] - mean[i]) * (p[j] - mean[j])).sum::<f64>();
-        let angle = 0.5 * (2.0 * moment(0, 1)).atan2(moment(0, 0) - moment(1, 1));
-        let (a, b) = (-angle.sin(), angle.cos());
-        let c = a * mean[0] + b * mean[1];
-        line = Some([a, b, c]);
-        // Once more without those that lie beside it.
-        let far = |p: &[f64; 2]| (a * p[0] + b * p[1] - c).abs();
-        let mut distances: Vec<f64> = points.iter().map(far).collect();
-        distances.sort_by(f64::total_cmp);
-        let limit = (2.5 * distances[distances.len() / 2]).max(0.05);
-        points.retain(|p| far(p) <= limit);
-    }
-    line
-}
-
-/// Between pixels (centres at +0.5); `None` outside.
-fn bilinear(grey: &Grid<u8>, [x, y]: [f64; 2]) -> Option<f64> {
-    let (x, y) = (x - 0.5, y - 0.5);
-    if !(x >= 0.0 && y >= 0.0 && x < (grey.width - 1) as f64 && y < (grey.height - 1) as f64) {
-        return None;
-    }
-    let (column, row) = (x as usize, y as usize);
-    let (s, t) = (x - column as f64, y - row as f64);
-    let at = |dx: usize, dy: usize| *grey.value_at(column + dx, row + dy) as f64;
-    Some((at(0, 0) * (1.0 - s) + at(1, 0) * s) * (1.0 - t) + (at(0, 1) * (1.0 - s) + at(1, 1) * s) * t)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::marker::squares::find_squares;
 
     #[test]
     fn drawn_markers_of_every_dictionary_are_found() {
         for &(family, name) in &MarkerFamily::NAMES {
             let Some(codes) = ArucoCodes::new(family) else { continue };
             let (side, number) = (codes.side, codes.codes.len() - 3);
-            let (cell, margin) = (11, 30);
-            let marker = (side + 2) * cell;
+            let (cell, margin) = (12, 30);
+            let border = (codes.border * cell as f64) as usize;
+            let marker = side * cell + 2 * border;
             let mut grey = Grid::filled(marker + 2 * margin, marker + 2 * margin, 230u8);
             for y in 0..marker {
                 for x in 0..marker {
-                    let inside = |at: usize| (1..=side).contains(&(at / cell));
+                    let inside = |at: usize| (border..border + side * cell).contains(&at);
                     let bit = |row: usize, column: usize| {
                         codes.codes[number] >> (side * side - 1 - row * side - column) & 1 == 1
                     };
-                    let white = inside(x) && inside(y) && bit(y / cell - 1, x / cell - 1);
+                    let white = inside(x) && inside(y) && bit((y - border) / cell, (x - border) / cell);
                     *grey.value_at_mut(margin + x, margin + y) = if white { 230 } else { 25 };
                 }
             }
-            let found = detect(&[codes], &grey);
+            let found = detect(&[codes], &grey, &find_squares(&grey));
             assert!(found.iter().any(|m| (m.family, m.id) == (family, number as u32)), "{name}: {found:?}");
             let [x, y] = found[0].corners[0];
             assert!((x - margin as f64).abs() < 0.3 && (y - margin as f64).abs() < 0.3, "{name}: {found:?}");
             assert_eq!(MarkerFamily::from_name(name).unwrap(), family);
         }
+        // The bits of number 5 are 000101: the fourth and the last of the six cells are black, and two corners.
+        assert_eq!(barcodes()[5], 0b011_101_001, "{:09b}", barcodes()[5]);
         assert_eq!(MarkerFamily::from_name("DICT_6X6_250").unwrap().name(), "aruco-6x6-250");
         assert_eq!(MarkerFamily::from_name("DICT_APRILTAG_36h11").unwrap(), MarkerFamily::Tag36h11);
     }

@@ -1,9 +1,11 @@
-//! Finding markers in an image: AprilTags by the AprilTag library; ArUco markers from the contours of `aruco-rs` with its dictionaries, corners
-//! and bits read here.
+//! Finding markers in an image: AprilTags by the AprilTag library; ArUco and ARToolKit markers among the squares of the contours of
+//! `aruco-rs`, their corners, bits and pictures read here.
 
 use super::MarkerFamily;
 use super::aruco::{self, ArucoCodes};
 use super::detection::{MarkerDetection, area};
+use super::pattern::{self, MarkerPattern};
+use super::squares::find_squares;
 use crate::error::{Error, Result};
 use crate::image::Grid;
 use apriltag::{DetectorBuilder, Family as Tags, Image};
@@ -19,6 +21,7 @@ const LARGE: usize = 160 * 160;
 pub struct MarkerDetector {
     tags: Vec<(MarkerFamily, apriltag::Detector)>,
     aruco: Vec<ArucoCodes>,
+    patterns: Vec<MarkerPattern>,
 }
 
 impl MarkerDetector {
@@ -28,8 +31,23 @@ impl MarkerDetector {
     ///
     /// [`Error::Parameter`] without a family, [`Error::Unsupported`] if the AprilTag library refuses one.
     pub fn new(families: &[MarkerFamily]) -> Result<Self> {
+        MarkerDetector::with_patterns(families, &[])
+    }
+
+    /// Prepares a detector for these families; markers of [`MarkerFamily::ArToolKit`] are found by these patterns, and numbered as they are.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`Self::new`]; [`Error::Parameter`] for [`MarkerFamily::ArToolKit`] without patterns.
+    pub fn with_patterns(families: &[MarkerFamily], patterns: &[MarkerPattern]) -> Result<Self> {
         if families.is_empty() {
             return Err(Error::parameter("no marker family to look for"));
+        }
+        let patterns = if families.contains(&MarkerFamily::ArToolKit) { patterns.to_vec() } else { Vec::new() };
+        if families.contains(&MarkerFamily::ArToolKit) && patterns.is_empty() {
+            return Err(Error::parameter(
+                "ARToolKit's markers are found by their pattern files, of which there is none",
+            ));
         }
         let (mut tags, mut aruco) = (Vec::new(), Vec::new());
         for &family in families {
@@ -38,10 +56,14 @@ impl MarkerDetector {
                 MarkerFamily::Tag25h9 => Tags::tag_25h9(),
                 MarkerFamily::Tag16h5 => Tags::tag_16h5(),
                 MarkerFamily::Standard41h12 => Tags::tag_standard_41h12(),
-                MarkerFamily::Aruco | MarkerFamily::ArucoMip36h12 | MarkerFamily::ArucoOpenCv(_) => {
+                MarkerFamily::Aruco
+                | MarkerFamily::ArucoMip36h12
+                | MarkerFamily::ArucoOpenCv(_)
+                | MarkerFamily::ArToolKitBarcode => {
                     aruco.extend(ArucoCodes::new(family));
                     continue;
                 }
+                MarkerFamily::ArToolKit => continue,
             };
             // What is detected does not say its family: each has a detector of its own.
             let detector = DetectorBuilder::new().add_family_bits(codes, CORRECTED_BITS).build();
@@ -51,7 +73,7 @@ impl MarkerDetector {
             detector.set_refine_edges(true);
             tags.push((family, detector));
         }
-        Ok(MarkerDetector { tags, aruco })
+        Ok(MarkerDetector { tags, aruco, patterns })
     }
 
     /// Markers in an image of 8-bit grey values as they are displayed (not linear), 32 to 16384 pixels a side, by family and number.
@@ -72,8 +94,10 @@ impl MarkerDetector {
                 found.extend(detector.detect(&image).iter().filter_map(|detection| tag(*family, detection)));
             }
         }
-        if !self.aruco.is_empty() {
-            found.extend(aruco::detect(&self.aruco, grey));
+        if !(self.aruco.is_empty() && self.patterns.is_empty()) {
+            let squares = find_squares(grey);
+            found.extend(aruco::detect(&self.aruco, grey, &squares));
+            found.extend(pattern::detect(&self.patterns, grey, &squares));
         }
         // Of a marker found twice the larger one.
         found.sort_by(|a, b| (a.family, a.id).cmp(&(b.family, b.id)).then(area(b).total_cmp(&area(a))));

@@ -17,13 +17,16 @@ pub(crate) mod detect;
 pub(crate) mod detection;
 mod dictionary;
 mod homography;
+mod pattern;
 mod pose;
 mod rig;
+mod squares;
 pub(crate) mod track;
 
 pub use detect::MarkerDetector;
 pub use detection::MarkerDetection;
 pub use dictionary::ArucoDictionary;
+pub use pattern::MarkerPattern;
 pub use pose::{PoseEstimate, estimate_poses};
 pub use rig::{Rig, RigMarker};
 
@@ -50,6 +53,10 @@ pub enum MarkerFamily {
     ArucoMip36h12,
     /// OpenCV's ArUco dictionaries of 4 x 4 to 7 x 7 bits.
     ArucoOpenCv(ArucoDictionary),
+    /// ARToolKit's squares with a picture, each found by its [`MarkerPattern`].
+    ArToolKit,
+    /// ARToolKit's barcodes of 3 x 3 cells without error correction; few bits, easily found where there is none.
+    ArToolKitBarcode,
 }
 
 const fn opencv(side: u8, count: u16) -> MarkerFamily {
@@ -58,7 +65,7 @@ const fn opencv(side: u8, count: u16) -> MarkerFamily {
 
 impl MarkerFamily {
     /// All families with the names that they go by.
-    pub const NAMES: [(MarkerFamily, &'static str); 22] = [
+    pub const NAMES: [(MarkerFamily, &'static str); 24] = [
         (MarkerFamily::Tag36h11, "tag36h11"),
         (MarkerFamily::Tag25h9, "tag25h9"),
         (MarkerFamily::Tag16h5, "tag16h5"),
@@ -81,15 +88,21 @@ impl MarkerFamily {
         (opencv(7, 100), "aruco-7x7-100"),
         (opencv(7, 250), "aruco-7x7-250"),
         (opencv(7, 1000), "aruco-7x7-1000"),
+        (MarkerFamily::ArToolKit, "artoolkit"),
+        (MarkerFamily::ArToolKitBarcode, "artoolkit-3x3"),
     ];
 
     /// Returns the family of a name, capital letters or small, or of OpenCV's for it (`DICT_6X6_250`).
     ///
     /// # Errors
     ///
-    /// [`Error::Parameter`] for an unknown name.
+    /// [`Error::Parameter`] for an unknown name, [`Error::Unsupported`] for ARToolKit's barcodes of other kinds.
     pub fn from_name(name: &str) -> Result<Self> {
         let plain = name.to_ascii_lowercase().replace('_', "-");
+        if plain.starts_with("artoolkit-") && plain != "artoolkit-3x3" {
+            let message = "ARToolKit's barcodes (matrix codes) of other kinds than 3 x 3 cells without error correction (artoolkit-3x3)";
+            return Err(Error::Unsupported(message.into()));
+        }
         let plain = match plain.strip_prefix("dict-") {
             Some("aruco-original") => "aruco".into(),
             Some("aruco-mip-36h12") => "aruco-mip-36h12".into(),

@@ -28,7 +28,7 @@ pub struct MarkerTracker {
 impl MarkerTracker {
     /// For one camera (its pose is not used) and its lens.
     pub fn new(rig: Rig, camera: Camera, lens: Lens) -> Result<Self> {
-        let detector = MarkerDetector::new(&rig.families())?;
+        let detector = MarkerDetector::with_patterns(&rig.families(), &rig.patterns)?;
         Ok(MarkerTracker { rig, camera, lens, detector, last: None, around: None })
     }
 

@@ -21,6 +21,8 @@ mod hold_out;
 mod interreflection;
 #[cfg(feature = "encode")]
 pub(crate) mod job;
+#[cfg(feature = "encode")]
+mod job_material;
 mod material;
 mod models;
 mod multisample;
@@ -50,7 +52,9 @@ pub(crate) use ground::RUN;
 pub use ground::{Ground, GroundShadow, ProjectedShadow, composite, ground_shadow};
 pub use hold_out::{HeldOut, hold_out};
 #[cfg(feature = "encode")]
-pub use job::{Job, JobCamera, JobColour, JobEnvironment, JobEvaluator, JobMaterial, JobPair, JobParameter};
+pub use job::{Job, JobCamera, JobEnvironment, JobEvaluator};
+#[cfg(feature = "encode")]
+pub use job_material::{JobColour, JobMaterial, JobPair, JobParameter};
 pub use material::{HalfLobe, Material, SpecularPart, WarpedLobe, fit_lobes};
 pub use models::TorranceSparrow;
 pub use occlusion::Occlusion;

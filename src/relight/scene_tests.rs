@@ -1,6 +1,6 @@
 //! Figures of images under an environment: a ball over a plate.
 
-use super::job::JobMaterial;
+use super::job_material::JobMaterial;
 use super::*;
 use crate::lighting::{self, EnvironmentMap};
 use crate::mesh::Mesh;

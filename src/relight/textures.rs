@@ -19,6 +19,10 @@ use std::sync::Arc;
 /// Steps of a width of lobes that varies, each with lobes of its own.
 const STEPS: usize = 64;
 
+/// Ranges of what textures drive.
+const ROUGHNESS: [f32; 2] = [0.005, 2.0];
+const EXPONENT: [f32; 2] = [0.1, 1e5];
+
 /// Reflection functions for a range of widths, evenly spaced in the logarithm.
 struct SpecularRange {
     min_width: f64,
@@ -147,8 +151,18 @@ pub struct Textures {
     pub diffuse: Option<Texture>,
     /// Factor of the specular part.
     pub specular: Option<Texture>,
-    /// Width of the lobe; the first colour counts.
+    /// Width of the lobe, 0.005 to 2; the first colour counts.
     pub roughness: Option<Texture>,
+    /// Exponent of the lobe in place of its width, 0.1 to 100000; the first colour counts.
+    pub exponent: Option<Texture>,
+}
+
+impl Textures {
+    /// The texture that drives the lobe's shape, and the range that its values are kept in.
+    fn lobe(&self) -> Option<(&Texture, [f32; 2])> {
+        let roughness = self.roughness.as_ref().map(|texture| (texture, ROUGHNESS));
+        roughness.or(self.exponent.as_ref().map(|texture| (texture, EXPONENT)))
+    }
 }
 
 /// A material with parameters driven by images.
@@ -159,11 +173,11 @@ pub struct TexturedShading {
 }
 
 impl TexturedShading {
-    /// `part` makes the specular part for a roughness. Coordinates must be there for all `triangles`.
+    /// `part` makes the specular part for a roughness, or an exponent. Coordinates must be there for all `triangles`.
     ///
     /// # Errors
     ///
-    /// [`Error::Parameter`] if coordinates are missing or a texture has no pixels.
+    /// [`Error::Parameter`] if coordinates are missing, a texture has no pixels, or both roughness and exponent have one.
     pub fn new(
         material: Material,
         textures: Textures,
@@ -174,14 +188,17 @@ impl TexturedShading {
         if textures.coordinates.len() != triangles {
             return Err(Error::parameter("a material's textures need a mesh with texture coordinates (OBJ)"));
         }
-        let pictures = [&textures.diffuse, &textures.specular, &textures.roughness];
+        if textures.roughness.is_some() && textures.exponent.is_some() {
+            return Err(Error::parameter("a material's lobe has a roughness or an exponent, not both"));
+        }
+        let pictures = [&textures.diffuse, &textures.specular, &textures.roughness, &textures.exponent];
         if pictures.iter().any(|t| t.as_ref().is_some_and(|t| t.image.data.is_empty())) {
             return Err(Error::parameter("a material's texture has no pixels"));
         }
-        let range = match &textures.roughness {
-            Some(texture) => {
-                let values = texture.image.data.iter().map(|p| (p[0] * texture.scale).clamp(0.005, 2.0));
-                let (least, most) = values.fold((2.0f32, 0.005f32), |(l, m), v| (l.min(v), m.max(v)));
+        let range = match textures.lobe() {
+            Some((texture, [low, high])) => {
+                let values = texture.image.data.iter().map(|p| (p[0] * texture.scale).clamp(low, high));
+                let (least, most) = values.fold((high, low), |(l, m), v| (l.min(v), m.max(v)));
                 Some(SpecularRange::new([least as f64, most as f64], taps, part)?)
             }
             None => None,
@@ -198,9 +215,9 @@ impl ShadingModel for TexturedShading {
         let [a, b, c] = weights;
         let at = std::array::from_fn(|k| a * corners[0][k] + b * corners[1][k] + c * corners[2][k]);
         let read = |texture: &Option<Texture>, constant: [f32; 3]| texture.as_ref().map_or(constant, |t| t.read(at));
-        let rough = || self.textures.roughness.as_ref().map(|t| t.read(at)[0] as f64);
+        let shape = || self.textures.lobe().map(|(t, [low, high])| t.read(at)[0].clamp(low, high) as f64);
         let specular = match &self.range {
-            Some(range) => rough().and_then(|r| range.at(r)),
+            Some(range) => shape().and_then(|value| range.at(value)),
             None => prepared,
         };
         ShadingParameters {

@@ -11,6 +11,46 @@ pub const TAG36H11_0: [&str; 6] = ["110101", "011101", "011000", "101000", "0101
 /// The same of the original ArUco dictionary.
 pub const ARUCO_0: [&str; 5] = ["10000"; 5];
 
+/// A marker of ARToolKit with 14 cells in its border of one: three more black ones, a picture of 8 x 8 within.
+pub const ARTOOLKIT: [&str; 14] = [
+    "00000000000000",
+    "00000000000000",
+    "00000000000000",
+    "00011111111000",
+    "00010111101000",
+    "00010111100000",
+    "00010111111000",
+    "00010111111000",
+    "00010111111000",
+    "00010000111000",
+    "00011111111000",
+    "00000000000000",
+    "00000000000000",
+    "00000000000000",
+];
+
+/// The pattern file of such a marker, of `side` cells; mirrored, if asked.
+pub fn pattern_file(cells: &[&str], side: usize, mirrored: bool) -> String {
+    let mut text = String::new();
+    for turn in 0..4 {
+        for colour in 0..3 {
+            for k in 0..side * side {
+                // Turned counter-clockwise by quarters.
+                let (mut row, mut column) = (k / side, k % side);
+                for _ in 0..turn {
+                    (row, column) = (column, side - 1 - row);
+                }
+                let column = if mirrored { side - 1 - column } else { column };
+                let white = cells[3 + 8 * row / side].as_bytes()[3 + 8 * column / side] == b'1';
+                let end = if k % side + 1 == side { '\n' } else { ' ' };
+                text += &format!("{}{end}", if white { 230 + colour } else { 30 + 2 * colour });
+            }
+        }
+        text += "\n";
+    }
+    text
+}
+
 /// At the origin, looking to +z.
 pub fn camera(width: u32, height: u32, focal: f64) -> Camera {
     let principal = [0.5 * width as f64, 0.5 * height as f64];

@@ -2,47 +2,57 @@
 
 mod frames;
 mod light;
+mod objects;
+mod report;
+mod sinks;
 mod video;
 
-use crate::surroundings::{self, JobAsset};
-use crate::values::triple;
 use crate::{Failed, output, source};
 use anyhow::Result;
 use clap::Args;
-use frames::{Sink, Source};
+use frames::Source;
 use indicatif::{ProgressBar, ProgressStyle};
-use light::LightArguments;
-use serde_json::json;
+use light::{LightArguments, LightInput};
+use objects::{Objects, PlacementArguments};
+use report::Work;
+use sinks::Sink;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
-use tsuya::View;
-use tsuya::ar::{ArObject, ArOptions, FrameReport, FrameTimes, Placement, RenderMode, RigMount, Session};
+use tsuya::ar::{ArObject, ArOptions, RenderMode, RigMount, Session};
 use tsuya::capture::Calibration;
-use tsuya::decoder::ViewSelection;
-use tsuya::image::Mask;
+use tsuya::image::{ImageOrientation, Mask};
 use tsuya::marker::Rig;
-use tsuya::relight::{AssetRenderer, AssetShading, RenderObject};
-use tsuya::{Asset, container::metres_per_unit};
 use tsuya::{Error, capture};
 
-/// Puts an object into a photograph, a folder of frames or a video, where a marker lies.
+/// Puts objects into a photograph, a folder of frames or a video, where a marker lies.
 ///
 /// The marker gives the place, an environment the light; the ground is darkened by the object's shadow. World axes: +Y up, the marker's
 /// middle at the origin, in the unit of the marker's size.
 #[derive(Args)]
 pub struct Ar {
-    /// A photograph, a folder of frames, or a video (read by ffmpeg).
+    /// A photograph, a folder of frames, or a video (read by ffmpeg; .y4m without it); - is a video on standard input, YUV4MPEG2 of 8 bits.
     frames: PathBuf,
-    /// The object, best with its visibility (tsuya bake). One; for another run it again on the images that were made.
-    #[arg(long, help_heading = "Object and camera", value_name = "FILE")]
-    asset: PathBuf,
+    /// The object, best with its visibility (tsuya bake). Several stand on one ground and shadow each other; their visibility is computed anew.
+    #[arg(long, help_heading = "Object and camera", value_name = "FILE", required = true)]
+    asset: Vec<PathBuf>,
     /// The marker, FAMILY:ID:SIZE as in tag36h11:76:0.065 (* for any number), or a JSON file with several that belong together.
-    /// Families: tag36h11, tag25h9, tag16h5, tagStandard41h12, aruco, aruco-mip-36h12, and OpenCV's aruco-4x4-50 to aruco-7x7-1000.
-    #[arg(long, help_heading = "Object and camera", value_name = "MARKER")]
-    marker: String,
-    /// The camera's calibration: OpenCV or ROS YAML, or JSON.
+    /// Families: tag36h11, tag25h9, tag16h5, tagStandard41h12, aruco, aruco-mip-36h12, OpenCV's aruco-4x4-50 to aruco-7x7-1000,
+    /// artoolkit-3x3 (barcodes), and artoolkit, whose ID is a pattern file: artoolkit:patt.hiro:80. Several times: one for each object, in their order; objects on one marker shadow
+    /// each other, those on different ones only hide each other.
+    #[arg(long, help_heading = "Object and camera", value_name = "MARKER", required = true)]
+    marker: Vec<String>,
+    /// Width of the black border of artoolkit markers over their side [default: 0.25].
+    #[arg(long, help_heading = "Object and camera", value_name = "SHARE")]
+    marker_border: Option<f64>,
+    /// Least likeness of artoolkit markers to their pattern, 0 to 1 [default: 0.6].
+    #[arg(long, help_heading = "Object and camera", value_name = "NUMBER")]
+    marker_confidence: Option<f64>,
+    /// The camera's calibration: OpenCV or ROS YAML, JSON, or ARToolKit's camera_para.dat.
     #[arg(long, help_heading = "Object and camera", value_name = "FILE")]
     camera: PathBuf,
+    /// The images are the calibrated ones made smaller or larger: scales the calibration to them.
+    #[arg(long, help_heading = "Object and camera")]
+    scale_camera: bool,
     #[command(flatten)]
     light: LightArguments,
     #[command(flatten)]
@@ -52,10 +62,11 @@ pub struct Ar {
     /// What is in front of the object: an image, white where; or a folder with one for each frame.
     #[arg(long, value_name = "PATH")]
     occlusion: Option<PathBuf>,
-    /// Where the images go: .png or .exr for a photograph, a folder, or a video (.mp4, .mkv, ..., written by ffmpeg).
+    /// Where the images go: .png or .exr for a photograph, a folder, or a video (.mp4, .mkv, ..., written by ffmpeg; .y4m without it); - is
+    /// standard output, as YUV4MPEG2, frame by frame.
     #[arg(short, long, help_heading = "Output", value_name = "PATH")]
     output: PathBuf,
-    /// Frames a second of a video made of a folder [default: 30].
+    /// Frames a second of a video [default: those of the frames, 30 of a folder].
     #[arg(long, help_heading = "Output", value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1000))]
     rate: Option<u32>,
     /// The program that reads and writes videos.
@@ -92,38 +103,18 @@ struct RenderArguments {
     no_shadow: bool,
 }
 
-#[derive(Args)]
-#[command(next_help_heading = "Placement")]
-struct PlacementArguments {
-    /// The marker stands upright; otherwise it lies on the ground.
-    #[arg(long)]
-    upright: bool,
-    /// The point of the ground where the object stands, in the unit of the marker's size: x to the right on the print, y up, z towards its lower edge (upright: out
-    /// of it).
-    #[arg(long, alias = "at", value_name = "X,Y,Z", value_parser = triple, default_value = "0,0,0", allow_hyphen_values = true)]
-    translate: [f64; 3],
-    /// Turns the object about +Y, counter-clockwise from above, degrees.
-    #[arg(long, alias = "turn", value_name = "DEG", default_value_t = 0.0, allow_hyphen_values = true)]
-    rotate_y: f64,
-    /// Length of the file's unit in the unit of the marker's size [default: metres by the file's units, else so that its longest side is the
-    /// marker's].
-    #[arg(long, value_name = "FACTOR", conflicts_with = "size")]
-    scale: Option<f64>,
-    /// Length of its longest side, in the unit of the marker's size.
-    #[arg(long, value_name = "LENGTH")]
-    size: Option<f64>,
-}
-
 impl Ar {
     pub fn run(self) -> Result<()> {
         let began = Instant::now();
-        let calibration = capture::read_calibration(&self.camera, &source::access())?;
-        let rig = if self.marker.contains(':') && !Path::new(&self.marker).exists() {
-            Rig::parse(&self.marker)?
-        } else {
-            Rig::read(&self.marker, &source::access())?
-        };
-        let mut source = Source::open(&self.frames, &self.ffmpeg)?;
+        let streams = self.asset.iter().chain([&self.frames]).filter(|path| output::is_stream(path)).count();
+        if streams > 1 {
+            return Err(Error::parameter("standard input is one thing: the frames or an object").into());
+        }
+        let access = source::access();
+        let calibration = capture::read_calibration(&self.camera, &access)?;
+        output::warn(&access.remarks());
+        let rigs = self.rigs()?;
+        let mut source = Source::open_frames(&self.frames, &self.ffmpeg)?;
         let rate = self.rate.map(|rate| [rate, 1]);
         let mut sink = Sink::create(&self.output, &source, rate, &self.ffmpeg, self.force)?;
         let quality =
@@ -133,40 +124,35 @@ impl Ar {
 
         let bar = progress(&source);
         bar.set_message("reading the object");
-        let selection = if still { ViewSelection::All } else { ViewSelection::None };
-        let subject = JobAsset::Asset(Box::new(source::decode(&self.asset, selection)?.0));
-        let JobAsset::Asset(asset) = &subject else { return Ok(()) };
-        let placement = self.placement.placement(asset, &rig)?;
-        let occlusion = surroundings::occlusion(&subject)?;
-        let shading = AssetShading::new(asset, options.taps)?;
-        let renderer = if still { Some(AssetRenderer::new(asset)?) } else { None };
-        let object = ArObject {
-            object: RenderObject::of_asset(asset, Some(&occlusion))?,
-            shading: &shading,
-            placement,
-            detail: renderer.as_ref().map(|renderer| (renderer, &**asset)),
-        };
+        let read = |(rig, which): &(Rig, Vec<usize>)| Objects::read(&self.asset, which, &self.placement, rig, still);
+        let groups: Vec<Objects> = rigs.iter().map(read).collect::<Result<_>>()?;
+        let prepare = |objects| Objects::prepare(objects, options.taps, still);
+        let prepared: Vec<_> = groups.iter().map(prepare).collect::<Result<_>>()?;
+        let objects: Vec<_> = prepared.iter().map(|prepared| prepared.object()).collect::<Result<_>>()?;
+        let light = |object: &ArObject| self.light.input(&object.placement, &self.ffmpeg);
+        let mut lights: Vec<_> = objects.iter().map(light).collect::<Result<_>>()?;
         let mut masks = Masks::open(self.occlusion.as_deref(), &self.ffmpeg)?;
         bar.set_message("frames");
 
-        let mut work = Work { frames: Vec::new(), reading: 0.0, writing: 0.0 };
+        let mut work = Work::new(rigs.iter().map(|(rig, _)| rig.describe()).collect(), self.json);
         let single = source.is_single();
-        let described = rig.describe();
-        let mut light = self.light.input(&placement, &self.ffmpeg)?;
         let clock = Instant::now();
         let mut upcoming = source.next()?;
         work.reading += clock.elapsed().as_secs_f64();
         // All frames are upright, and so is the calibration.
         let orientation = source.orientation();
         let calibration = match &upcoming {
-            Some(plate) => calibration.upright(orientation, plate.size()),
+            Some(plate) => self.calibration_of(calibration, orientation, plate.size()),
             None => calibration,
         };
-        let mut session = Session::new(&object, &calibration, rig, light.source(), options)?;
+        let mut sessions = Vec::new();
+        for ((object, (rig, _)), light) in objects.iter().zip(&rigs).zip(&lights) {
+            sessions.push(Session::new(object, &calibration, rig.clone(), light.source(), options)?);
+        }
         while let Some(mut plate) = upcoming.take() {
             let clock = Instant::now();
             let [width, height] = plate.size();
-            let name = source.name(work.frames.len());
+            let name = source.name(work.frames);
             calibration.check_size(&self.camera, Path::new(&name), width, height)?;
             if source.orientation() != orientation {
                 let (first, this) = (orientation.to_exif(), source.orientation().to_exif());
@@ -175,42 +161,93 @@ impl Ar {
             }
             let nearer = masks.next()?;
             work.reading += clock.elapsed().as_secs_f64();
-            let environment = light.next()?;
-            let report = session.frame(&mut plate, nearer, environment.as_ref())?;
+            let environments: Vec<_> = lights.iter_mut().map(LightInput::next).collect::<tsuya::Result<_>>()?;
+            let reports = Session::frame_of_all(&mut sessions, &mut plate, nearer, &environments)?;
             let clock = Instant::now();
-            work.frames.push(report);
             // A photograph without its object is no result.
-            if !(single && report.estimate.is_none()) {
-                sink.put(&plate, &source, report.frame)?;
+            if !single || reports.iter().any(|report| report.estimate.is_some()) {
+                sink.put(&plate, &mut source, work.frames)?;
             }
+            work.add(&reports, &source);
             work.writing += clock.elapsed().as_secs_f64();
             bar.inc(1);
+            // The next one only now: what is shown waits for no camera.
             let clock = Instant::now();
             upcoming = source.next()?;
             work.reading += clock.elapsed().as_secs_f64();
         }
         output::warn(&source.remarks());
         bar.finish_and_clear();
-
-        let missing: Vec<usize> = work.frames.iter().filter(|d| d.estimate.is_none()).map(|d| d.frame).collect();
-        if missing.len() == work.frames.len() {
-            let place = if single { source.name(0) } else { format!("any of the {} frames", work.frames.len()) };
+        if work.seen == 0 {
+            let place = if single { source.name(0) } else { format!("any of the {} frames", work.frames) };
             return Err(Failed(format!(
-                "no marker {described} in {place}: it must be wholly in the picture with its white margin, and of this family and number"
+                "no marker {} in {place}: it must be wholly in the picture with its white margin, and of this family and number",
+                rigs.iter().map(|(rig, _)| rig.describe()).collect::<Vec<_>>().join(" or ")
             ))
             .into());
         }
         sink.finish()?;
-        if let Some(first) = missing.first() {
+        output::warn(&work.warnings());
+        work.print(&calibration, began.elapsed().as_secs_f64(), output::is_stream(&self.output))
+    }
+
+    /// The markers, each once, with the numbers of the objects that stand on it.
+    fn rigs(&self) -> Result<Vec<(Rig, Vec<usize>)>> {
+        let (markers, objects) = (self.marker.len(), self.asset.len());
+        if markers != 1 && markers != objects {
+            let message = format!("--marker comes {markers} times for {objects} objects: once, or once for each");
+            return Err(Error::parameter(message).into());
+        }
+        let mut rigs: Vec<(&str, Rig, Vec<usize>)> = Vec::new();
+        for object in 0..objects {
+            let marker = &self.marker[object % markers];
+            match rigs.iter_mut().find(|(known, ..)| known == marker) {
+                Some((_, _, which)) => which.push(object),
+                None => rigs.push((marker, self.rig(marker)?, vec![object])),
+            }
+        }
+        let asked = self.marker_border.is_some() || self.marker_confidence.is_some();
+        if asked && rigs.iter().all(|(_, rig, _)| rig.patterns.is_empty()) {
+            let message = "--marker-border and --marker-confidence are of artoolkit markers, of which there is none";
+            return Err(Error::parameter(message).into());
+        }
+        Ok(rigs.into_iter().map(|(_, rig, which)| (rig, which)).collect())
+    }
+
+    fn rig(&self, marker: &str) -> Result<Rig> {
+        let mut rig = if marker.contains(':') && !Path::new(marker).exists() {
+            Rig::parse(marker, &source::access())?
+        } else {
+            Rig::read(marker, &source::access())?
+        };
+        for pattern in &mut rig.patterns {
+            self.marker_border.map_or(Ok(()), |border| pattern.set_border(border))?;
+            self.marker_confidence.map_or(Ok(()), |confidence| pattern.set_min_confidence(confidence))?;
+        }
+        Ok(rig)
+    }
+
+    /// The calibration of frames that are shown upright in this size.
+    fn calibration_of(&self, calibration: Calibration, orientation: ImageOrientation, size: [usize; 2]) -> Calibration {
+        let stored = orientation.swap_sides(size);
+        let calibrated = [calibration.camera.width, calibration.camera.height].map(|side| side as usize);
+        if !self.scale_camera || calibrated == size || calibrated == stored {
+            return calibration.upright(orientation, size);
+        }
+        // Of the stored and the shown size the one of the same shape.
+        let shape = |[width, height]: [usize; 2]| (width as f64 / height as f64).ln();
+        let apart = |size: [usize; 2]| (shape(size) - shape(calibrated)).abs();
+        let target = if apart(stored) <= apart(size) { stored } else { size };
+        let scaled = (calibrated[1] * target[0]) as f64 / calibrated[0] as f64;
+        if (scaled - target[1] as f64).abs() > 1.0 {
+            let ([width, height], [w, h]) = (target, calibrated);
             let message = format!(
-                "{} of {} frames show no marker {described} (the first: {}); they are as they were",
-                missing.len(),
-                work.frames.len(),
-                source.name(*first)
+                "frames of {width} x {height} pixels are no scaled ones of the calibrated {w} x {h}: each axis is scaled by itself, and \
+                 poses are off where they were cropped instead"
             );
             output::warn(&[message]);
         }
-        work.report(&source, &calibration, began.elapsed().as_secs_f64(), self.json)
+        calibration.scaled_to(target).upright(orientation, size)
     }
 
     fn options(&self, quality: RenderMode) -> Result<ArOptions> {
@@ -231,28 +268,6 @@ impl Ar {
             noise: self.render.noise,
             shadow: !self.render.no_shadow,
         })
-    }
-}
-
-impl PlacementArguments {
-    fn placement(&self, asset: &Asset, rig: &Rig) -> Result<Placement> {
-        let upright = View::upright_rotation(&asset.views);
-        let measured = Placement::on_ground(&asset.mesh, upright, 0.0, 1.0, [0.0; 3])?;
-        let points = || asset.mesh.positions.iter().map(|p| measured.to_world(p.map(f64::from)));
-        let extent = |k: usize| {
-            let (low, high) = points().fold((f64::MAX, f64::MIN), |(low, high), p| (low.min(p[k]), high.max(p[k])));
-            high - low
-        };
-        let longest = (0..3).map(extent).fold(0.0, f64::max).max(1e-30);
-        let has_units =
-            asset.metadata.get("units").and_then(|u| u.as_str()).is_some_and(|u| ["mm", "cm", "m"].contains(&u));
-        let scale = match (self.scale, self.size) {
-            (Some(scale), _) => scale,
-            (None, Some(length)) => length / longest,
-            (None, None) if has_units => metres_per_unit(&asset.metadata),
-            (None, None) => rig.markers.first().map_or(1.0, |m| m.size) / longest,
-        };
-        Ok(Placement::on_ground(&asset.mesh, upright, self.rotate_y, scale, self.translate)?)
     }
 }
 
@@ -288,61 +303,4 @@ fn progress(source: &Source) -> ProgressBar {
         bar.set_style(style);
     }
     bar
-}
-
-/// What was done, for the report.
-struct Work {
-    frames: Vec<FrameReport>,
-    reading: f64,
-    writing: f64,
-}
-
-impl Work {
-    fn report(&self, source: &Source, calibration: &Calibration, seconds: f64, as_json: bool) -> Result<()> {
-        let seen: Vec<&FrameReport> = self.frames.iter().filter(|d| d.estimate.is_some()).collect();
-        let count = seen.len().max(1) as f64;
-        let mean = |part: fn(&FrameTimes) -> f64| seen.iter().map(|d| part(&d.times)).sum::<f64>() / count;
-        let parts = [mean(|t| t.pose), mean(|t| t.light), mean(|t| t.render), mean(|t| t.composite)];
-        let all = self.frames.len().max(1) as f64;
-        let (reading, writing) = (self.reading / all, self.writing / all);
-        let rms = seen.iter().filter_map(|d| d.estimate).map(|e| e.rms_pixels).sum::<f64>() / count;
-        if as_json {
-            let poses: Vec<_> = (self.frames.iter())
-                .map(|d| {
-                    json!({
-                        "frame": source.name(d.frame),
-                        "rotation": d.estimate.map(|e| e.pose.rotation),
-                        "translation": d.estimate.map(|e| e.pose.translation),
-                        "rms_pixels": d.estimate.map(|e| e.rms_pixels),
-                        "max_pixels": d.estimate.map(|e| e.max_pixels),
-                        "markers": d.estimate.map_or(0, |e| e.markers),
-                        "gain": d.gain,
-                        "noise": d.noise,
-                    })
-                })
-                .collect();
-            return output::print_json(&json!({
-                "frames": self.frames.len(),
-                "with_marker": seen.len(),
-                "size": [calibration.camera.width, calibration.camera.height],
-                "seconds": seconds,
-                "frame_seconds": {
-                    "whole": mean(|t| t.whole), "read": reading, "pose": parts[0], "light": parts[1], "render": parts[2], "composite": parts[3], "write": writing,
-                },
-                "poses": poses,
-            }));
-        }
-        let [pose, light, render, composite] = parts.map(|s| 1e3 * s);
-        let whole = mean(|t| t.whole);
-        output::print(&format!(
-            "{} of {} frames with the object, corners {rms:.2} pixels off\n\
-             a frame: pose {pose:.1} ms, light {light:.1} ms, render {render:.1} ms, composite {composite:.1} ms; {:.1} frames a second\n\
-             and {:.1} ms reading, {:.1} ms writing\n",
-            seen.len(),
-            self.frames.len(),
-            1.0 / whole.max(1e-9),
-            1e3 * reading,
-            1e3 * writing
-        ))
-    }
 }

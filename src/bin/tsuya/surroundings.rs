@@ -55,16 +55,11 @@ impl JobAsset {
                 if textures == Textures::default() {
                     return Ok(Box::new(UniformMaterial::new(material.material(folder, source::limits())?, taps)));
                 }
-                // A roughness that varies is left out of the material that is the same all over.
-                let varies = textures.roughness.is_some();
-                let roughness = material.roughness.clone().filter(|_| !varies);
-                let base = JobMaterial { roughness, ..(**material).clone() };
-                let base = if varies { JobMaterial { model: "lambert".into(), ..base } } else { base };
-                let part = |roughness: f64| {
-                    let none = || Error::parameter("material: this model has no roughness");
-                    material.specular_part(Some(roughness))?.ok_or_else(none)
+                let part = |value: f64| {
+                    let none = || Error::parameter("material: this model has no lobe");
+                    material.specular_part(Some(value))?.ok_or_else(none)
                 };
-                Box::new(TexturedShading::new(base.uniform()?, textures, mesh.triangles.len(), taps, part)?)
+                Box::new(TexturedShading::new(material.uniform()?, textures, mesh.triangles.len(), taps, part)?)
             }
         })
     }
@@ -232,6 +227,9 @@ fn textures(material: &JobMaterial, folder: &Folder, mesh: &Path) -> Result<Text
     }
     if let Some(JobParameter::Texture { texture, scale }) = &material.roughness {
         textures.roughness = Some(read_texture(&folder.resolve_path(texture)?, &access, false, *scale)?);
+    }
+    if let Some(JobParameter::Texture { texture, scale }) = &material.exponent {
+        textures.exponent = Some(read_texture(&folder.resolve_path(texture)?, &access, false, *scale)?);
     }
     if textures != Textures::default() {
         textures.coordinates = mesh::texture_coordinates(mesh, &access)?;

@@ -99,7 +99,13 @@ fn placing(mesh: &Mesh, name: &str, environment: &EnvironmentMap) -> Outcome {
             let object = ArObject { object, shading: &look, placement, detail: None };
             let options = ArOptions { samples, ..ArOptions::default() };
             let light = if moves { LightSource::PerFrame } else { LightSource::Fixed(environment) };
-            let mut session = Session::new(&object, &calibration, Rig::parse("tag36h11:0:0.1")?, light, options)?;
+            let mut session = Session::new(
+                &object,
+                &calibration,
+                Rig::parse("tag36h11:0:0.1", &Default::default())?,
+                light,
+                options,
+            )?;
             let mut sums = [0.0; 5];
             let mut count = 0;
             for (plate, turned) in shots.iter().zip(&moving) {

@@ -1,27 +1,83 @@
-//! Where frames come from and where they go.
+//! Where frames come from.
 
-use super::video::{self, VideoReader, VideoWriter};
-use crate::{output, pictures};
-use std::collections::HashSet;
+use super::video::{self, VideoReader};
+use crate::output;
+use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
-use tsuya::ar::Plate;
+use tsuya::ar::{Plate, Y4mFrame, Y4mHeader, Y4mReader};
 use tsuya::image::ImageOrientation;
 use tsuya::input::FileAccess;
+use tsuya::metrics::DisplayImage;
 use tsuya::{Error, Result};
 
-const PICTURES: [&str; 7] = ["png", "jpg", "jpeg", "tif", "tiff", "exr", "hdr"];
+pub const PICTURES: [&str; 7] = ["png", "jpg", "jpeg", "tif", "tiff", "exr", "hdr"];
 
 /// Frames of a camera: one photograph, a folder of them, or a video.
 pub enum Source {
     Pictures { paths: Vec<PathBuf>, next: usize, access: FileAccess, orientation: ImageOrientation },
     Video { path: PathBuf, frames: Box<VideoReader> },
+    Uncompressed(Box<UncompressedVideo>),
+}
+
+/// A video of YUV4MPEG2, and its last frame, with the image that it shows.
+pub struct UncompressedVideo {
+    path: PathBuf,
+    reader: Y4mReader<Box<dyn BufRead>>,
+    frame: Y4mFrame,
+    image: DisplayImage,
+}
+
+impl UncompressedVideo {
+    fn open(path: &Path) -> Result<Self> {
+        let stream: Box<dyn BufRead> = if output::is_stream(path) {
+            Box::new(std::io::stdin().lock())
+        } else {
+            Box::new(BufReader::with_capacity(1 << 16, tsuya::input::open(path)?.0))
+        };
+        let reader = Y4mReader::new(stream, path, &crate::source::access())?;
+        Ok(UncompressedVideo {
+            path: path.to_owned(),
+            reader,
+            frame: Y4mFrame::default(),
+            image: DisplayImage::default(),
+        })
+    }
+
+    fn next(&mut self) -> Result<Option<Plate>> {
+        if !self.reader.read_frame(&mut self.frame)? {
+            return Ok(None);
+        }
+        self.image = self.frame.to_image(self.reader.header());
+        Ok(Some(Plate::Display(self.image.clone())))
+    }
+
+    pub fn header(&self) -> &Y4mHeader {
+        self.reader.header()
+    }
+
+    /// The last frame, with what another image of it shows in place of its own; only samples of what differs change.
+    pub fn frame_showing(&mut self, image: &DisplayImage) -> Result<&Y4mFrame> {
+        self.frame.update(self.reader.header(), &self.image, image)?;
+        Ok(&self.frame)
+    }
 }
 
 impl Source {
+    /// As [`Self::open`]; `-` is a video on standard input.
+    pub fn open_frames(path: &Path, ffmpeg: &Path) -> Result<Self> {
+        if output::is_stream(path) {
+            return Ok(Source::Uncompressed(Box::new(UncompressedVideo::open(path)?)));
+        }
+        Source::open(path, ffmpeg)
+    }
+
     pub fn open(path: &Path, ffmpeg: &Path) -> Result<Self> {
         let metadata = std::fs::metadata(path).map_err(|e| Error::io(path, e))?;
         if metadata.is_dir() {
             return Ok(Source::of_pictures(in_folder(path)?));
+        }
+        if video::is_uncompressed(path) {
+            return Ok(Source::Uncompressed(Box::new(UncompressedVideo::open(path)?)));
         }
         if video::is_video(path) {
             return Ok(Source::Video { path: path.to_owned(), frames: Box::new(VideoReader::open(ffmpeg, path)?) });
@@ -37,7 +93,7 @@ impl Source {
     pub fn count(&self) -> Option<usize> {
         match self {
             Source::Pictures { paths, .. } => Some(paths.len()),
-            Source::Video { .. } => None,
+            Source::Video { .. } | Source::Uncompressed(_) => None,
         }
     }
 
@@ -51,12 +107,14 @@ impl Source {
         match self {
             Source::Pictures { paths, .. } => paths.iter().map(PathBuf::as_path).collect(),
             Source::Video { path, .. } => vec![path],
+            Source::Uncompressed(video) => vec![&video.path],
         }
     }
 
     pub fn rate(&self) -> Option<[u32; 2]> {
         match self {
             Source::Video { frames, .. } => Some(frames.rate),
+            Source::Uncompressed(video) => video.header().rate(),
             Source::Pictures { .. } => None,
         }
     }
@@ -65,15 +123,15 @@ impl Source {
     pub fn name(&self, frame: usize) -> String {
         match self {
             Source::Pictures { paths, .. } => paths.get(frame).map_or(String::new(), |p| p.display().to_string()),
-            Source::Video { .. } => format!("frame {frame}"),
+            Source::Video { .. } | Source::Uncompressed(_) => format!("frame {frame}"),
         }
     }
 
     /// Name of a frame's file in a folder.
-    fn file_name(&self, frame: usize) -> String {
+    pub fn file_name(&self, frame: usize) -> String {
         let stem = match self {
             Source::Pictures { paths, .. } => paths.get(frame).and_then(|p| p.file_stem()),
-            Source::Video { .. } => None,
+            Source::Video { .. } | Source::Uncompressed(_) => None,
         };
         stem.map_or_else(|| format!("{frame:06}.png"), |stem| format!("{}.png", stem.to_string_lossy()))
     }
@@ -81,6 +139,7 @@ impl Source {
     pub fn next(&mut self) -> Result<Option<Plate>> {
         match self {
             Source::Video { frames, .. } => frames.next(),
+            Source::Uncompressed(video) => video.next(),
             Source::Pictures { paths, next, access, orientation } => {
                 let Some(path) = paths.get(*next) else { return Ok(None) };
                 *next += 1;
@@ -95,8 +154,8 @@ impl Source {
     pub fn orientation(&self) -> ImageOrientation {
         match self {
             Source::Pictures { orientation, .. } => *orientation,
-            // ffmpeg turns them.
-            Source::Video { .. } => ImageOrientation::default(),
+            // ffmpeg turns them, and YUV4MPEG2 has none.
+            Source::Video { .. } | Source::Uncompressed(_) => ImageOrientation::default(),
         }
     }
 
@@ -104,7 +163,7 @@ impl Source {
     pub fn remarks(&self) -> Vec<String> {
         match self {
             Source::Pictures { access, .. } => access.remarks(),
-            Source::Video { .. } => Vec::new(),
+            Source::Video { .. } | Source::Uncompressed(_) => Vec::new(),
         }
     }
 }
@@ -143,102 +202,4 @@ fn natural(name: &str) -> Vec<(String, u64)> {
         }
     }
     parts
-}
-
-/// Where frames go. Nothing is in its place until `finish`.
-pub enum Sink {
-    Picture { path: PathBuf, bytes: Option<Vec<u8>>, force: bool },
-    Folder { folder: Box<output::Folder>, names: HashSet<String> },
-    Video(PendingVideo),
-}
-
-/// A video, begun with its first frame, whose size it has.
-pub struct PendingVideo {
-    ffmpeg: PathBuf,
-    path: PathBuf,
-    rate: [u32; 2],
-    force: bool,
-    writer: Option<Box<VideoWriter>>,
-}
-
-impl Sink {
-    pub fn create(
-        path: &Path,
-        source: &Source,
-        rate: Option<[u32; 2]>,
-        ffmpeg: &Path,
-        force: bool,
-    ) -> anyhow::Result<Self> {
-        if output::is_stream(path) {
-            return Err(Error::parameter("pictures go into a file or a folder, not to standard output").into());
-        }
-        let inputs = source.files();
-        output::check_outputs(&[path], &inputs, force)?;
-        if video::is_video(path) {
-            let rate = rate.or(source.rate()).unwrap_or([30, 1]);
-            let (ffmpeg, path) = (ffmpeg.to_owned(), path.to_owned());
-            return Ok(Sink::Video(PendingVideo { ffmpeg, path, rate, force, writer: None }));
-        }
-        let is_picture = PICTURES.iter().any(|extension| crate::source::has_extension(path, extension));
-        if is_picture && !source.is_single() {
-            let message = format!(
-                "{}: several frames go into a folder or a video (.mp4, .mkv), not into one picture",
-                path.display()
-            );
-            return Err(Error::parameter(message).into());
-        }
-        if is_picture {
-            crate::render::is_exr(path)?;
-            return Ok(Sink::Picture { path: path.to_owned(), bytes: None, force });
-        }
-        let folder = Box::new(output::Folder::create(path, force, None, &inputs)?);
-        Ok(Sink::Folder { folder, names: HashSet::new() })
-    }
-
-    pub fn put(&mut self, plate: &Plate, source: &Source, frame: usize) -> Result<()> {
-        match self {
-            Sink::Picture { path, bytes, .. } => {
-                *bytes = Some(if crate::source::has_extension(path, "exr") {
-                    pictures::exr(&plate.to_linear(), false).map_err(into_library_error)?
-                } else {
-                    pictures::png(&plate.to_display()).map_err(into_library_error)?
-                });
-                Ok(())
-            }
-            Sink::Folder { folder, names } => {
-                let mut name = source.file_name(frame);
-                // Some file systems don't tell upper from lower case.
-                while !names.insert(name.to_lowercase()) {
-                    name = format!("{frame:06}-{name}");
-                }
-                folder
-                    .write(&name, &pictures::png(&plate.to_display()).map_err(into_library_error)?)
-                    .map_err(into_library_error)
-            }
-            Sink::Video(PendingVideo { ffmpeg, path, rate, force, writer }) => {
-                if writer.is_none() {
-                    *writer = Some(Box::new(VideoWriter::create(ffmpeg, path, plate.size(), *rate, *force)?));
-                }
-                writer.as_mut().map_or(Ok(()), |writer| writer.put(plate))
-            }
-        }
-    }
-
-    pub fn finish(self) -> Result<()> {
-        match self {
-            Sink::Picture { path, bytes, force } => {
-                output::write(&path, &bytes.unwrap_or_default(), force).map_err(into_library_error)
-            }
-            Sink::Folder { folder, .. } => folder.commit().map_err(into_library_error),
-            Sink::Video(PendingVideo { writer, .. }) => writer.map_or(Ok(()), |writer| writer.finish()),
-        }
-    }
-}
-
-/// The library's error in one of the program's.
-pub fn into_library_error(error: anyhow::Error) -> Error {
-    match error.downcast::<Error>() {
-        Ok(error) => error,
-        Err(other) => Error::parameter(format!("{other:#}")),
-    }
 }

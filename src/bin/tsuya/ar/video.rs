@@ -1,21 +1,23 @@
 //! Videos through an installed ffmpeg: raw frames from its standard output, and into its standard input.
 
-use super::frames::into_library_error;
+use super::sinks::into_library_error;
 use crate::output::Files;
 use std::io::{Error as IoError, ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
-use tsuya::ar::Plate;
+use tsuya::ar::{Plate, Y4mHeader};
 use tsuya::{Error, Result};
-
-/// Pixels of a frame at most.
-const MAX_PIXELS: usize = 1 << 27;
 
 const EXTENSIONS: [&str; 9] = ["mp4", "mkv", "mov", "webm", "avi", "m4v", "y4m", "mpg", "ogv"];
 
 /// Whether a path is called like a video.
 pub fn is_video(path: &Path) -> bool {
     EXTENSIONS.iter().any(|extension| crate::source::has_extension(path, extension))
+}
+
+/// Whether a path is called like a video that takes no ffmpeg.
+pub fn is_uncompressed(path: &Path) -> bool {
+    crate::source::has_extension(path, "y4m")
 }
 
 fn not_started(ffmpeg: &Path, error: IoError) -> Error {
@@ -129,19 +131,11 @@ fn probe(ffmpeg: &Path, path: &Path) -> Result<([usize; 2], [u32; 2])> {
     let _ = child.kill();
     let _ = child.wait();
     let header = String::from_utf8_lossy(&header).into_owned();
-    let unreadable = || Error::input(path, format!("ffmpeg finds no video in it: {said}"));
     if !header.starts_with("YUV4MPEG2 ") {
-        return Err(unreadable());
+        return Err(Error::input(path, format!("ffmpeg finds no video in it: {said}")));
     }
-    let field = |letter: char| header.split(' ').skip(1).find_map(|part| part.strip_prefix(letter));
-    let side = |letter| field(letter).and_then(|text| text.parse::<usize>().ok()).filter(|&n| n > 0);
-    let (Some(width), Some(height)) = (side('W'), side('H')) else { return Err(unreadable()) };
-    if width.saturating_mul(height) > MAX_PIXELS {
-        return Err(Error::input(path, format!("{width} x {height} pixels are too many")));
-    }
-    let rate =
-        field('F').and_then(|text| text.split_once(':')).and_then(|(a, b)| Some([a.parse().ok()?, b.parse().ok()?]));
-    Ok(([width, height], rate.filter(|r: &[u32; 2]| r[0] > 0 && r[1] > 0).unwrap_or([30, 1])))
+    let header = Y4mHeader::parse(&header, path)?;
+    Ok((header.size(), header.rate().unwrap_or([30, 1])))
 }
 
 /// A video in the making, beside its place until it is whole.
