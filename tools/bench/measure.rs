@@ -104,7 +104,8 @@ fn main() -> Result<()> {
         let mut csv = |plan: &MeasurementPlan| measured.rows(&plan.angles, &mut noise);
         let compact = BrdfForm::Compact;
         let (first, csv_16, csv_24, csv_32) = (csv(&plan_8), csv(&plan_16), csv(&plan_24), csv(&plan_32));
-        let clean = log_rmse(&measured.table, &fit_planned(&measured.table, &plan_32, compact, &FitSettings::default())?);
+        let clean =
+            log_rmse(&measured.table, &fit_planned(&measured.table, &plan_32, compact, &FitSettings::default())?);
         let by_plan = fitted(measured, &csv_32, &plan_32.prior()?, compact)?;
         let fixed = [fitted(measured, &csv_16, &prior, compact)?[0], fitted(measured, &csv_24, &prior, compact)?[0]];
         let mut rows_so_far = first;
@@ -119,7 +120,11 @@ fn main() -> Result<()> {
     }
     for (name, part) in [("MERL", 0..rows.len() - 8), ("RGL", rows.len() - 8..rows.len()), ("all", 0..rows.len())] {
         let mean = |k: usize| rows[part.clone()].iter().map(|row| row[k]).sum::<f64>() / part.len() as f64;
-        println!("{:28} {}", format!("mean {name}"), [0, 1, 2, 3, 4, 5, 6].map(|k| format!("{:8.4}", mean(k))).join(" "));
+        println!(
+            "{:28} {}",
+            format!("mean {name}"),
+            [0, 1, 2, 3, 4, 5, 6].map(|k| format!("{:8.4}", mean(k))).join(" ")
+        );
     }
     let ratios: Vec<f64> = rows.iter().map(|row| row[1] / row[0]).collect();
     println!("greatest ratio csv 32 / table 32: {:.3}", ratios.iter().copied().fold(0.0, f64::max));

@@ -70,6 +70,8 @@ const RELATIVE_FLOOR: f64 = 0.1;
 
 /// A lobe's peak, which lies where no sample was taken, is at most this many times the greatest value of the slice.
 const MAX_PEAK_FACTOR: f64 = 8.0;
+/// Half angle, radians, up to which the centre of a highlight counts as measured.
+const CENTRE: f64 = 0.02;
 
 /// Mean values of a slice's bins.
 struct DifferenceSlice {
@@ -183,9 +185,9 @@ fn fit_count(slices: &[DifferenceSlice], count: usize, options: &DsbrdfFitOption
                     lobes = start(&points_of, count);
                 }
                 let rounds = if first { 2 * options.rounds } else { options.rounds };
-                maximise(&points_of, &mut lobes, options.amplitudes, rounds);
+                maximise(&points_of, &mut lobes, options, rounds);
                 if options.error == LobeError::Squares {
-                    converge(&points_of, &mut lobes, options.amplitudes);
+                    converge(&points_of, &mut lobes, options);
                 }
                 error += points_of.iter().map(|p| p.weight * (total(&lobes, p) - p.value).powi(2)).sum::<f64>();
                 points += points_of.len();
@@ -252,13 +254,12 @@ fn start(points: &[BinPoint], count: usize) -> Vec<DsbrdfLobe> {
 }
 
 /// Further rounds until the squared error changes by less than a hundred-thousandth in ten of them.
-fn converge(points: &[BinPoint], lobes: &mut [DsbrdfLobe], amplitudes: bool) {
-    let error = |lobes: &[DsbrdfLobe]| -> f64 {
-        points.iter().map(|p| p.weight * (total(lobes, p) - p.value).powi(2)).sum()
-    };
+fn converge(points: &[BinPoint], lobes: &mut [DsbrdfLobe], options: &DsbrdfFitOptions) {
+    let error =
+        |lobes: &[DsbrdfLobe]| -> f64 { points.iter().map(|p| p.weight * (total(lobes, p) - p.value).powi(2)).sum() };
     let mut now = error(lobes);
     for _ in 0..MAX_CONVERGENCE {
-        maximise(points, lobes, amplitudes, 10);
+        maximise(points, lobes, options, 10);
         let then = error(lobes);
         if (now - then).abs() <= 1e-5 * now {
             break;
@@ -267,9 +268,30 @@ fn converge(points: &[BinPoint], lobes: &mut [DsbrdfLobe], amplitudes: bool) {
     }
 }
 
-fn maximise(points: &[BinPoint], lobes: &mut [DsbrdfLobe], amplitudes: bool, rounds: usize) {
+/// Greatest height of a lobe. Plain squares hardly feel a lobe that rises where no sample was taken: there a lobe is at most half as high again
+/// as `ln f`, straight over `theta_h^2` between the first half angle and twice that, becomes at 0.
+fn max_peak(points: &[BinPoint], error: LobeError) -> f64 {
     let highest = points.iter().map(|p| p.value).fold(0.0, f64::max);
-    let max_kappa = (MAX_PEAK_FACTOR * highest).ln_1p().max(1e-6);
+    let first = points.iter().map(|p| p.logarithm_of_cosine).fold(f64::NEG_INFINITY, f64::max);
+    // The logarithm of the cosine is -theta_h^2 / 2.
+    if error == LobeError::Relative || first > -0.5 * CENTRE * CENTRE {
+        return MAX_PEAK_FACTOR * highest;
+    }
+    let (mut sums, mut count) = ([0.0; 4], 0.0);
+    for point in points.iter().filter(|p| p.logarithm_of_cosine >= 4.0 * first) {
+        let (x, y) = (point.logarithm_of_cosine, point.value.max(1e-4 * highest).max(1e-12).ln());
+        (0..4).for_each(|k| sums[k] += [x, y, x * x, x * y][k]);
+        count += 1.0;
+    }
+    let [x, y, xx, xy] = sums.map(|sum| sum / count);
+    let slope = if xx - x * x > 1e-12 { ((xy - x * y) / (xx - x * x)).max(0.0) } else { 0.0 };
+    let at_first = (y + slope * (first - x)).exp();
+    1.5 * ((y - slope * x).exp()).min(MAX_PEAK_FACTOR * at_first)
+}
+
+fn maximise(points: &[BinPoint], lobes: &mut [DsbrdfLobe], options: &DsbrdfFitOptions, rounds: usize) {
+    let amplitudes = options.amplitudes;
+    let max_kappa = max_peak(points, options.error).ln_1p().max(1e-6);
     let mut values = vec![0.0; lobes.len()];
     let mut targets = vec![vec![0.0; points.len()]; lobes.len()];
     for _ in 0..rounds {

@@ -160,7 +160,9 @@ impl ColumnLayout {
         let missing = COLOURS.iter().zip(self.colours).filter(|(_, c)| c.is_none()).map(|(n, _)| n[0]);
         Err(match self.colours.iter().any(Option::is_some) {
             true => format!("of the colours {} is missing", missing.collect::<Vec<_>>().join(", ")),
-            false => "no column of values: r,g,b, or value, or wavelengths in nm such as 450 (BRDF per steradian)".into(),
+            false => {
+                "no column of values: r,g,b, or value, or wavelengths in nm such as 450 (BRDF per steradian)".into()
+            }
         })
     }
 }
@@ -168,7 +170,8 @@ impl ColumnLayout {
 /// A name in small letters without its unit.
 fn plain_name(written: &str) -> (String, ColumnUnit) {
     let mut name: String = written.trim().to_lowercase();
-    for (sign, word) in [('θ', "theta"), ('ϑ', "theta"), ('φ', "phi"), ('ϕ', "phi"), ('ω', "w"), ('λ', "lambda")] {
+    for (sign, word) in [('θ', "theta"), ('ϑ', "theta"), ('φ', "phi"), ('ϕ', "phi"), ('ω', "w"), ('λ', "lambda")]
+    {
         name = name.replace(sign, word);
     }
     let mut unit = ColumnUnit::Unstated;

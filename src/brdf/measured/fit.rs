@@ -4,7 +4,8 @@ use crate::brdf::dsbrdf::{self, DsbrdfFitOptions, LobeCount};
 use crate::brdf::forms::RECONSTRUCTED_BINS;
 use crate::brdf::materials::FittedMaterial;
 use crate::brdf::{
-    Brdf, BrdfForm, BrdfSample, FitSettings, FittedBrdf, MaterialPosterior, MaterialPrior, MeasuredSample, compact, models,
+    Brdf, BrdfForm, BrdfSample, FitSettings, FittedBrdf, MaterialPosterior, MaterialPrior, MeasuredSample, compact,
+    models,
 };
 use crate::error::{Error, Result};
 
@@ -86,7 +87,7 @@ fn expected_error(posterior: &MaterialPosterior, fitted: &FittedBrdf) -> f64 {
 }
 
 /// Directions with the angles of a sample, half vector at azimuth 0.
-fn directions(sample: &BrdfSample) -> [[f64; 3]; 2] {
+pub(super) fn directions(sample: &BrdfSample) -> [[f64; 3]; 2] {
     // cos_incoming - cos_outgoing = -2 sin theta_h sin theta_d cos phi_d.
     let scale = 2.0 * sample.theta_h.sin() * sample.theta_d.sin();
     let cos_phi = if scale > 1e-12 { (sample.cos_outgoing - sample.cos_incoming) / scale } else { 0.0 };

@@ -166,7 +166,8 @@ fn gather<'a>(
     count(below, "are left out: a direction is not above the surface");
     count(negative, "have a negative value, taken as 0");
     if largest_angle > 0.0 && largest_angle < 1.6 && raw.len() >= 4 {
-        remarks.push("no angle is larger than 1.6 degrees: are they radians? name columns theta_i_rad and so on".into());
+        remarks
+            .push("no angle is larger than 1.6 degrees: are they radians? name columns theta_i_rad and so on".into());
     }
     let measured = raw.len();
     let merged = repeats::merge(raw, if last_digit.is_finite() { last_digit } else { 0.0 });

@@ -84,7 +84,11 @@ pub(super) fn merge(raw: Vec<RawSample>, last_digit: f64) -> MergedSamples {
     let shown = (squares / freedom.max(1.0)).sqrt();
     let doubtful = source == NoiseSource::Stated && freedom >= 3.0 && shown > 2.0 * relative_noise;
     let remark = doubtful.then(|| {
-        format!("repeats differ by {:.1} %, more than twice the stated noise of {:.1} %", 100.0 * shown, 100.0 * relative_noise)
+        format!(
+            "repeats differ by {:.1} %, more than twice the stated noise of {:.1} %",
+            100.0 * shown,
+            100.0 * relative_noise
+        )
     });
     MergedSamples { samples, relative_noise, source, remark }
 }

@@ -98,7 +98,10 @@ fn lines(text: &str) -> impl Iterator<Item = &str> {
 
 /// The words of a comment.
 fn comment_of(line: &str) -> Option<&str> {
-    ["#", "%", "//"].iter().find_map(|sign| line.strip_prefix(sign)).map(|rest| rest.trim_start_matches(['#', '%', '/']))
+    ["#", "%", "//"]
+        .iter()
+        .find_map(|sign| line.strip_prefix(sign))
+        .map(|rest| rest.trim_start_matches(['#', '%', '/']))
 }
 
 fn is_number(cell: &str) -> bool {

@@ -5,8 +5,8 @@
 //! a model can't follow the material.
 
 use super::{ClassicalForm, ClassicalModel, ScatteringAngles};
-use crate::brdf::{BrdfSample, MeasuredSample};
 use crate::brdf::merl::{MerlGrid, MerlTable, PHI_D_BINS, THETA_D_BINS, THETA_H_BINS};
+use crate::brdf::{BrdfSample, MeasuredSample};
 use crate::optimise::levenberg_marquardt::{Minimum, minimise};
 use crate::{Error, Result};
 use std::f64::consts::PI;

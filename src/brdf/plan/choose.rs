@@ -7,7 +7,7 @@ use std::f64::consts::FRAC_PI_2;
 
 /// Weight of errors within 5 degrees of the highlight's centre when samples are chosen: they are ten times those elsewhere, and would
 /// otherwise take nearly all samples. Found by cross-validation.
-pub(super) const PEAK_IMPORTANCE: f64 = 0.005;
+const PEAK_IMPORTANCE: f64 = 0.005;
 /// Angle from which errors count fully, radians.
 pub(super) const PEAK: f64 = 5.0 / 180.0 * std::f64::consts::PI;
 /// Largest number of slices of `theta_d`, that of DSBRDF.

@@ -67,7 +67,8 @@ const ROUNDS: usize = 20;
 /// Angles of a plan for a goniometer. The order is a short way of the arms: from the least angle of the light always to the nearest, then
 /// parts of the way are reversed while that shortens it (Croes 1958).
 pub fn goniometer_rows(angles: &[PlannedAngles]) -> Vec<GoniometerAngles> {
-    let all: Vec<GoniometerAngles> = angles.iter().enumerate().map(|(rank, a)| GoniometerAngles::new(rank, a)).collect();
+    let all: Vec<GoniometerAngles> =
+        angles.iter().enumerate().map(|(rank, a)| GoniometerAngles::new(rank, a)).collect();
     let mut left: Vec<usize> = (0..all.len()).collect();
     let mut way: Vec<usize> = Vec::with_capacity(all.len());
     let mut at = GoniometerAngles { rank: 0, theta_i_deg: 0.0, phi_i_deg: 0.0, theta_o_deg: 0.0, phi_o_deg: 0.0 };

@@ -8,6 +8,7 @@
 //! [`MeasurementPlan::reconstruct`] gives a whole material from a few samples by the same Gaussian estimate.
 
 mod choose;
+mod classical;
 mod goniometer;
 mod population;
 mod principal;
@@ -166,9 +167,8 @@ impl MeasurementPlan {
         if self.angles.is_empty() {
             return Err(Error::parameter("a plan without angles"));
         }
-        let near = |to: super::HalfDifference| {
-            self.angles[prior::nearest(self.angles.iter().map(PlannedAngles::half_difference), to)].variance
-        };
+        let planned: Vec<[f64; 3]> = self.angles.iter().map(|a| prior::coordinates(&a.half_difference())).collect();
+        let near = |to: super::HalfDifference| self.angles[prior::nearest(planned.iter().copied(), to)].variance;
         Ok(Population::new().prior_of(self.components.clone(), near))
     }
 

@@ -1,7 +1,9 @@
 //! Statistics of a population of measured materials, and plans made from them.
 
 use super::principal::{self, PrincipalComponents};
-use super::{MaterialPrior, MeasurementPlan, NOISE, PLAN_FORMAT, PlanMethod, PlannedAngles, PopulationComponents, choose};
+use super::{
+    MaterialPrior, MeasurementPlan, NOISE, PLAN_FORMAT, PlanMethod, PlannedAngles, PopulationComponents, choose,
+};
 use crate::brdf::compact::{TERMS, coefficients, terms};
 use crate::brdf::merl::{MerlGrid, MerlTable, PHI_D_BINS, THETA_D_BINS, THETA_H_BINS};
 use crate::brdf::{BrdfSample, HalfDifference};
@@ -153,12 +155,11 @@ impl Population {
             return Err(Error::parameter(format!("a plan has 1 to {} samples", self.cells.len() / 4)));
         }
         let prior = self.prior()?;
-        let weights: Vec<f64> = self.weights.iter().map(|w| w / self.len() as f64).collect();
         let theta_h: Vec<f64> = self.angles.iter().map(|a| a.theta_h).collect();
         let design = choose::OptimalDesign {
             along: &prior.along,
             left: &prior.left,
-            weights: &weights,
+            weights: &prior.weights,
             theta_h: &theta_h,
             variances: &prior.components.variances,
         };
@@ -169,7 +170,8 @@ impl Population {
             }
             PlanMethod::Uniform | PlanMethod::Variance => {
                 let variance = (method == PlanMethod::Variance).then(|| self.variance_along_theta_h());
-                let near = |angles: HalfDifference| PlannedAngles::from_angles(angles, prior.left[prior.nearest(angles)]);
+                let near =
+                    |angles: HalfDifference| PlannedAngles::from_angles(angles, prior.left[prior.nearest(angles)]);
                 let steps = choose::ThetaHSteps {
                     min_theta_h: self.min_theta_h,
                     variance: variance.as_deref(),
@@ -181,7 +183,8 @@ impl Population {
         let rows: Vec<(Vec<f64>, f64)> = angles
             .iter()
             .filter_map(|a| {
-                let along = |terms: Vec<f64>| prior.components.components.iter().map(|c| dot_slices(c, &terms)).collect();
+                let along =
+                    |terms: Vec<f64>| prior.components.components.iter().map(|c| dot_slices(c, &terms)).collect();
                 a.terms().map(|terms| (along(terms), a.variance))
             })
             .collect();
@@ -206,6 +209,7 @@ impl Population {
         let PrincipalComponents { mean, components, variances } = principal::components(&self.vectors, COMPONENTS);
         let mut prior = self.prior_of(PopulationComponents { floor: FLOOR, mean, components, variances }, |_| 0.0);
         prior.left = self.left_over(&prior);
+        prior.weights = self.weights.iter().map(|w| w / self.len() as f64).collect();
         for (n, candidate) in prior.candidates.iter_mut().enumerate() {
             *candidate &= self.logarithms.iter().all(|l| !l[n].is_nan());
         }
@@ -226,6 +230,7 @@ impl Population {
             mean: self.rows.iter().map(|row| dot_slices(&components.mean, row)).collect(),
             along: self.rows.iter().map(along).collect(),
             left: self.angles.iter().map(|&angles| left(angles)).collect(),
+            weights: Vec::new(),
             candidates: self.cosines.iter().map(above).collect(),
             components,
         }

@@ -5,7 +5,7 @@
 //! 2.8). Errors of `ln(1 + f cos)` follow with the slopes that the estimated material itself has, so that the best next directions depend on
 //! what was measured: a matt material needs none at a highlight that it does not have.
 
-use super::choose::{PEAK, PEAK_IMPORTANCE};
+use super::choose::PEAK;
 use super::{NOISE, PlannedAngles, PopulationComponents, principal};
 use crate::brdf::compact::terms;
 use crate::brdf::{BrdfSample, HalfDifference, MeasuredSample};
@@ -24,9 +24,15 @@ pub struct MaterialPrior {
     pub(super) along: Vec<Vec<f64>>,
     /// Variance that the components leave over at each cell.
     pub(super) left: Vec<f64>,
+    /// Mean over the population of the squared slope of `ln(1 + f cos)` by `ln(f + floor)` at each cell; empty where it is not known.
+    pub(super) weights: Vec<f64>,
     /// Whether a cell can be measured.
     pub(super) candidates: Vec<bool>,
 }
+
+/// Weight of errors within 5 degrees of the highlight's centre when the next directions are chosen. Larger than that of plans, which
+/// know nothing of the material's highlight. Found by cross-validation.
+const NEXT_PEAK_IMPORTANCE: f64 = 0.1;
 
 /// Knowledge of a material after some values were measured.
 #[derive(Debug, Clone)]
@@ -61,7 +67,7 @@ impl MaterialPrior {
 
     /// Index of the cell nearest to angles.
     pub(super) fn nearest(&self, to: HalfDifference) -> usize {
-        nearest(self.angles.iter().copied(), to)
+        nearest(self.angles.iter().map(coordinates), to)
     }
 
     /// Estimates a material from values.
@@ -73,12 +79,13 @@ impl MaterialPrior {
         let mut matrix = [(); 3].map(|()| vec![vec![0.0; count]; count]);
         let mut sides = [(); 3].map(|()| vec![0.0; count]);
         let mut known = Vec::with_capacity(samples.len());
+        let cells: Vec<[f64; 3]> = self.angles.iter().map(coordinates).collect();
         for sample in samples {
             let at = sample.isotropic();
             let angles = HalfDifference::from_directions(sample.incoming, sample.outgoing);
             let terms = terms(at.theta_h, at.theta_d, at.cos_incoming, at.cos_outgoing);
             let along: Vec<f64> = of.components.iter().map(|c| dot_slices(c, &terms)).collect();
-            let (mean, cell) = (dot_slices(&of.mean, &terms), self.nearest(angles));
+            let (mean, cell) = (dot_slices(&of.mean, &terms), nearest(cells.iter().copied(), angles));
             let rest = sample.value.map(|f| (f + of.floor).ln() - mean);
             let variance = [0, 1, 2].map(|c| {
                 let noise = sample.deviation[c] / (sample.value[c] + of.floor);
@@ -124,14 +131,23 @@ impl MaterialPrior {
 /// Samples that the expected residual counts for beside the measured ones.
 const PRIOR_FREEDOM: f64 = 8.0;
 
-/// Index of the nearest of angles.
-pub(super) fn nearest(all: impl Iterator<Item = HalfDifference>, to: HalfDifference) -> usize {
-    let root = to.theta_h.sqrt();
-    let apart = |a: HalfDifference| {
-        (a.theta_h.sqrt() - root).powi(2) + (a.theta_d - to.theta_d).powi(2) + (a.phi_d - to.phi_d).powi(2)
-    };
-    let distances = all.map(apart).enumerate();
-    distances.min_by(|a, b| a.1.total_cmp(&b.1)).map_or(0, |(index, _)| index)
+/// Coordinates in which distances between angles are measured.
+pub(super) fn coordinates(angles: &HalfDifference) -> [f64; 3] {
+    [angles.theta_h.sqrt(), angles.theta_d, angles.phi_d]
+}
+
+/// Index of the nearest of [`coordinates`].
+pub(super) fn nearest(all: impl Iterator<Item = [f64; 3]>, to: HalfDifference) -> usize {
+    let to = coordinates(&to);
+    let apart = |a: [f64; 3]| (0..3).map(|k| (a[k] - to[k]) * (a[k] - to[k])).sum::<f64>();
+    let mut best = (f64::INFINITY, 0);
+    for (index, angles) in all.enumerate() {
+        let distance = apart(angles);
+        if distance < best.0 {
+            best = (distance, index);
+        }
+    }
+    best.1
 }
 
 impl MaterialPosterior<'_> {
@@ -192,9 +208,11 @@ impl MaterialPosterior<'_> {
         }
         let size = prior.components.components.len();
         let mut metric = vec![vec![0.0; size]; size];
-        for ((along, weight), angles) in prior.along.iter().zip(&weights).zip(&prior.angles) {
-            let peak = if angles.theta_h < PEAK { PEAK_IMPORTANCE } else { 1.0 };
-            let weight = peak * weight.iter().sum::<f64>();
+        for (n, (along, angles)) in prior.along.iter().zip(&prior.angles).enumerate() {
+            let peak = if angles.theta_h < PEAK { NEXT_PEAK_IMPORTANCE } else { 1.0 };
+            // Half as the estimate says, half as for any material: the estimate may be wrong where nothing was measured.
+            let estimated = weights[n].iter().sum::<f64>() / 3.0;
+            let weight = peak * (estimated + prior.weights.get(n).unwrap_or(&estimated));
             for i in 0..size {
                 let scaled = weight * along[i];
                 (0..size).for_each(|j| metric[i][j] += scaled * along[j]);
@@ -212,7 +230,8 @@ impl MaterialPosterior<'_> {
                 let variance = dot_slices(&spread, along) + prior.left[n] + NOISE;
                 metric.iter().zip(&spread).map(|(row, s)| s * dot_slices(row, &spread)).sum::<f64>() / variance
             });
-            let best = (0..open.len()).filter(|&n| open[n]).max_by(|&a, &b| gains[a].total_cmp(&gains[b]).then(b.cmp(&a)));
+            let best =
+                (0..open.len()).filter(|&n| open[n]).max_by(|&a, &b| gains[a].total_cmp(&gains[b]).then(b.cmp(&a)));
             let Some(n) = best else { break };
             open[n] = false;
             for one in &mut covariance {
