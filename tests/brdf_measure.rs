@@ -6,12 +6,26 @@ use std::fmt::Write;
 use std::path::Path;
 use support::{complaint, json, output, shared, tsuya};
 use tsuya::brdf::{
-    Brdf, BrdfForm, FitSettings, MeasuredSamples, MerlTable, PlanMethod, PlannedAngles, Population, RglMaterial,
-    fit_measured, fit_planned, goniometer_rows, log_rmse, read_published,
+    Brdf, BrdfForm, BrdfSample, FitSettings, MeasuredSamples, MerlTable, PlanMethod, PlannedAngles, Population,
+    RglMaterial, fit_measured, fit_planned, goniometer_rows, read_published,
 };
 use tsuya::input::FileAccess;
 
 const MATERIALS: [&str; 4] = ["acrylic_felt_green", "ilm_l3_37_metallic", "paper_white", "satin_rosaline"];
+
+/// Log RMSE over a coarse table.
+fn error(truth: &[BrdfSample], fitted: &impl Brdf) -> f64 {
+    let found = BrdfSample::tabulate(fitted, BINS);
+    assert_eq!(found.len(), truth.len());
+    let square = |(a, b): (&BrdfSample, &BrdfSample)| {
+        (0..3)
+            .map(|c| ((a.value[c] * a.cos_incoming).ln_1p() - (b.value[c] * a.cos_incoming).ln_1p()).powi(2))
+            .sum::<f64>()
+    };
+    (truth.iter().zip(&found).map(square).sum::<f64>() / (3 * truth.len()) as f64).sqrt()
+}
+
+const BINS: [usize; 3] = [45, 20, 8];
 
 /// Normal numbers, the same in every run.
 struct Noise(u64);
@@ -27,7 +41,7 @@ impl Noise {
 }
 
 /// Rows of CSV: three digits, 2 % noise.
-fn measure(material: &RglMaterial, angles: &[PlannedAngles], noise: &mut Noise) -> String {
+fn measure(material: &impl Brdf, angles: &[PlannedAngles], noise: &mut Noise) -> String {
     let mut text = String::new();
     for row in goniometer_rows(angles) {
         let (incoming, outgoing) = row.directions();
@@ -45,14 +59,12 @@ fn csv_is_as_good_as_the_table_and_chosen_angles_are_better_than_a_plan() {
     let (Some(fits), Some(folder)) = (shared("brdf/fits"), shared("brdf/rgl")) else { return };
     let access = FileAccess::default();
     let mut population = Population::new();
-    for list in ["ngan_cooktorrance", "bagher_sgd"] {
-        for fit in read_published(fits.join(format!("{list}.fit")), &access).unwrap() {
-            let value = |_: usize, angles: tsuya::brdf::HalfDifference| {
-                let (incoming, outgoing) = angles.directions();
-                Some(fit.model.evaluate(incoming, outgoing))
-            };
-            population.add_values(value).unwrap();
-        }
+    for fit in read_published(fits.join("ngan_cooktorrance.fit"), &access).unwrap().iter().step_by(2) {
+        let value = |_: usize, angles: tsuya::brdf::HalfDifference| {
+            let (incoming, outgoing) = angles.directions();
+            Some(fit.model.evaluate(incoming, outgoing))
+        };
+        population.add_values(value).unwrap();
     }
     let prior = population.prior().unwrap();
     let plan = |count| population.plan(count, PlanMethod::Optimal).unwrap();
@@ -65,12 +77,14 @@ fn csv_is_as_good_as_the_table_and_chosen_angles_are_better_than_a_plan() {
     let mut sums = [0.0; 4];
     for name in MATERIALS {
         let material = RglMaterial::read(folder.join(format!("{name}_rgb.bsdf")), &access).unwrap();
-        let table = MerlTable::tabulate(&material.reciprocal());
+        // A table keeps one value of both orders of the directions.
+        let material = material.reciprocal();
+        let (table, truth) = (MerlTable::tabulate(&material), BrdfSample::tabulate(&material, BINS));
         let mut noise = Noise(7);
         let from_rows = |rows: &str, prior: &tsuya::brdf::MaterialPrior| {
-            log_rmse(&table, &fit_measured(&read(rows), prior, form, &settings).unwrap().fitted)
+            error(&truth, &fit_measured(&read(rows), prior, form, &settings).unwrap().fitted)
         };
-        let clean = log_rmse(&table, &fit_planned(&table, &plan_32, form, &settings).unwrap());
+        let clean = error(&truth, &fit_planned(&table, &plan_32, form, &settings).unwrap());
         let by_plan = from_rows(&measure(&material, &plan_32.angles, &mut noise), &plan_32.prior().unwrap());
         let fixed = from_rows(&measure(&material, &plan_24.angles, &mut noise), &prior);
         let mut rows = measure(&material, &plan_8.angles, &mut noise);
@@ -104,7 +118,7 @@ fn a_goniometer_needs_nothing_but_the_program() {
         output(&["brdf", "eval", &path("model.json"), "--directions", directions, "--with-directions"])
     };
     let mut measured = eval(&path("first.csv"));
-    for round in 0..3 {
+    for round in 0..2 {
         std::fs::write(path("measured.csv"), &measured).unwrap();
         let csv = path(&format!("next-{round}.csv"));
         let report = json(&["brdf", "next", &path("measured.csv"), "--samples", "3", "--csv", &csv, "--json"]);
@@ -113,7 +127,7 @@ fn a_goniometer_needs_nothing_but_the_program() {
     }
     std::fs::write(path("measured.csv"), &measured).unwrap();
     let report = json(&["brdf", "fit", &path("measured.csv"), "-o", &path("a.tsuya"), "--json"]);
-    assert_eq!((&report["directions"], &report["form"]), (&14.into(), &"compact".into()));
+    assert_eq!((&report["directions"], &report["form"]), (&11.into(), &"compact".into()));
     assert!(report["log_rmse_at_samples"].as_f64().unwrap() < 0.03, "{report}");
     tsuya(&["verify", "--deep", &path("a.tsuya")]).code(0);
     let truth =

@@ -96,8 +96,10 @@ fn main() -> Result<()> {
     }
     let prior = population.prior()?;
     let plan = |count: usize| population.plan(count, PlanMethod::Optimal);
+    let classical = Population::of_classical_models();
+    let (classical_prior, classical_32) = (classical.prior()?, classical.plan(32, PlanMethod::Optimal)?);
     let (plan_8, plan_16, plan_24, plan_32) = (plan(8)?, plan(16)?, plan(24)?, plan(32)?);
-    println!("{:28} table 32  csv 32 expected  csv 16  csv 24  next 16 expected", "");
+    println!("{:28} table 32  csv 32 expected  csv 16  csv 24  next 16 expected built-in 32 expected", "");
     let mut rows = Vec::new();
     for measured in &all {
         let mut noise = Noise(7);
@@ -114,7 +116,8 @@ fn main() -> Result<()> {
             rows_so_far += &measured.rows(&next.angles, &mut noise);
         }
         let chosen = fitted(measured, &rows_so_far, &prior, compact)?;
-        let row = [clean, by_plan[0], by_plan[1], fixed[0], fixed[1], chosen[0], chosen[1]];
+        let built_in = fitted(measured, &measured.rows(&classical_32.angles, &mut noise), &classical_prior, compact)?;
+        let row = [clean, by_plan[0], by_plan[1], fixed[0], fixed[1], chosen[0], chosen[1], built_in[0], built_in[1]];
         println!("{:28} {}", measured.name, row.map(|x| format!("{x:8.4}")).join(" "));
         rows.push(row);
     }
@@ -123,7 +126,7 @@ fn main() -> Result<()> {
         println!(
             "{:28} {}",
             format!("mean {name}"),
-            [0, 1, 2, 3, 4, 5, 6].map(|k| format!("{:8.4}", mean(k))).join(" ")
+            std::array::from_fn::<_, 9, _>(|k| format!("{:8.4}", mean(k))).join(" ")
         );
     }
     let ratios: Vec<f64> = rows.iter().map(|row| row[1] / row[0]).collect();

@@ -292,6 +292,10 @@ fn max_peak(points: &[BinPoint], error: LobeError) -> f64 {
 fn maximise(points: &[BinPoint], lobes: &mut [DsbrdfLobe], options: &DsbrdfFitOptions, rounds: usize) {
     let amplitudes = options.amplitudes;
     let max_kappa = max_peak(points, options.error).ln_1p().max(1e-6);
+    if options.error == LobeError::Squares {
+        // Those of the neighbouring slice, or of the start, may be higher.
+        lobes.iter_mut().for_each(|lobe| lobe.kappa = lobe.kappa.min(max_kappa));
+    }
     let mut values = vec![0.0; lobes.len()];
     let mut targets = vec![vec![0.0; points.len()]; lobes.len()];
     for _ in 0..rounds {

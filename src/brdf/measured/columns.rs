@@ -63,7 +63,6 @@ enum ColumnUnit {
     Degrees,
     Radians,
     Percent,
-    Nanometres,
 }
 
 impl ColumnLayout {
@@ -179,24 +178,20 @@ fn plain_name(written: &str) -> (String, ColumnUnit) {
         "deg" | "degree" | "degrees" | "°" => Some(ColumnUnit::Degrees),
         "rad" | "radian" | "radians" => Some(ColumnUnit::Radians),
         "%" | "percent" => Some(ColumnUnit::Percent),
-        "nm" => Some(ColumnUnit::Nanometres),
+        "nm" => Some(ColumnUnit::Unstated),
         _ => None,
     };
     if let Some((before, after)) = name.clone().split_once(['(', '[']) {
         unit = unit_of(after.trim_end_matches([')', ']'])).unwrap_or(ColumnUnit::Unstated);
         name = before.trim().to_owned();
     }
-    name = name.trim().replace([' ', '-', '.'], "_");
+    name = name.trim().replace([' ', '-'], "_");
     for suffix in ["deg", "degrees", "rad", "radians", "percent", "%", "°", "nm"] {
         let before = name.strip_suffix(suffix).map(|before| before.trim_end_matches('_'));
         if let Some(before) = before.filter(|before| !before.is_empty()) {
             (name, unit) = (before.to_owned(), unit_of(suffix).unwrap_or(unit));
             break;
         }
-    }
-    // A wavelength may have decimals, whose point became a line.
-    if unit == ColumnUnit::Nanometres || name.starts_with(|c: char| c.is_ascii_digit()) {
-        name = name.replace('_', ".");
     }
     (name, unit)
 }

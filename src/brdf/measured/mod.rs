@@ -19,10 +19,10 @@ use rows::{NumberReader, TextTable, WrittenNumber};
 use std::borrow::Cow;
 use std::path::Path;
 
-/// Text of 64 MiB is about a million rows.
-const MAX_BYTES: u64 = 64 << 20;
-/// Bytes of samples, their repeats and a JSON's values for one of text, at most.
-const MEMORY_FACTOR: u64 = 40;
+/// Text of 32 MiB is about half a million rows.
+const MAX_BYTES: u64 = 32 << 20;
+/// Bytes of samples, their repeats and a JSON's values for one of text, at most: the shortest row has 8, its lists some 500.
+const MEMORY_FACTOR: u64 = 64;
 /// Most columns of a table.
 const MAX_COLUMNS: usize = 4096;
 /// Values beyond this are no BRDF, per steradian.

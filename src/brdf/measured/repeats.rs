@@ -74,7 +74,9 @@ pub(super) fn merge(raw: Vec<RawSample>, last_digit: f64) -> MergedSamples {
                 (mean(group, &square) / group.len() as f64 + rounding * rounding).sqrt()
             });
             let brightest = (0..3).max_by(|&a, &b| value[a].total_cmp(&value[b])).unwrap_or(0);
-            relative.push(deviation[brightest] * (group.len() as f64).sqrt() / value[brightest].max(1e-12));
+            if value[brightest] > 0.0 {
+                relative.push(deviation[brightest] * (group.len() as f64).sqrt() / value[brightest]);
+            }
             let RawSample { incoming, outgoing, .. } = raw[group[0]];
             MeasuredSample { incoming, outgoing, value, deviation }
         })

@@ -13,8 +13,8 @@ use tsuya::brdf::{
     fit_measured, max_albedo, reciprocity_error,
 };
 
-/// Text of 64 MiB is about a million rows.
-const MAX_BYTES: u64 = 64 << 20;
+/// Text of 32 MiB is about half a million rows.
+const MAX_BYTES: u64 = 32 << 20;
 /// A fit that reflects more than this is of values that are no BRDF.
 const MAX_ALBEDO: f64 = 1.1;
 
