@@ -82,7 +82,7 @@ pub fn fit(
         let albedo = max_albedo(&fit.fitted);
         if albedo > MAX_ALBEDO {
             output::warn(&[format!(
-                "{name}: the fit reflects {albedo:.1} times the light that it receives; are the values a BRDF per steradian, without the cosine?"
+                "{name}: the fit reflects {albedo:.1} times the light that it receives; are the values a BRDF per steradian, without the cosine, or too few?"
             )]);
         }
         Ok(MeasuredRow { name, samples, fit, seconds })
