@@ -34,6 +34,7 @@ pub struct Population {
     weights: Vec<f64>,
     variance_floor: f64,
     min_theta_h: f64,
+    discrepancy: f64,
 }
 
 impl Default for Population {
@@ -56,6 +57,7 @@ impl Population {
             weights: vec![],
             variance_floor: VARIANCE_FLOOR,
             min_theta_h: 0.0,
+            discrepancy: 1.0,
         };
         for h in (0..THETA_H_BINS).step_by(2) {
             for d in (1..THETA_D_BINS).step_by(3) {
@@ -72,6 +74,12 @@ impl Population {
         }
         population.weights = vec![0.0; population.cells.len()];
         population
+    }
+
+    /// With a factor of the squared errors that are expected of materials that are measured, for a population that they are only like.
+    pub(super) fn with_discrepancy(mut self, factor: f64) -> Self {
+        self.discrepancy = factor;
+        self
     }
 
     /// With another floor of the variance in variance plans, as a part of the greatest variance, above 0.
@@ -231,6 +239,7 @@ impl Population {
             along: self.rows.iter().map(along).collect(),
             left: self.angles.iter().map(|&angles| left(angles)).collect(),
             weights: Vec::new(),
+            discrepancy: self.discrepancy,
             candidates: self.cosines.iter().map(above).collect(),
             components,
         }

@@ -26,6 +26,8 @@ pub struct MaterialPrior {
     pub(super) left: Vec<f64>,
     /// Mean over the population of the squared slope of `ln(1 + f cos)` by `ln(f + floor)` at each cell; empty where it is not known.
     pub(super) weights: Vec<f64>,
+    /// Factor of the squared errors that are expected.
+    pub(super) discrepancy: f64,
     /// Whether a cell can be measured.
     pub(super) candidates: Vec<bool>,
 }
@@ -187,7 +189,7 @@ impl MaterialPosterior<'_> {
             let along = &self.prior.along[n];
             let variance = |c: usize| {
                 let spread: f64 = covariance[c].iter().zip(along).map(|(row, a)| a * dot_slices(row, along)).sum();
-                self.misfit * (spread + self.prior.left[n])
+                self.misfit * self.prior.discrepancy * (spread + self.prior.left[n])
             };
             (0..3).map(|c| weights[n][c] * variance(c)).sum::<f64>() / 3.0
         });
