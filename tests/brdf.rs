@@ -121,7 +121,7 @@ fn wrong_input_is_named() {
     assert!(fit(&file("x.bsdf", b"tensor")).contains("cut off"));
     assert!(fit(&file("x.json", b"{}")).contains("not a file of fitted models"));
     assert!(!std::path::Path::new(&out).exists());
-    assert!(complaint(1, &["brdf", "fit", &file("x.txt", b""), "-o", &out]).contains(".binary"));
+    assert!(complaint(1, &["brdf", "fit", &file("x.wax", b""), "-o", &out]).contains(".binary"));
     assert!(complaint(2, &["brdf", "fit", "missing.binary", "-o", &out]).contains("missing.binary"));
     assert!(complaint(1, &["brdf", "fit", &out, "-o", &out, "--form", "wax"]).contains("blinn-phong"));
     let model = r#"{"format": "tsuya-brdf-models-1", "materials": [{"name": "a", "model": {"diffuse": [0.3, 0.2, 0.1],

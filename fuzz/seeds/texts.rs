@@ -53,6 +53,29 @@ pub fn put(seeds: &Seeds) {
         "wi_x,wi_y,wi_z,wo_x,wo_y,wo_z\n# rows\n0.6,0,0.8,0,0,1\n\n-1e3, 2 ,3,1e-11,0,5.5\n",
     );
     seeds.put("directions", "faults", "0,0,0,0,0,1\n1,2,3\nnan,inf,-0,1e400,+1,.5");
+    for (name, text) in [
+        (
+            "angles",
+            "theta_i,phi_i,theta_o,phi_o,r,g,b,lot\n10,0,20,90,0.1,0.2,0.3,a\n# none\n10,0,20,90,0.11,,1e-1,b\n95,0,1,0,-1,2,3\n",
+        ),
+        (
+            "commas",
+            "sep=;\n\"theta_i (deg)\";phi_i [rad];theta_r;phi_r;value;sigma (%);noise\r\n10,5;0;20;90;0,125;2;0,001\r\n",
+        ),
+        ("spectrum", "% wi_x wi_y wi_z wo_x wo_y wo_z 450 nm550 650nm\n0 0 1 0.6 0 0.8 0.1 0.2 0.3\n1\t2"),
+        ("half", "theta_h\ttheta_d\tphi_d\tbrdf\trank\n5\t40\t90\t0.3\t1\n5\t40\t90\tn/a\t2"),
+        (
+            "json",
+            r#"[{"theta_i":1,"phi_i":2,"theta_o":3,"phi_o":4,"value":0.5},{"theta_i":1,"phi_i":2,"theta_o":3,"phi_o":4,"value":null}]"#,
+        ),
+        (
+            "samples",
+            r#"{"samples":[{"wi_x":0,"wi_y":0,"wi_z":1,"wo_x":0,"wo_y":0,"wo_z":"2","r":1,"g":2,"b":3,"noise":0.1}]}"#,
+        ),
+        ("doubt", "theta_i;phi_i;theta_o;phi_o;value\n1;2;3;4;1,234\n1;2;3;4;1.5"),
+    ] {
+        seeds.put("directions", name, text);
+    }
 }
 
 fn captures(seeds: &Seeds) {

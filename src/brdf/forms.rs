@@ -104,24 +104,26 @@ pub fn fit_table(table: &MerlTable, form: BrdfForm, settings: &FitSettings) -> R
     }
 }
 
-/// Fits samples, such as a plan asks for, in one of the forms that need no table.
+/// Fits samples, such as a plan asks for.
 ///
 /// # Errors
-/// [`crate::Error::Parameter`] for a classical model, and as [`fit_table`].
+/// [`crate::Error::Parameter`] for too few samples, and as [`fit_table`].
 pub fn fit_samples(samples: &[BrdfSample], form: BrdfForm, settings: &FitSettings) -> Result<FittedBrdf> {
-    Ok(FittedBrdf::Coded(match form {
-        BrdfForm::Compact => FittedMaterial::Compact(compact::fit_compact(samples, &settings.compact)?),
-        BrdfForm::Dsbrdf => FittedMaterial::Dsbrdf(dsbrdf::fit_dsbrdf(samples, &settings.dsbrdf)?),
-        BrdfForm::Classical(_) => {
-            return Err(crate::Error::parameter("samples are fitted in the forms compact and dsbrdf only"));
+    Ok(match form {
+        BrdfForm::Compact => {
+            FittedBrdf::Coded(FittedMaterial::Compact(compact::fit_compact(samples, &settings.compact)?))
         }
-    }))
+        BrdfForm::Dsbrdf => FittedBrdf::Coded(FittedMaterial::Dsbrdf(dsbrdf::fit_dsbrdf(samples, &settings.dsbrdf)?)),
+        BrdfForm::Classical(form) => {
+            FittedBrdf::Classical(models::fit_classical_samples(samples, form, settings.objective)?)
+        }
+    })
 }
 
 /// Fits a table from its values at a plan's angles only.
 ///
 /// # Errors
-/// [`crate::Error::Parameter`] for a classical model, for too few samples, and if no angle has a value.
+/// [`crate::Error::Parameter`] for too few samples, and if no angle has a value.
 pub fn fit_planned(
     table: &MerlTable,
     plan: &MeasurementPlan,
@@ -162,7 +164,7 @@ pub fn planned_samples(table: &MerlTable, plan: &MeasurementPlan, form: BrdfForm
 }
 
 /// Bins of `theta_h`, `theta_d` and `phi_d` in which a material is made from a plan's samples before it is fitted.
-const RECONSTRUCTED_BINS: [usize; 3] = [90, 24, 9];
+pub(super) const RECONSTRUCTED_BINS: [usize; 3] = [90, 24, 9];
 
 /// Some 20,000 of a table's valid cells: every bin of `theta_h`, every fourth of `theta_d` and the last three, every 16th of `phi_d`,
 /// shifted from row to row.

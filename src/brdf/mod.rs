@@ -11,6 +11,8 @@ pub(crate) mod errors;
 pub(crate) mod forms;
 pub(crate) mod materials;
 #[cfg(feature = "encode")]
+pub(crate) mod measured;
+#[cfg(feature = "encode")]
 pub(crate) mod merl;
 pub(crate) mod models;
 #[cfg(feature = "encode")]
@@ -29,7 +31,7 @@ pub use compact::{COMPACT_DEGREES, CompactMaterial};
 pub use compact::{CompactFitOptions, FitDirections, fit_compact};
 #[cfg(feature = "encode")]
 pub use directions::{DirectionPair, parse_directions};
-pub use dsbrdf::{DsbrdfFitOptions, DsbrdfLobe, DsbrdfMaterial, LobeCount, fit_dsbrdf};
+pub use dsbrdf::{DsbrdfFitOptions, DsbrdfLobe, DsbrdfMaterial, LobeCount, LobeError, fit_dsbrdf};
 #[cfg(feature = "encode")]
 pub use errors::{
     ALBEDO_ANGLES_DEG, CellErrors, ErrorReport, MeasuredReference, albedo, cell_errors, log_rmse, max_albedo,
@@ -41,6 +43,8 @@ pub use forms::{
 };
 pub use materials::{FittedMaterial, NamedMaterial, decode_materials, encode_materials};
 #[cfg(feature = "encode")]
+pub use measured::{MeasuredFit, MeasuredSamples, NoiseSource, fit_measured};
+#[cfg(feature = "encode")]
 pub use merl::{InterpolatedMerl, MERL_CELLS, MerlCell, MerlGrid, MerlTable, PHI_D_BINS, THETA_D_BINS, THETA_H_BINS};
 #[cfg(feature = "encode")]
 pub use models::{
@@ -48,7 +52,10 @@ pub use models::{
 };
 pub use models::{ClassicalLobe, ClassicalModel, ScatteringAngles, ShiftedGamma};
 #[cfg(feature = "encode")]
-pub use plan::{MeasurementPlan, PLAN_FORMAT, PlanMethod, PlannedAngles, Population, PopulationComponents};
+pub use plan::{
+    GoniometerAngles, MaterialPosterior, MaterialPrior, MeasurementPlan, NextAngles, PLAN_FORMAT, PlanMethod,
+    PlannedAngles, Population, PopulationComponents, goniometer_csv, goniometer_rows,
+};
 #[cfg(feature = "encode")]
 pub use preview::{
     POINT_LIGHT, PreviewEnvironment, SphereImages, SpherePair, SpherePsnr, SphereScenes, sphere_exposure,
@@ -57,6 +64,8 @@ pub use preview::{
 #[cfg(feature = "encode")]
 pub use rgl::{ReciprocalRgl, RglMaterial};
 pub use sample::BrdfSample;
+#[cfg(feature = "encode")]
+pub use sample::MeasuredSample;
 
 /// A bidirectional reflectance distribution function.
 ///

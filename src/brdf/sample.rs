@@ -41,3 +41,32 @@ impl BrdfSample {
         samples
     }
 }
+
+/// The mean of the values measured at a pair of directions, as a goniometer gives them: any azimuths, with their noise.
+#[cfg(feature = "encode")]
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MeasuredSample {
+    /// Unit vector to the light, `z` along the normal and above 0.
+    pub incoming: [f64; 3],
+    /// Unit vector to the viewer, `z` above 0.
+    pub outgoing: [f64; 3],
+    /// The BRDF, per steradian, red, green, blue; finite, 0 or more.
+    pub value: [f64; 3],
+    /// Standard deviation of each, per steradian, 0 or more.
+    pub deviation: [f64; 3],
+}
+
+#[cfg(feature = "encode")]
+impl MeasuredSample {
+    /// Returns the value with its isotropic angles.
+    pub fn isotropic(&self) -> BrdfSample {
+        let angles = super::HalfDifference::from_directions(self.incoming, self.outgoing);
+        BrdfSample {
+            theta_h: angles.theta_h,
+            theta_d: angles.theta_d,
+            cos_incoming: self.incoming[2],
+            cos_outgoing: self.outgoing[2],
+            value: self.value,
+        }
+    }
+}

@@ -5,6 +5,8 @@ mod eval;
 mod fit;
 mod font;
 mod material;
+mod measured;
+mod next;
 mod plan;
 mod render;
 mod sheet;
@@ -12,7 +14,8 @@ mod sheet;
 use anyhow::Result;
 use clap::{Args, Subcommand};
 
-/// Reads, fits, converts and shows measured materials: MERL tables (.binary), RGL materials (.bsdf), fitted ones (.tsuya, .json).
+/// Plans measurements; reads, fits, converts and shows measured materials: values of a goniometer (.csv), MERL tables (.binary), RGL
+/// materials (.bsdf), fitted ones (.tsuya, .json).
 #[derive(Args)]
 pub struct Brdf {
     #[command(subcommand)]
@@ -26,6 +29,7 @@ enum Command {
     Eval(eval::Eval),
     Render(render::Render),
     Plan(plan::Plan),
+    Next(next::Next),
 }
 
 impl Brdf {
@@ -36,6 +40,7 @@ impl Brdf {
             Command::Eval(eval) => eval.run(),
             Command::Render(render) => render.run(),
             Command::Plan(plan) => plan.run(),
+            Command::Next(next) => next.run(),
         }
     }
 }

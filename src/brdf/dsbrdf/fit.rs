@@ -7,6 +7,7 @@
 use super::{DsbrdfLobe, DsbrdfMaterial, MAX_LOBES, MAX_SLICES, RANGE, STEP};
 use crate::brdf::BrdfSample;
 use crate::error::{Error, Result};
+use std::collections::BTreeMap;
 use std::f64::consts::FRAC_PI_2;
 
 /// Number of lobes of each colour.
@@ -16,6 +17,16 @@ pub enum LobeCount {
     Given(usize),
     /// The fewest of 1 to 5 whose error is within a twentieth of the least.
     ByError,
+}
+
+/// Error that a fit of lobes minimises in each slice.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum LobeError {
+    /// Relative squares over the means of bins of `theta_h`, for a fixed number of rounds: dark parts count as much as highlights.
+    #[default]
+    Relative,
+    /// Plain squares over the samples, until the rounds converge, as published (DSBRDF, equation 9): highlights count most.
+    Squares,
 }
 
 /// Options of [`fit_dsbrdf`].
@@ -29,18 +40,29 @@ pub struct DsbrdfFitOptions {
     pub amplitudes: bool,
     /// Samples of a smaller `theta_h` are left out, degrees: measurements close to the highlight's centre are unreliable.
     pub min_theta_h_deg: f64,
-    /// Rounds of expectation maximisation for a slice.
+    /// Rounds of expectation maximisation for a slice; for [`LobeError::Squares`] the least.
     pub rounds: usize,
+    /// Error that the fit minimises.
+    pub error: LobeError,
 }
 
 impl Default for DsbrdfFitOptions {
     fn default() -> Self {
-        DsbrdfFitOptions { slices: 18, lobes: LobeCount::Given(3), amplitudes: false, min_theta_h_deg: 5.0, rounds: 14 }
+        DsbrdfFitOptions {
+            slices: 18,
+            lobes: LobeCount::Given(3),
+            amplitudes: false,
+            min_theta_h_deg: 5.0,
+            rounds: 14,
+            error: LobeError::Relative,
+        }
     }
 }
 
 /// Bins of `theta_h`, growing with its square, in which samples of a slice are averaged.
 const BINS: usize = 90;
+/// Tens of rounds after which a fit of plain squares ends at the latest.
+const MAX_CONVERGENCE: usize = 30;
 /// Levenberg-Marquardt steps of an M-step.
 const STEPS: usize = 2;
 /// A part of the mean added to a value when its squared error is divided by its square: the relative error counts, but not of black.
@@ -48,6 +70,8 @@ const RELATIVE_FLOOR: f64 = 0.1;
 
 /// A lobe's peak, which lies where no sample was taken, is at most this many times the greatest value of the slice.
 const MAX_PEAK_FACTOR: f64 = 8.0;
+/// Half angle, radians, up to which the centre of a highlight counts as measured.
+const CENTRE: f64 = 0.02;
 
 /// Mean values of a slice's bins.
 struct DifferenceSlice {
@@ -66,7 +90,10 @@ pub fn fit_dsbrdf(samples: &[BrdfSample], options: &DsbrdfFitOptions) -> Result<
     if !(1..=MAX_SLICES).contains(&options.slices) || !count_is_valid {
         return Err(Error::parameter("a material takes 1 to 90 slices and 1 to 5 lobes"));
     }
-    let slices = gather(samples, options);
+    let slices = match options.error {
+        LobeError::Relative => gather(samples, options),
+        LobeError::Squares => gather_exactly(samples, options),
+    };
     if slices.iter().all(|s| s.bins.is_empty()) {
         return Err(Error::parameter(
             "no sample to fit: all are negative, not finite, below the horizon or too near the highlight",
@@ -84,22 +111,40 @@ pub fn fit_dsbrdf(samples: &[BrdfSample], options: &DsbrdfFitOptions) -> Result<
     }
 }
 
-fn gather(samples: &[BrdfSample], options: &DsbrdfFitOptions) -> Vec<DifferenceSlice> {
-    let mut sums = vec![[0.0f64; 5]; options.slices * BINS];
-    for s in samples {
-        let usable = s.value.iter().all(|v| v.is_finite() && *v >= 0.0)
+/// Samples that can be fitted, with their slices.
+fn usable<'a>(
+    samples: &'a [BrdfSample],
+    options: &'a DsbrdfFitOptions,
+) -> impl Iterator<Item = (usize, &'a BrdfSample)> + 'a {
+    let is_usable = |s: &&BrdfSample| {
+        s.value.iter().all(|v| v.is_finite() && *v >= 0.0)
             && s.theta_h >= options.min_theta_h_deg.to_radians()
             && s.theta_h < FRAC_PI_2
             && s.cos_incoming > 0.0
-            && s.cos_outgoing > 0.0;
-        if usable {
-            let bin = (((s.theta_h / FRAC_PI_2).sqrt() * BINS as f64) as usize).min(BINS - 1);
-            let slice = ((s.theta_d / FRAC_PI_2 * options.slices as f64) as usize).min(options.slices - 1);
-            let sum = &mut sums[slice * BINS + bin];
-            sum[0] += 1.0;
-            sum[1] += s.theta_h;
-            (0..3).for_each(|c| sum[2 + c] += s.value[c]);
-        }
+            && s.cos_outgoing > 0.0
+    };
+    let slice = |s: &BrdfSample| ((s.theta_d / FRAC_PI_2 * options.slices as f64) as usize).min(options.slices - 1);
+    samples.iter().filter(is_usable).map(move |s| (slice(s), s))
+}
+
+fn bin_of(theta_h: f64) -> usize {
+    (((theta_h / FRAC_PI_2).sqrt() * BINS as f64) as usize).min(BINS - 1)
+}
+
+/// Number of half angles, bins of `theta_h`, that each slice has samples in.
+pub(in crate::brdf) fn half_angles(samples: &[BrdfSample], options: &DsbrdfFitOptions) -> Vec<usize> {
+    let mut there = vec![[false; BINS]; options.slices];
+    usable(samples, options).for_each(|(slice, s)| there[slice][bin_of(s.theta_h)] = true);
+    there.iter().map(|bins| bins.iter().filter(|there| **there).count()).collect()
+}
+
+fn gather(samples: &[BrdfSample], options: &DsbrdfFitOptions) -> Vec<DifferenceSlice> {
+    let mut sums = vec![[0.0f64; 5]; options.slices * BINS];
+    for (slice, s) in usable(samples, options) {
+        let sum = &mut sums[slice * BINS + bin_of(s.theta_h)];
+        sum[0] += 1.0;
+        sum[1] += s.theta_h;
+        (0..3).for_each(|c| sum[2 + c] += s.value[c]);
     }
     let mean = |sum: &[f64; 5]| {
         let theta_h = sum[1] / sum[0];
@@ -107,6 +152,22 @@ fn gather(samples: &[BrdfSample], options: &DsbrdfFitOptions) -> Vec<DifferenceS
     };
     let slice = |bins: &[[f64; 5]]| DifferenceSlice { bins: bins.iter().filter(|s| s[0] > 0.0).map(mean).collect() };
     sums.chunks_exact(BINS).map(slice).collect()
+}
+
+/// Samples of a slice, those of exactly one `theta_h` as their mean with their number as its weight: lobes depend on nothing else, so that
+/// plain squares over the samples have the same least.
+fn gather_exactly(samples: &[BrdfSample], options: &DsbrdfFitOptions) -> Vec<DifferenceSlice> {
+    let mut slices = vec![BTreeMap::<u64, [f64; 4]>::new(); options.slices];
+    for (slice, s) in usable(samples, options) {
+        // Positive numbers are in the order of their bits.
+        let sum = slices[slice].entry(s.theta_h.to_bits()).or_default();
+        sum[0] += 1.0;
+        (0..3).for_each(|c| sum[1 + c] += s.value[c]);
+    }
+    let mean = |(theta_h, [count, r, g, b]): (u64, [f64; 4])| {
+        (f64::from_bits(theta_h).cos().ln(), count, [r / count, g / count, b / count])
+    };
+    slices.into_iter().map(|sums| DifferenceSlice { bins: sums.into_iter().map(mean).collect() }).collect()
 }
 
 /// The material and its mean squared relative error.
@@ -117,14 +178,17 @@ fn fit_count(slices: &[DifferenceSlice], count: usize, options: &DsbrdfFitOption
     for colour in 0..3 {
         let mut lobes: Vec<DsbrdfLobe> = vec![];
         for (at, slice) in slices.iter().enumerate() {
-            let points_of: Vec<BinPoint> = points_of(slice, colour);
+            let points_of: Vec<BinPoint> = points_of(slice, colour, options.error);
             if !points_of.is_empty() {
                 let first = lobes.is_empty();
                 if first {
                     lobes = start(&points_of, count);
                 }
                 let rounds = if first { 2 * options.rounds } else { options.rounds };
-                maximise(&points_of, &mut lobes, options.amplitudes, rounds);
+                maximise(&points_of, &mut lobes, options, rounds);
+                if options.error == LobeError::Squares {
+                    converge(&points_of, &mut lobes, options);
+                }
                 error += points_of.iter().map(|p| p.weight * (total(&lobes, p) - p.value).powi(2)).sum::<f64>();
                 points += points_of.len();
             }
@@ -155,11 +219,15 @@ struct BinPoint {
     weight: f64,
 }
 
-fn points_of(slice: &DifferenceSlice, colour: usize) -> Vec<BinPoint> {
+fn points_of(slice: &DifferenceSlice, colour: usize, error: LobeError) -> Vec<BinPoint> {
     let mean = slice.bins.iter().map(|b| b.2[colour]).sum::<f64>() / slice.bins.len().max(1) as f64;
     let point = |b: &(f64, f64, [f64; 3])| {
         let value = b.2[colour];
-        BinPoint { logarithm_of_cosine: b.0, value, weight: b.1 / (value + RELATIVE_FLOOR * mean + 1e-6).powi(2) }
+        let weight = match error {
+            LobeError::Relative => b.1 / (value + RELATIVE_FLOOR * mean + 1e-6).powi(2),
+            LobeError::Squares => b.1,
+        };
+        BinPoint { logarithm_of_cosine: b.0, value, weight }
     };
     slice.bins.iter().map(point).collect()
 }
@@ -185,9 +253,49 @@ fn start(points: &[BinPoint], count: usize) -> Vec<DsbrdfLobe> {
         .collect()
 }
 
-fn maximise(points: &[BinPoint], lobes: &mut [DsbrdfLobe], amplitudes: bool, rounds: usize) {
+/// Further rounds until the squared error changes by less than a hundred-thousandth in ten of them.
+fn converge(points: &[BinPoint], lobes: &mut [DsbrdfLobe], options: &DsbrdfFitOptions) {
+    let error =
+        |lobes: &[DsbrdfLobe]| -> f64 { points.iter().map(|p| p.weight * (total(lobes, p) - p.value).powi(2)).sum() };
+    let mut now = error(lobes);
+    for _ in 0..MAX_CONVERGENCE {
+        maximise(points, lobes, options, 10);
+        let then = error(lobes);
+        if (now - then).abs() <= 1e-5 * now {
+            break;
+        }
+        now = then;
+    }
+}
+
+/// Greatest height of a lobe. Plain squares hardly feel a lobe that rises where no sample was taken: there a lobe is at most half as high again
+/// as `ln f`, straight over `theta_h^2` between the first half angle and twice that, becomes at 0.
+fn max_peak(points: &[BinPoint], error: LobeError) -> f64 {
     let highest = points.iter().map(|p| p.value).fold(0.0, f64::max);
-    let max_kappa = (MAX_PEAK_FACTOR * highest).ln_1p().max(1e-6);
+    let first = points.iter().map(|p| p.logarithm_of_cosine).fold(f64::NEG_INFINITY, f64::max);
+    // The logarithm of the cosine is -theta_h^2 / 2.
+    if error == LobeError::Relative || first > -0.5 * CENTRE * CENTRE {
+        return MAX_PEAK_FACTOR * highest;
+    }
+    let (mut sums, mut count) = ([0.0; 4], 0.0);
+    for point in points.iter().filter(|p| p.logarithm_of_cosine >= 4.0 * first) {
+        let (x, y) = (point.logarithm_of_cosine, point.value.max(1e-4 * highest).max(1e-12).ln());
+        (0..4).for_each(|k| sums[k] += [x, y, x * x, x * y][k]);
+        count += 1.0;
+    }
+    let [x, y, xx, xy] = sums.map(|sum| sum / count);
+    let slope = if xx - x * x > 1e-12 { ((xy - x * y) / (xx - x * x)).max(0.0) } else { 0.0 };
+    let at_first = (y + slope * (first - x)).exp();
+    1.5 * ((y - slope * x).exp()).min(MAX_PEAK_FACTOR * at_first)
+}
+
+fn maximise(points: &[BinPoint], lobes: &mut [DsbrdfLobe], options: &DsbrdfFitOptions, rounds: usize) {
+    let amplitudes = options.amplitudes;
+    let max_kappa = max_peak(points, options.error).ln_1p().max(1e-6);
+    if options.error == LobeError::Squares {
+        // Those of the neighbouring slice, or of the start, may be higher.
+        lobes.iter_mut().for_each(|lobe| lobe.kappa = lobe.kappa.min(max_kappa));
+    }
     let mut values = vec![0.0; lobes.len()];
     let mut targets = vec![vec![0.0; points.len()]; lobes.len()];
     for _ in 0..rounds {

@@ -9,7 +9,8 @@ mod codec;
 mod fit;
 mod spline;
 
-pub use fit::{DsbrdfFitOptions, LobeCount, fit_dsbrdf};
+pub(in crate::brdf) use fit::half_angles;
+pub use fit::{DsbrdfFitOptions, LobeCount, LobeError, fit_dsbrdf};
 
 use super::Brdf;
 use std::f64::consts::FRAC_PI_2;

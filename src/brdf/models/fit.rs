@@ -6,6 +6,7 @@
 
 use super::{ClassicalForm, ClassicalModel, ScatteringAngles};
 use crate::brdf::merl::{MerlGrid, MerlTable, PHI_D_BINS, THETA_D_BINS, THETA_H_BINS};
+use crate::brdf::{BrdfSample, MeasuredSample};
 use crate::optimise::levenberg_marquardt::{Minimum, minimise};
 use crate::{Error, Result};
 use std::f64::consts::PI;
@@ -41,6 +42,8 @@ struct FitSample {
     value: [f64; 3],
     /// Area of half vectors and difference vectors that it stands for, to a common factor.
     area: f64,
+    /// Factor of both weights, 0 to 1: less where the value is noisy.
+    certainty: f64,
     /// The measured signals, see [`FitSignal`].
     signals: [[f64; 3]; 2],
     /// Their weights.
@@ -102,7 +105,7 @@ pub fn fit_classical(table: &MerlTable, form: ClassicalForm, objective: FitObjec
 /// negative or not finite are left out.
 ///
 /// # Errors
-/// [`Error::Parameter`] where fewer than 100 pairs remain.
+/// [`Error::Parameter`] where fewer than [`ClassicalForm::min_samples`] pairs remain.
 pub fn fit_classical_pairs(
     pairs: &[MeasuredPair],
     form: ClassicalForm,
@@ -113,15 +116,81 @@ pub fn fit_classical_pairs(
     };
     let sample = |pair: &MeasuredPair| {
         let geometry = ScatteringAngles::from_directions(pair.incoming, pair.outgoing);
-        FitSample { geometry, value: pair.value, area: 1.0, signals: [[0.0; 3]; 2], weights: [0.0; 2] }
+        FitSample::new(geometry, pair.value, 1.0)
     };
     fit_samples(pairs.iter().filter(usable).map(sample).collect(), form, objective)
 }
 
-fn fit_samples(mut samples: Vec<FitSample>, form: ClassicalForm, objective: FitObjective) -> Result<ClassicalModel> {
-    if samples.len() < 100 {
-        return Err(Error::parameter("too few valid values for a fit: 100 are needed"));
+/// Standard deviation of the logarithm that a model is wrong by: noise below it counts little.
+const MODEL_DEVIATION: f64 = 0.1;
+
+/// Fits a model to measured values, weighted by their noise, and to values that are only probable, which together count as much.
+///
+/// # Errors
+/// [`Error::Parameter`] for fewer measured values than [`ClassicalForm::min_samples`].
+pub(in crate::brdf) fn fit_classical_measured(
+    measured: &[MeasuredSample],
+    probable: &[BrdfSample],
+    form: ClassicalForm,
+    objective: FitObjective,
+) -> Result<ClassicalModel> {
+    check_count(measured.len(), form)?;
+    let brightness = |value: [f64; 3]| value.into_iter().fold(0.0, f64::max);
+    let of_measured = |sample: &MeasuredSample| {
+        let geometry = ScatteringAngles::from_directions(sample.incoming, sample.outgoing);
+        let noise = brightness(sample.deviation) / brightness(sample.value).max(1e-6);
+        let certainty = 1.0 / (1.0 + (noise / MODEL_DEVIATION).powi(2));
+        FitSample { certainty, ..FitSample::new(geometry, sample.value, 1.0) }
+    };
+    let mut samples: Vec<FitSample> = measured.iter().map(of_measured).collect();
+    let certainty = measured.len() as f64 / probable.len().max(1) as f64;
+    samples.extend(probable.iter().map(|sample| FitSample { certainty, ..FitSample::of_isotropic(sample) }));
+    fit_samples(samples, form, objective)
+}
+
+/// Fits an isotropic model to values at angles.
+///
+/// # Errors
+/// [`Error::Parameter`] for fewer than [`ClassicalForm::min_samples`].
+pub(in crate::brdf) fn fit_classical_samples(
+    samples: &[BrdfSample],
+    form: ClassicalForm,
+    objective: FitObjective,
+) -> Result<ClassicalModel> {
+    let usable = samples.iter().filter(|s| s.value.iter().all(|x| x.is_finite() && *x >= 0.0));
+    fit_samples(usable.map(FitSample::of_isotropic).collect(), form, objective)
+}
+
+impl FitSample {
+    fn new(geometry: ScatteringAngles, value: [f64; 3], area: f64) -> Self {
+        FitSample { geometry, value, area, certainty: 1.0, signals: [[0.0; 3]; 2], weights: [0.0; 2] }
     }
+
+    fn of_isotropic(sample: &BrdfSample) -> Self {
+        let (sin_h, sin_d) = (sample.theta_h.sin(), sample.theta_d.sin());
+        let geometry = ScatteringAngles {
+            cos_incoming: sample.cos_incoming,
+            cos_outgoing: sample.cos_outgoing,
+            cos_half: sample.theta_h.cos(),
+            cos_difference: sample.theta_d.cos(),
+            half: [sin_h, 0.0],
+        };
+        // Bins of theta_h are as wide as the root of theta_h is large.
+        FitSample::new(geometry, sample.value, sin_h * sample.theta_h.sqrt() * sin_d * sample.theta_d.cos())
+    }
+}
+
+fn check_count(count: usize, form: ClassicalForm) -> Result<()> {
+    let needed = form.min_samples();
+    if count < needed {
+        let message = format!("{count} valid values are too few for a fit: form {} takes {needed}", form.name());
+        return Err(Error::parameter(message));
+    }
+    Ok(())
+}
+
+fn fit_samples(mut samples: Vec<FitSample>, form: ClassicalForm, objective: FitObjective) -> Result<ClassicalModel> {
+    check_count(samples.len(), form)?;
     let signals = prepare(&mut samples, objective);
     let coarse: Vec<&FitSample> = samples.iter().step_by(samples.len().div_ceil(1000).min(7)).collect();
     let all: Vec<&FitSample> = samples.iter().collect();
@@ -156,7 +225,7 @@ fn prepare(samples: &mut [FitSample], objective: FitObjective) -> [FitSignal; 2]
         let signal =
             |signal: FitSignal| sample.value.map(|f| signal.with_derivative(f * sample.geometry.cos_incoming).0);
         sample.signals = signals.map(signal);
-        sample.weights = [log / count, picture * sample.area / total.max(1e-30)];
+        sample.weights = [log / count, picture * sample.area / total.max(1e-30)].map(|w| w * sample.certainty);
     }
     signals
 }
@@ -184,8 +253,7 @@ fn gather(table: &MerlTable, steps: [usize; 3]) -> Vec<FitSample> {
                     let (sin_h, sin_d) = (cell.angles.theta_h.sin(), cell.angles.theta_d.sin());
                     // Bins of theta_h are as wide as the root of theta_h is large.
                     let area = sin_h * cell.angles.theta_h.sqrt() * sin_d * cell.angles.theta_d.cos();
-                    let (signals, weights) = ([[0.0; 3]; 2], [0.0; 2]);
-                    samples.push(FitSample { geometry, value: cell.value, area, signals, weights });
+                    samples.push(FitSample::new(geometry, cell.value, area));
                 }
             }
         }

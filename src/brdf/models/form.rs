@@ -56,6 +56,15 @@ impl ClassicalForm {
         matches!(self, ClassicalForm::WardAnisotropic | ClassicalForm::AshikhminShirleyAnisotropic)
     }
 
+    /// Returns the number of values that a fit takes at least: as many as the form has numbers, each colour of a value being one.
+    pub fn min_samples(self) -> usize {
+        match self {
+            ClassicalForm::Lambert => 1,
+            _ if self.is_anisotropic() => 16,
+            _ => 8,
+        }
+    }
+
     /// The form of a name.
     pub fn from_name(name: &str) -> Option<Self> {
         ClassicalForm::ALL.into_iter().find(|form| form.name() == name)

@@ -11,6 +11,8 @@ mod published;
 #[cfg(feature = "encode")]
 pub use fit::{FitObjective, MeasuredPair, fit_classical, fit_classical_pairs};
 #[cfg(feature = "encode")]
+pub(in crate::brdf) use fit::{fit_classical_measured, fit_classical_samples};
+#[cfg(feature = "encode")]
 pub use form::ClassicalForm;
 pub use lobe::{ClassicalLobe, ScatteringAngles, ShiftedGamma};
 #[cfg(feature = "encode")]

@@ -9,7 +9,7 @@ use std::f64::consts::FRAC_PI_2;
 /// otherwise take nearly all samples. Found by cross-validation.
 const PEAK_IMPORTANCE: f64 = 0.005;
 /// Angle from which errors count fully, radians.
-const PEAK: f64 = 5.0 / 180.0 * std::f64::consts::PI;
+pub(super) const PEAK: f64 = 5.0 / 180.0 * std::f64::consts::PI;
 /// Largest number of slices of `theta_d`, that of DSBRDF.
 const MAX_SLICES: usize = 18;
 
@@ -142,7 +142,7 @@ impl OptimalDesign<'_> {
 }
 
 /// The covariance after one more sample.
-fn observe(covariance: &mut [Vec<f64>], along: &[f64], left: f64) {
+pub(super) fn observe(covariance: &mut [Vec<f64>], along: &[f64], left: f64) {
     let spread = times(covariance, along);
     let variance = dot_slices(&spread, along) + left + NOISE;
     for (row, a) in covariance.iter_mut().zip(&spread) {

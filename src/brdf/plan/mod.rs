@@ -8,10 +8,15 @@
 //! [`MeasurementPlan::reconstruct`] gives a whole material from a few samples by the same Gaussian estimate.
 
 mod choose;
+mod classical;
+mod goniometer;
 mod population;
 mod principal;
+mod prior;
 
+pub use goniometer::{GoniometerAngles, goniometer_csv, goniometer_rows};
 pub use population::Population;
+pub use prior::{MaterialPosterior, MaterialPrior, NextAngles};
 
 use super::BrdfSample;
 use super::compact::{TERMS, terms};
@@ -52,6 +57,15 @@ impl PlannedAngles {
     pub fn half_difference(&self) -> super::HalfDifference {
         let [theta_h, theta_d, phi_d] = [self.theta_h_deg, self.theta_d_deg, self.phi_d_deg].map(f64::to_radians);
         super::HalfDifference { theta_h, theta_d, phi_d }
+    }
+
+    fn from_angles(angles: super::HalfDifference, variance: f64) -> Self {
+        PlannedAngles {
+            theta_h_deg: angles.theta_h.to_degrees(),
+            theta_d_deg: angles.theta_d.to_degrees(),
+            phi_d_deg: angles.phi_d.to_degrees(),
+            variance,
+        }
     }
 
     /// The terms of the logarithm there; `None` where a direction is not above the horizon.
@@ -145,6 +159,19 @@ impl MeasurementPlan {
         serde_json::to_string(self).map_err(|e| Error::parameter(format!("plan: {e}")))
     }
 
+    /// The plan's statistics as knowledge of materials, for values measured anywhere: what the components leave over is known at the plan's
+    /// angles, and taken from the nearest of them elsewhere.
+    /// # Errors
+    /// [`Error::Parameter`] for a plan without angles.
+    pub fn prior(&self) -> Result<MaterialPrior> {
+        if self.angles.is_empty() {
+            return Err(Error::parameter("a plan without angles"));
+        }
+        let planned: Vec<[f64; 3]> = self.angles.iter().map(|a| prior::coordinates(&a.half_difference())).collect();
+        let near = |to: super::HalfDifference| self.angles[prior::nearest(planned.iter().copied(), to)].variance;
+        Ok(Population::new().prior_of(self.components.clone(), near))
+    }
+
     /// The samples of a material at the plan's angles, as a goniometer would take them; `None` where it has no value.
     pub fn measure(&self, material: impl Fn(&PlannedAngles) -> Option<[f64; 3]>) -> Vec<Option<[f64; 3]>> {
         self.angles.iter().map(material).collect()
@@ -189,17 +216,21 @@ impl MeasurementPlan {
             }
             sum
         });
-        // No brighter than e^2 times the brightest measured, or than the population's mean: extrapolation can't run away.
         let highest = values.iter().flatten().flatten().fold(0.0f64, |a, &b| a.max(b));
         let value = |s: &BrdfSample| {
             let terms = terms(s.theta_h, s.theta_d, s.cos_incoming, s.cos_outgoing);
-            let ceiling = (highest.ln() + 2.0).max(dot_slices(&of.mean, &terms) + 2.0);
-            [0, 1, 2].map(|c| (dot_slices(&coefficients[c], &terms).min(ceiling).exp() - of.floor).max(0.0))
+            bounded_value(&terms, &coefficients, of, highest)
         };
         let mut samples = BrdfSample::tabulate(&NoBrdf, bins);
         samples.iter_mut().for_each(|s| s.value = value(s));
         Ok(samples)
     }
+}
+
+/// Value at terms; no brighter than e^2 times the brightest measured, or than the population's mean: extrapolation can't run away.
+fn bounded_value(terms: &[f64], coefficients: &[Vec<f64>; 3], of: &PopulationComponents, highest: f64) -> [f64; 3] {
+    let ceiling = (highest.ln() + 2.0).max(dot_slices(&of.mean, terms) + 2.0);
+    [0, 1, 2].map(|c| (dot_slices(&coefficients[c], terms).min(ceiling).exp() - of.floor).max(0.0))
 }
 
 /// A black material: only its angles are wanted.

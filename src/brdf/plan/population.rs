@@ -1,7 +1,9 @@
 //! Statistics of a population of measured materials, and plans made from them.
 
 use super::principal::{self, PrincipalComponents};
-use super::{MeasurementPlan, NOISE, PLAN_FORMAT, PlanMethod, PlannedAngles, PopulationComponents, choose};
+use super::{
+    MaterialPrior, MeasurementPlan, NOISE, PLAN_FORMAT, PlanMethod, PlannedAngles, PopulationComponents, choose,
+};
 use crate::brdf::compact::{TERMS, coefficients, terms};
 use crate::brdf::merl::{MerlGrid, MerlTable, PHI_D_BINS, THETA_D_BINS, THETA_H_BINS};
 use crate::brdf::{BrdfSample, HalfDifference};
@@ -32,6 +34,7 @@ pub struct Population {
     weights: Vec<f64>,
     variance_floor: f64,
     min_theta_h: f64,
+    discrepancy: f64,
 }
 
 impl Default for Population {
@@ -54,6 +57,7 @@ impl Population {
             weights: vec![],
             variance_floor: VARIANCE_FLOOR,
             min_theta_h: 0.0,
+            discrepancy: 1.0,
         };
         for h in (0..THETA_H_BINS).step_by(2) {
             for d in (1..THETA_D_BINS).step_by(3) {
@@ -70,6 +74,12 @@ impl Population {
         }
         population.weights = vec![0.0; population.cells.len()];
         population
+    }
+
+    /// With a factor of the squared errors that are expected of materials that are measured, for a population that they are only like.
+    pub(super) fn with_discrepancy(mut self, factor: f64) -> Self {
+        self.discrepancy = factor;
+        self
     }
 
     /// With another floor of the variance in variance plans, as a part of the greatest variance, above 0.
@@ -152,38 +162,24 @@ impl Population {
         if count == 0 || count > self.cells.len() / 4 {
             return Err(Error::parameter(format!("a plan has 1 to {} samples", self.cells.len() / 4)));
         }
-        let PrincipalComponents { mean, components, variances } = principal::components(&self.vectors, COMPONENTS);
-        let along: Vec<Vec<f64>> =
-            self.rows.iter().map(|row| components.iter().map(|c| dot_slices(c, row)).collect()).collect();
-        let left = self.left_over(&mean, &components, &along);
-        let weights: Vec<f64> = self.weights.iter().map(|w| w / self.len() as f64).collect();
+        let prior = self.prior()?;
         let theta_h: Vec<f64> = self.angles.iter().map(|a| a.theta_h).collect();
         let design = choose::OptimalDesign {
-            along: &along,
-            left: &left,
-            weights: &weights,
+            along: &prior.along,
+            left: &prior.left,
+            weights: &prior.weights,
             theta_h: &theta_h,
-            variances: &variances,
-        };
-        let candidates: Vec<bool> = (0..self.cells.len())
-            .map(|n| {
-                let valid = self.logarithms.iter().all(|l| !l[n].is_nan());
-                valid && self.cosines[n].iter().all(|&cosine| cosine > MIN_COSINE)
-            })
-            .collect();
-        let angles_of = |angles: HalfDifference, variance: f64| PlannedAngles {
-            theta_h_deg: angles.theta_h.to_degrees(),
-            theta_d_deg: angles.theta_d.to_degrees(),
-            phi_d_deg: angles.phi_d.to_degrees(),
-            variance,
+            variances: &prior.components.variances,
         };
         let angles: Vec<PlannedAngles> = match method {
             PlanMethod::Optimal => {
-                design.optimal(count, &candidates).into_iter().map(|n| angles_of(self.angles[n], left[n])).collect()
+                let cells = design.optimal(count, &prior.candidates).into_iter();
+                cells.map(|n| PlannedAngles::from_angles(self.angles[n], prior.left[n])).collect()
             }
             PlanMethod::Uniform | PlanMethod::Variance => {
                 let variance = (method == PlanMethod::Variance).then(|| self.variance_along_theta_h());
-                let near = |angles: HalfDifference| angles_of(angles, left[self.nearest(angles)]);
+                let near =
+                    |angles: HalfDifference| PlannedAngles::from_angles(angles, prior.left[prior.nearest(angles)]);
                 let steps = choose::ThetaHSteps {
                     min_theta_h: self.min_theta_h,
                     variance: variance.as_deref(),
@@ -195,19 +191,58 @@ impl Population {
         let rows: Vec<(Vec<f64>, f64)> = angles
             .iter()
             .filter_map(|a| {
-                a.terms().map(|terms| (components.iter().map(|c| dot_slices(c, &terms)).collect(), a.variance))
+                let along =
+                    |terms: Vec<f64>| prior.components.components.iter().map(|c| dot_slices(c, &terms)).collect();
+                a.terms().map(|terms| (along(terms), a.variance))
             })
             .collect();
         let expected_log_rmse = design.expected(&rows);
-        let components = PopulationComponents { floor: FLOOR, mean, components, variances };
         Ok(MeasurementPlan {
             format: PLAN_FORMAT.into(),
             method,
             materials: self.len(),
             expected_log_rmse,
             angles,
-            components,
+            components: prior.components,
         })
+    }
+
+    /// The population's statistics, for estimates of a material from measured values.
+    /// # Errors
+    /// [`Error::Parameter`] for fewer than 2 materials.
+    pub fn prior(&self) -> Result<MaterialPrior> {
+        if self.len() < 2 {
+            return Err(Error::parameter("a plan takes a population of 2 materials or more"));
+        }
+        let PrincipalComponents { mean, components, variances } = principal::components(&self.vectors, COMPONENTS);
+        let mut prior = self.prior_of(PopulationComponents { floor: FLOOR, mean, components, variances }, |_| 0.0);
+        prior.left = self.left_over(&prior);
+        prior.weights = self.weights.iter().map(|w| w / self.len() as f64).collect();
+        for (n, candidate) in prior.candidates.iter_mut().enumerate() {
+            *candidate &= self.logarithms.iter().all(|l| !l[n].is_nan());
+        }
+        Ok(prior)
+    }
+
+    /// Statistics of given components, with the variance that they leave over at angles.
+    pub(super) fn prior_of(
+        &self,
+        components: PopulationComponents,
+        left: impl Fn(HalfDifference) -> f64,
+    ) -> MaterialPrior {
+        let along = |row: &Vec<f64>| components.components.iter().map(|c| dot_slices(c, row)).collect();
+        let above = |cosines: &[f64; 2]| cosines.iter().all(|&cosine| cosine > MIN_COSINE);
+        MaterialPrior {
+            angles: self.angles.clone(),
+            cosines: self.cosines.clone(),
+            mean: self.rows.iter().map(|row| dot_slices(&components.mean, row)).collect(),
+            along: self.rows.iter().map(along).collect(),
+            left: self.angles.iter().map(|&angles| left(angles)).collect(),
+            weights: Vec::new(),
+            discrepancy: self.discrepancy,
+            candidates: self.cosines.iter().map(above).collect(),
+            components,
+        }
     }
 
     /// Variance of `ln(1 + f)`, whose errors reports count, over the population at each degree of `theta_h`, over all `theta_d` and
@@ -240,21 +275,22 @@ impl Population {
     }
 
     /// Mean squared difference between the logarithms and their part in the components.
-    fn left_over(&self, mean: &[f64], components: &[Vec<f64>], along: &[Vec<f64>]) -> Vec<f64> {
+    fn left_over(&self, prior: &MaterialPrior) -> Vec<f64> {
+        let of = &prior.components;
         let places: Vec<Vec<f64>> = (self.vectors.iter())
             .map(|vector| {
-                let rest: Vec<f64> = vector.iter().zip(mean).map(|(v, m)| v - m).collect();
-                components.iter().map(|c| dot_slices(c, &rest)).collect()
+                let rest: Vec<f64> = vector.iter().zip(&of.mean).map(|(v, m)| v - m).collect();
+                of.components.iter().map(|c| dot_slices(c, &rest)).collect()
             })
             .collect();
         (0..self.cells.len())
             .map(|n| {
-                let middle = dot_slices(mean, &self.rows[n]);
+                let (middle, along) = (prior.mean[n], &prior.along[n]);
                 let (mut sum, mut count) = (0.0, 0.0);
                 for (place, logarithms) in places.iter().zip(&self.logarithms) {
                     let logarithm = logarithms[n] as f64;
                     if !logarithm.is_nan() {
-                        sum += (logarithm - middle - dot_slices(place, &along[n])).powi(2);
+                        sum += (logarithm - middle - dot_slices(place, along)).powi(2);
                         count += 1.0;
                     }
                 }
@@ -262,14 +298,5 @@ impl Population {
             })
             .map(|variance: f64| variance.max(NOISE * 0.1))
             .collect()
-    }
-
-    fn nearest(&self, to: HalfDifference) -> usize {
-        let apart = |a: &HalfDifference| {
-            (a.theta_h.sqrt() - to.theta_h.sqrt()).powi(2)
-                + (a.theta_d - to.theta_d).powi(2)
-                + (a.phi_d - to.phi_d).powi(2)
-        };
-        (0..self.angles.len()).min_by(|&a, &b| apart(&self.angles[a]).total_cmp(&apart(&self.angles[b]))).unwrap_or(0)
     }
 }

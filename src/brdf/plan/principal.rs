@@ -84,6 +84,27 @@ pub(super) fn solve(mut a: Vec<Vec<f64>>, mut b: Vec<[f64; 3]>) -> Vec<[f64; 3]>
     b
 }
 
+/// Inverts a positive definite matrix of which the lower triangle is given.
+pub(super) fn inverse(mut a: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
+    let count = a.len();
+    // The Cholesky factor, then its inverse in place.
+    for i in 0..count {
+        for j in 0..=i {
+            let sum = a[i][j] - (0..j).map(|k| a[i][k] * a[j][k]).sum::<f64>();
+            a[i][j] = if i == j { sum.max(1e-300).sqrt() } else { sum / a[j][j] };
+        }
+    }
+    for j in 0..count {
+        a[j][j] = 1.0 / a[j][j];
+        for i in j + 1..count {
+            let sum: f64 = (j..i).map(|k| a[i][k] * a[k][j]).sum();
+            a[i][j] = -sum / a[i][i];
+        }
+    }
+    let of = |i: usize, j: usize| (i.max(j)..count).map(|k| a[k][i] * a[k][j]).sum::<f64>();
+    (0..count).map(|i| (0..count).map(|j| of(i, j)).collect()).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -100,6 +121,14 @@ mod tests {
         assert_eq!(found.components.len(), 2);
         assert!((found.components[0][0].abs() - 0.6).abs() < 0.01 && (found.components[1][2].abs() - 1.0).abs() < 0.01);
         let x = solve(vec![vec![4.0, 0.0], vec![2.0, 3.0]], vec![[8.0, 4.0, 0.0], [7.0, 2.0, 0.0]]);
+        let inverse = inverse(vec![vec![4.0, 0.0, 0.0], vec![2.0, 3.0, 0.0], vec![1.0, 1.0, 5.0]]);
+        let matrix = [[4.0, 2.0, 1.0], [2.0, 3.0, 1.0], [1.0, 1.0, 5.0]];
+        for (i, row) in matrix.iter().enumerate() {
+            for j in 0..3 {
+                let product: f64 = (0..3).map(|k| row[k] * inverse[k][j]).sum();
+                assert!((product - f64::from(u8::from(i == j))).abs() < 1e-12, "{inverse:?}");
+            }
+        }
         assert!((x[0][0] - 1.25).abs() < 1e-12 && (x[1][0] - 1.5).abs() < 1e-12 && x[0][2] == 0.0);
     }
 }

@@ -55,6 +55,10 @@ impl Convert {
                 }
                 write_fitted(&self.output, fitted)?
             }
+            Kind::Measured => {
+                let message = "tables of measured values are read, not written; a MERL table's name ends with .binary";
+                return Err(Error::Unsupported(format!("{}: {message}", self.output.display())).into());
+            }
             Kind::Rgl => {
                 let message = "RGL materials (.bsdf) are read, not written; a table's name ends with .binary";
                 return Err(Error::Unsupported(format!("{}: {message}", self.output.display())).into());

@@ -15,12 +15,16 @@ pub struct Eval {
     /// A MERL table (.binary), an RGL material (.bsdf) or a fitted material (.tsuya, .json).
     input: PathBuf,
     /// Rows `wi_x,wi_y,wi_z,wo_x,wo_y,wo_z`: the direction to the light and to the viewer, z along the normal, of any length; - is
-    /// standard input. A first row that begins with a letter and rows that begin with # are skipped.
+    /// standard input. A first row of names may say otherwise: other columns, or `theta_i,phi_i,theta_o,phi_o` in degrees, as tsuya brdf
+    /// plan --csv writes them. Rows that begin with # are skipped.
     #[arg(long, value_name = "CSV")]
     directions: PathBuf,
     /// Interpolates between the cells of a table.
     #[arg(long)]
     smooth: bool,
+    /// Prints a heading, and the directions before the values: a table that tsuya brdf fit takes.
+    #[arg(long)]
+    with_directions: bool,
     /// Which material, where the file has several.
     #[arg(long, value_name = "NAME")]
     material: Option<String>,
@@ -30,13 +34,18 @@ impl Eval {
     pub fn run(self) -> Result<()> {
         let directions = read_directions(&self.directions)?;
         let material = read_one(&self.input, self.material.as_deref())?.material;
-        let mut text = String::new();
+        let heading = "wi_x,wi_y,wi_z,wo_x,wo_y,wo_z,r,g,b\n";
+        let mut text = String::from(if self.with_directions { heading } else { "" });
         for (incoming, outgoing) in directions {
             let [r, g, b] = if self.smooth {
                 material.interpolated().evaluate(incoming, outgoing)
             } else {
                 material.evaluate(incoming, outgoing)
             };
+            if self.with_directions {
+                let ([a, b, c], [d, e, f]) = (incoming, outgoing);
+                let _ = write!(text, "{a},{b},{c},{d},{e},{f},");
+            }
             let _ = writeln!(text, "{r},{g},{b}");
         }
         output::print(&text)

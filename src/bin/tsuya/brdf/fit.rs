@@ -2,6 +2,7 @@
 
 use super::eval::environment;
 use super::material::{Kind, MODEL_FORMAT, ModelEntry, ModelFile, expand, read_all};
+use super::measured;
 use super::sheet;
 use crate::{output, pictures, progress, source};
 use anyhow::Result;
@@ -11,7 +12,7 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use tsuya::brdf::{
-    BrdfForm, ClassicalForm, ErrorReport, FitObjective, FitSettings, FittedBrdf, LobeCount,
+    BrdfForm, ClassicalForm, ErrorReport, FitObjective, FitSettings, FittedBrdf, LobeCount, LobeError,
     MeasurementPlan as SamplingPlan, MerlTable, NamedMaterial, SpherePsnr, SphereScenes,
 };
 use tsuya::container::Metadata;
@@ -23,7 +24,9 @@ const SPHERE_SIDE: usize = 64;
 /// Fits materials and says how far the fits are from what was measured.
 #[derive(Args)]
 pub struct Fit {
-    /// MERL tables (.binary), RGL materials (.bsdf), folders of them.
+    /// MERL tables (.binary), RGL materials (.bsdf), folders of them; or measured values (.csv, .json), each file a material: columns
+    /// `theta_i,phi_i,theta_o,phi_o` (degrees) or `wi_x,wi_y,wi_z,wo_x,wo_y,wo_z` (z along the normal), and `r,g,b`, `value` or wavelengths
+    /// such as `450` (BRDF per steradian); `sigma` (relative) or `noise`. Rows without a value are gaps, repeats are averaged.
     #[arg(required = true, value_name = "IN")]
     inputs: Vec<PathBuf>,
     /// The fitted materials: .tsuya, or .json for classical models.
@@ -40,9 +43,14 @@ pub struct Fit {
     /// The contact sheet shows this many steps of a point light that moves from left to right.
     #[arg(long, value_name = "N", requires = "contact_sheet", value_parser = clap::value_parser!(u16).range(1..=64))]
     sweep: Option<u16>,
-    /// Fits from the samples of this plan only (tsuya brdf plan), as if nothing else had been measured.
+    /// Tables: fits from the samples of this plan only (tsuya brdf plan), as if nothing else had been measured. Measured values: the
+    /// plan's population says what is probable between them.
     #[arg(long, value_name = "PLAN")]
     samples: Option<PathBuf>,
+    /// Measured values: materials like the one that was measured, MERL tables (.binary), RGL materials (.bsdf) or folders of them; may
+    /// be given several times [default: a population of classical models].
+    #[arg(long, value_name = "DIR", conflicts_with = "samples")]
+    population: Vec<PathBuf>,
     /// Overwrites existing files.
     #[arg(long)]
     force: bool,
@@ -73,9 +81,20 @@ pub struct Forms {
     /// Form dsbrdf: half angles from here on, in degrees; nearer to the highlight's centre measurements are unreliable. 0 keeps all.
     #[arg(long, alias = "least-theta-h", value_name = "DEG", default_value_t = 5.0)]
     min_theta_h: f64,
+    /// Form dsbrdf: error that the lobes of a slice minimise.
+    #[arg(long, value_enum, default_value_t = LobeGoal::Relative)]
+    lobe_error: LobeGoal,
     /// Error that the fit of a classical model minimises.
     #[arg(long, value_enum, default_value_t = Goal::Both)]
     objective: Goal,
+}
+
+#[derive(Clone, Copy, PartialEq, ValueEnum)]
+enum LobeGoal {
+    /// Relative squares over the means of bins of theta_h.
+    Relative,
+    /// Plain squares over the samples, until they converge, as published (DSBRDF, equation 9).
+    Squares,
 }
 
 #[derive(Clone, Copy, PartialEq, ValueEnum)]
@@ -126,6 +145,10 @@ impl Forms {
         };
         settings.dsbrdf.amplitudes = self.amplitudes;
         settings.dsbrdf.min_theta_h_deg = self.min_theta_h;
+        settings.dsbrdf.error = match self.lobe_error {
+            LobeGoal::Relative => LobeError::Relative,
+            LobeGoal::Squares => LobeError::Squares,
+        };
         settings.objective = match self.objective {
             Goal::Log => FitObjective::Logarithm,
             Goal::Picture => FitObjective::Picture,
@@ -147,6 +170,16 @@ struct Row {
 impl Fit {
     pub fn run(self) -> Result<()> {
         let files = expand(&self.inputs)?;
+        let measured = files.iter().map(|path| measured::is_measured(path)).collect::<Result<Vec<bool>>>()?;
+        if measured.contains(&true) {
+            return match measured.contains(&false) {
+                true => Err(Error::parameter("tables and measured values are fitted in runs of their own").into()),
+                false => self.run_measured(&files),
+            };
+        }
+        if !self.population.is_empty() {
+            return Err(Error::parameter("a table needs no population; --population is for measured values").into());
+        }
         let outputs: Vec<&Path> = self.output.iter().chain(&self.contact_sheet).map(|path| &**path).collect();
         let inputs = files.iter().chain(&self.environment).chain(&self.samples).map(|path| &**path);
         output::check_outputs(&outputs, &inputs.collect::<Vec<&Path>>(), self.force)?;
@@ -189,6 +222,35 @@ impl Fit {
         match <[Value; 1]>::try_from(figures) {
             Ok([one]) => output::print_json(&one),
             Err(several) => output::print_json(&json!({"materials": several})),
+        }
+    }
+
+    fn run_measured(&self, files: &[PathBuf]) -> Result<()> {
+        if self.contact_sheet.is_some() {
+            return Err(
+                Error::parameter("a contact sheet shows what a table has; there is none of measured values").into()
+            );
+        }
+        let outputs: Vec<&Path> = self.output.iter().map(|path| &**path).collect();
+        let inputs = files.iter().chain(&self.samples).map(|path| &**path);
+        output::check_outputs(&outputs, &inputs.collect::<Vec<&Path>>(), self.force)?;
+        let form = self.forms.of(self.output.as_deref())?;
+        let streams = self.output.as_deref().is_some_and(output::is_stream);
+        if self.json && streams {
+            return Err(Error::parameter("figures and materials can't both go to standard output").into());
+        }
+        let busy = progress::busy("fitting");
+        let prior = measured::prior(&self.population, self.samples.as_deref())?;
+        let rows = measured::fit(files, &prior, form, &self.forms.settings())?;
+        drop(busy);
+        let (text, figures) = (measured::table(&rows, form), measured::figures(&rows, form));
+        if let Some(path) = &self.output {
+            output::write(path, &write_fitted(path, measured::fitted(rows))?, self.force)?;
+        }
+        match (self.json, streams) {
+            (true, _) => output::print_json(&figures),
+            (_, true) => Ok(()),
+            _ => output::print(&text),
         }
     }
 

@@ -86,7 +86,12 @@ pub enum Kind {
     Rgl,
     Models,
     Tsuya,
+    /// Measured values as text.
+    Measured,
 }
+
+/// Ends of the names of measured values as text.
+const MEASURED: [&str; 4] = ["csv", "tsv", "txt", "dat"];
 
 impl Kind {
     pub fn of(path: &Path) -> TsuyaResult<Self> {
@@ -96,8 +101,10 @@ impl Kind {
             "bsdf" => Ok(Kind::Rgl),
             "json" => Ok(Kind::Models),
             "tsuya" => Ok(Kind::Tsuya),
+            text if MEASURED.contains(&text) => Ok(Kind::Measured),
             _ => {
-                let message = "a material's name ends with .binary (MERL), .bsdf (RGL), .tsuya or .json (fitted)";
+                let message = "a material's name ends with .binary (MERL), .bsdf (RGL), .tsuya or .json (fitted); that of measured values \
+                               with .csv";
                 Err(Error::parameter(format!("{}: {message}", path.display())))
             }
         }
@@ -112,6 +119,10 @@ pub fn read_all(path: &Path) -> Result<Vec<Named>> {
         Kind::Rgl => named(Material::Rgl(Box::new(RglMaterial::read(path, &source::access())?))),
         Kind::Models => read_models(path)?,
         Kind::Tsuya => read_tsuya(path)?,
+        Kind::Measured => {
+            let message = "measured values are no material yet; tsuya brdf fit makes one of them";
+            return Err(Error::parameter(format!("{}: {message}", path.display())).into());
+        }
     })
 }
 

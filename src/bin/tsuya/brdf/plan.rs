@@ -6,7 +6,7 @@ use anyhow::Result;
 use clap::{Args, ValueEnum};
 use serde_json::json;
 use std::path::{Path, PathBuf};
-use tsuya::brdf::{Brdf, Population};
+use tsuya::brdf::{Brdf, Population, goniometer_csv};
 use tsuya::{Error, brdf};
 
 /// A plan of 40 components has 160 kB.
@@ -30,6 +30,10 @@ pub struct Plan {
     /// The plan, JSON; tsuya brdf fit --samples takes it.
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
+    /// The angles for a goniometer: a row `theta_i,phi_i,theta_o,phi_o` (degrees) with the unit vectors for each measurement, in an order that
+    /// moves the arms little. With columns `r,g,b` added, tsuya brdf fit and next take it.
+    #[arg(long, value_name = "FILE")]
+    csv: Option<PathBuf>,
     /// Overwrites existing files.
     #[arg(long)]
     force: bool,
@@ -52,30 +56,14 @@ enum Method {
 impl Plan {
     pub fn run(self) -> Result<()> {
         let inputs = expand(&self.inputs)?;
-        if let Some(path) = &self.output {
-            output::check_outputs(&[path], &inputs.iter().map(|path| &**path).collect::<Vec<_>>(), self.force)?;
-        }
-        if self.json && self.output.as_deref().is_some_and(output::is_stream) {
-            return Err(Error::parameter("figures and the plan can't both go to standard output").into());
+        let outputs: Vec<&Path> = self.output.iter().chain(&self.csv).map(|path| &**path).collect();
+        output::check_outputs(&outputs, &inputs.iter().map(|path| &**path).collect::<Vec<_>>(), self.force)?;
+        let streams = outputs.iter().filter(|path| output::is_stream(path)).count();
+        if streams + usize::from(self.json) > 1 {
+            return Err(Error::parameter("figures, plan and angles can't go to standard output together").into());
         }
         let busy = progress::busy("planning");
-        let mut population = Population::new().with_min_theta_h_deg(self.min_theta_h.into());
-        for path in inputs {
-            if !matches!(Kind::of(&path)?, Kind::Merl | Kind::Rgl) {
-                let message = "a population is of measured materials, .binary or .bsdf";
-                return Err(Error::parameter(format!("{}: {message}", path.display())).into());
-            }
-            for named in read_all(&path)? {
-                match named.material {
-                    // Only the cells that are asked for are evaluated, not a whole table.
-                    Material::Rgl(material) => population.add_values(|_, angles| {
-                        let (incoming, outgoing) = angles.directions();
-                        Some(material.reciprocal().evaluate(incoming, outgoing))
-                    })?,
-                    other => population.add(&other.into_table())?,
-                }
-            }
-        }
+        let population = population(&inputs, Population::new().with_min_theta_h_deg(self.min_theta_h.into()))?;
         let method = match self.method {
             Method::Variance => brdf::PlanMethod::Variance,
             Method::Uniform => brdf::PlanMethod::Uniform,
@@ -83,9 +71,14 @@ impl Plan {
         };
         let plan = population.plan(self.samples, method)?;
         drop(busy);
+        let mut written = output::Files::new(self.force);
         if let Some(path) = &self.output {
-            output::write(path, format!("{}\n", plan.to_json()?).as_bytes(), self.force)?;
+            written.add(path, format!("{}\n", plan.to_json()?).as_bytes())?;
         }
+        if let Some(path) = &self.csv {
+            written.add(path, goniometer_csv(&plan.angles).as_bytes())?;
+        }
+        written.commit()?;
         if self.json {
             let angles: Vec<_> = (plan.angles.iter())
                 .map(|a| json!({"theta_h_deg": a.theta_h_deg, "theta_d_deg": a.theta_d_deg, "phi_d_deg": a.phi_d_deg}))
@@ -98,7 +91,7 @@ impl Plan {
                 "angles": angles,
             }));
         }
-        if self.output.as_deref().is_some_and(output::is_stream) {
+        if streams > 0 {
             return Ok(());
         }
         let mut text = String::from("theta_h  theta_d    phi_d  degrees\n");
@@ -109,6 +102,27 @@ impl Plan {
         text += &format!("expected log RMSE {:.4}\n", plan.expected_log_rmse);
         output::print(&text)
     }
+}
+
+/// Adds the materials of files to a population.
+pub fn population(inputs: &[PathBuf], mut population: Population) -> Result<Population> {
+    for path in inputs {
+        if !matches!(Kind::of(path)?, Kind::Merl | Kind::Rgl) {
+            let message = "a population is of measured materials, .binary or .bsdf";
+            return Err(Error::parameter(format!("{}: {message}", path.display())).into());
+        }
+        for named in read_all(path)? {
+            match named.material {
+                // Only the cells that are asked for are evaluated, not a whole table.
+                Material::Rgl(material) => population.add_values(|_, angles| {
+                    let (incoming, outgoing) = angles.directions();
+                    Some(material.reciprocal().evaluate(incoming, outgoing))
+                })?,
+                other => population.add(&other.into_table())?,
+            }
+        }
+    }
+    Ok(population)
 }
 
 /// Reads a plan.
