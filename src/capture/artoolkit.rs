@@ -93,7 +93,7 @@ impl ArToolKitCamera {
     fn parse(bytes: &[u8]) -> std::result::Result<Self, String> {
         let Some(version) = VERSIONS.iter().position(|&(length, _)| length == bytes.len()) else {
             if let Some((length, _)) =
-                VERSIONS.iter().find(|(length, _)| bytes.len() % length == 0 && !bytes.is_empty())
+                VERSIONS.iter().find(|(length, _)| bytes.len().is_multiple_of(*length) && !bytes.is_empty())
             {
                 let count = bytes.len() / length;
                 return Err(format!("ARToolKit's parameters of {count} cameras; one file for one camera is read"));
