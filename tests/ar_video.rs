@@ -152,7 +152,8 @@ fn streams_that_end_early_say_so() {
     let ended = child.wait_with_output().unwrap();
     assert!(ended.status.success() && ended.stderr.is_empty(), "{ended:?}");
     // Files of this kind take no ffmpeg, and other frames become such a stream.
-    let none = ["--ffmpeg", "/nowhere/ffmpeg", "--json"];
+    // The object stands beside the marker, which is found once more in what was made.
+    let none = ["--ffmpeg", "/nowhere/ffmpeg", "--json", "--translate", "0.15,0,0", "--size", "0.05"];
     let (code, _, error) = run(&arguments(folder.path(), "frames", "clip.y4m", &none), b"");
     assert_eq!(code, 0, "{error}");
     let clip = std::fs::read(folder.path().join("clip.y4m")).unwrap();

@@ -111,13 +111,13 @@ impl Objects {
     pub fn prepare(&self, taps: usize, still: bool) -> Result<PreparedObjects<'_>> {
         let parts: Vec<(&Asset, Placement)> = self.assets().zip(self.placements.iter().copied()).collect();
         if let ([subject], [(asset, placement)]) = (&self.subjects[..], &parts[..]) {
-            return Ok(PreparedObjects::Single {
+            return Ok(PreparedObjects::Single(Box::new(PreparedAsset {
                 asset,
                 placement: *placement,
                 occlusion: surroundings::occlusion(subject)?,
                 shading: AssetShading::new(asset, taps)?,
                 renderer: if still { Some(AssetRenderer::new(asset)?) } else { None },
-            });
+            })));
         }
         Ok(PreparedObjects::Several(Box::new(ArAssembly::new(&parts, taps)?)))
     }
@@ -125,26 +125,30 @@ impl Objects {
 
 /// What is drawn: one asset as it is, or several as one object.
 pub enum PreparedObjects<'a> {
-    Single {
-        asset: &'a Asset,
-        placement: Placement,
-        occlusion: Occlusion,
-        shading: AssetShading<'a>,
-        renderer: Option<AssetRenderer<'a>>,
-    },
+    Single(Box<PreparedAsset<'a>>),
     Several(Box<ArAssembly<'a>>),
+}
+
+/// One asset with what drawing it takes.
+pub struct PreparedAsset<'a> {
+    asset: &'a Asset,
+    placement: Placement,
+    occlusion: Occlusion,
+    shading: AssetShading<'a>,
+    renderer: Option<AssetRenderer<'a>>,
 }
 
 impl<'a> PreparedObjects<'a> {
     pub fn object(&'a self) -> Result<ArObject<'a>> {
-        Ok(match self {
-            PreparedObjects::Single { asset, placement, occlusion, shading, renderer } => ArObject {
-                object: RenderObject::of_asset(asset, Some(occlusion))?,
-                shading,
-                placement: *placement,
-                detail: renderer.as_ref().map(|renderer| (renderer, *asset)),
-            },
-            PreparedObjects::Several(assembly) => assembly.object()?,
+        let single = match self {
+            PreparedObjects::Single(single) => single,
+            PreparedObjects::Several(assembly) => return Ok(assembly.object()?),
+        };
+        Ok(ArObject {
+            object: RenderObject::of_asset(single.asset, Some(&single.occlusion))?,
+            shading: &single.shading,
+            placement: single.placement,
+            detail: single.renderer.as_ref().map(|renderer| (renderer, single.asset)),
         })
     }
 }
