@@ -36,7 +36,7 @@ fn video(bytes: &[u8]) {
     let mut frame = Y4mFrame::default();
     let mut frames = 0;
     while frames < 3 && reader.read_frame(&mut frame).is_ok_and(|more| more) {
-        let image = frame.to_image(&header);
+        let image = frame.to_image(&header).expect("a frame of its size");
         let same = frame.clone();
         frame.update(&header, &image, &image).expect("an image of its size");
         assert!(frame == same);

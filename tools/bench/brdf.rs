@@ -6,8 +6,11 @@
 //! of sampling plans. Where the environment has `TSUYA_BENCH_QUICK` classical models are left out, where it has `TSUYA_BENCH_PLANS` all
 //! fits of whole tables.
 
+mod files;
+
+use files::{files, stem};
 use std::error::Error;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Instant;
 use tsuya::brdf::{
     BrdfForm, ClassicalForm, ErrorReport, FitObjective, FitSettings, MeasuredReference, MeasurementPlan, MerlTable,
@@ -243,18 +246,6 @@ fn print(title: &str, rows: &[Row]) {
         );
     }
     println!();
-}
-
-fn files(folder: &Path, extension: &str) -> Result<Vec<PathBuf>> {
-    let mut found: Vec<PathBuf> =
-        std::fs::read_dir(folder)?.map(|entry| entry.map(|entry| entry.path())).collect::<std::io::Result<_>>()?;
-    found.retain(|path| path.extension().is_some_and(|e| e == extension));
-    found.sort();
-    Ok(found)
-}
-
-fn stem(path: &Path) -> String {
-    path.file_stem().unwrap_or_default().to_string_lossy().into_owned()
 }
 
 fn greatest_memory() -> String {

@@ -5,6 +5,9 @@
 //! the same directions, of that from the CSV, and of directions chosen one after another by what was measured before. Where the environment
 //! has `TSUYA_BENCH_RECIPROCAL`, RGL materials alone are measured, both orders of the directions averaged, as their tables are.
 
+mod files;
+
+use files::{files, stem};
 use std::error::Error;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -145,16 +148,4 @@ fn main() -> Result<()> {
     let ratios: Vec<f64> = rows.iter().map(|row| row[1] / row[0]).collect();
     println!("greatest ratio csv 32 / table 32: {:.3}", ratios.iter().copied().fold(0.0, f64::max));
     Ok(())
-}
-
-fn files(folder: &Path, extension: &str) -> Result<Vec<PathBuf>> {
-    let mut found: Vec<PathBuf> =
-        std::fs::read_dir(folder)?.map(|entry| entry.map(|entry| entry.path())).collect::<std::io::Result<_>>()?;
-    found.retain(|path| path.extension().is_some_and(|e| e == extension));
-    found.sort();
-    Ok(found)
-}
-
-fn stem(path: &Path) -> String {
-    path.file_stem().unwrap_or_default().to_string_lossy().into_owned()
 }

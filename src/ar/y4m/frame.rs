@@ -30,7 +30,12 @@ impl Y4mFrame {
     }
 
     /// The image that it shows.
-    pub fn to_image(&self, header: &Y4mHeader) -> DisplayImage {
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Parameter`] for a header of frames of another size.
+    pub fn to_image(&self, header: &Y4mHeader) -> Result<DisplayImage> {
+        self.check(header)?;
         let ([width, height], matrix) = (header.size, YcbcrMatrix::new(header.is_full_range));
         let mut image = Grid::filled(width, height, [0; 3]);
         let [columns, rows] = header.colour_size();
@@ -41,15 +46,22 @@ impl Y4mFrame {
                 *pixel = matrix.rgb(planes[y * width + x], colour.unwrap_or([128; 2]));
             }
         });
-        image
+        Ok(image)
+    }
+
+    fn check(&self, header: &Y4mHeader) -> Result<()> {
+        let (found, needed) = (self.planes.len(), header.frame_bytes());
+        let message = || Error::parameter(format!("a frame of {found} bytes where the video's have {needed}"));
+        if found == needed { Ok(()) } else { Err(message()) }
     }
 
     /// Shows what `after` differs from `before` in, the image that this frame showed; samples of all else stay.
     ///
     /// # Errors
     ///
-    /// [`Error::Parameter`] for images of another size than the header's.
+    /// [`Error::Parameter`] for images or a header of another size.
     pub fn update(&mut self, header: &Y4mHeader, before: &DisplayImage, after: &DisplayImage) -> Result<()> {
+        self.check(header)?;
         let [width, height] = header.size;
         if [[before.width, before.height], [after.width, after.height]] != [header.size; 2] {
             return Err(Error::parameter(format!("an image of another size than the video's {width} x {height}")));

@@ -33,7 +33,7 @@ fn streams_come_back_and_only_changes_are_written() {
         assert_eq!((header.size(), header.rate()), ([7, 5], Some([30000, 1001])));
         let mut frame = Y4mFrame::default();
         assert!(reader.read_frame(&mut frame).unwrap());
-        let before = frame.to_image(&header);
+        let before = frame.to_image(&header).unwrap();
         let mut writer = Y4mWriter::new(Vec::new(), Path::new("-"), &header).unwrap();
         let mut same = frame.clone();
         same.update(&header, &before, &before).unwrap();
@@ -59,7 +59,8 @@ fn colours_are_those_of_bt601() {
     ] {
         let image = Grid { width: 4, height: 1, data: vec![[255, 255, 255], [255, 0, 0], [10, 200, 30], [0, 0, 0]] };
         let frame = Y4mFrame::from_image(&header, &image).unwrap();
-        let back = frame.to_image(&header);
+        let back = frame.to_image(&header).unwrap();
+        assert!(Y4mFrame::default().to_image(&header).is_err());
         for (a, b) in back.data.iter().zip(&image.data) {
             assert!((0..3).all(|c| a[c].abs_diff(b[c]) <= tolerance), "{a:?} {b:?}");
         }

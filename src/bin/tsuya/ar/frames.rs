@@ -47,7 +47,7 @@ impl UncompressedVideo {
         if !self.reader.read_frame(&mut self.frame)? {
             return Ok(None);
         }
-        self.image = self.frame.to_image(self.reader.header());
+        self.image = self.frame.to_image(self.reader.header())?;
         Ok(Some(Plate::Display(self.image.clone())))
     }
 

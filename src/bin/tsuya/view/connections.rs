@@ -15,15 +15,31 @@ use tokio::task::{JoinHandle, spawn_local};
 const MAX_CONNECTIONS: usize = 96;
 /// Time without a byte after which a connection is ended. Pages that decode may leave an answer waiting for a while.
 const STALL_TIME: Duration = Duration::from_secs(60);
+/// Time within which a newcomer may ask before its place is given to others.
+const ASKING_TIME: Duration = Duration::from_secs(1);
 
 /// The open connections. When all are taken, a newcomer gets the place of the one that has moved no byte for the longest: those who stall keep
-/// nobody out.
+/// nobody out. Those who have just come and not asked yet are spared while there are others, so that many who ask at once keep nobody out either.
 #[derive(Default)]
 pub struct Connections(Vec<Connection>);
 
 struct Connection {
     task: JoinHandle<()>,
-    last_moved: Rc<Cell<Instant>>,
+    movement: Rc<Movement>,
+}
+
+/// When a connection has moved bytes.
+struct Movement {
+    opened: Instant,
+    last: Cell<Instant>,
+    has_asked: Cell<bool>,
+}
+
+impl Movement {
+    /// Whether it has just come and not asked yet.
+    fn is_new(&self) -> bool {
+        !self.has_asked.get() && self.opened.elapsed() < ASKING_TIME
+    }
 }
 
 impl Connections {
@@ -35,9 +51,10 @@ impl Connections {
     ) {
         // Answers are written as a whole; without this the last part of one may wait for the other side.
         let _ = stream.set_nodelay(true);
-        let last_moved = Rc::new(Cell::new(Instant::now()));
-        let task = spawn_local(serve(Watched { stream, last_moved: last_moved.clone() }));
-        self.0.push(Connection { task, last_moved });
+        let opened = Instant::now();
+        let movement = Rc::new(Movement { opened, last: Cell::new(opened), has_asked: Cell::new(false) });
+        let task = spawn_local(serve(Watched { stream, movement: movement.clone() }));
+        self.0.push(Connection { task, movement });
     }
 
     /// Sees to it that there is room for one more.
@@ -48,10 +65,13 @@ impl Connections {
         }
     }
 
-    /// Ends the connection that has moved no byte for the longest.
+    /// Ends the connection that has moved no byte for the longest, a new one only where there are no others.
     pub async fn end_oldest(&mut self) {
         self.0.retain(|connection| !connection.task.is_finished());
-        let oldest = (0..self.0.len()).min_by_key(|&index| self.0[index].last_moved.get());
+        let oldest = (0..self.0.len()).min_by_key(|&index| {
+            let movement = &self.0[index].movement;
+            (movement.is_new(), movement.last.get())
+        });
         if let Some(index) = oldest {
             let task = self.0.swap_remove(index).task;
             task.abort();
@@ -66,7 +86,7 @@ impl Connections {
         let now = Instant::now();
         self.0
             .iter()
-            .filter(|connection| now.duration_since(connection.last_moved.get()) > STALL_TIME)
+            .filter(|connection| now.duration_since(connection.movement.last.get()) > STALL_TIME)
             .for_each(|connection| connection.task.abort());
     }
 }
@@ -74,14 +94,14 @@ impl Connections {
 /// A stream that notes when it has last moved a byte.
 pub struct Watched<S> {
     stream: S,
-    last_moved: Rc<Cell<Instant>>,
+    movement: Rc<Movement>,
 }
 
 impl<S> Watched<S> {
     /// Notes that `count` bytes were moved.
     fn note(&self, count: usize) {
         if count > 0 {
-            self.last_moved.set(Instant::now());
+            self.movement.last.set(Instant::now());
         }
     }
 }
@@ -90,7 +110,11 @@ impl<S: AsyncRead + Unpin> AsyncRead for Watched<S> {
     fn poll_read(mut self: Pin<&mut Self>, context: &mut Context<'_>, buffer: &mut ReadBuf<'_>) -> Poll<Result<()>> {
         let before = buffer.filled().len();
         let result = Pin::new(&mut self.stream).poll_read(context, buffer);
-        self.note(buffer.filled().len() - before);
+        let count = buffer.filled().len() - before;
+        self.note(count);
+        if count > 0 {
+            self.movement.has_asked.set(true);
+        }
         result
     }
 }
