@@ -80,17 +80,7 @@ impl<'a> Session<'a> {
         nearer: Option<&Mask>,
         environment: Option<&EnvironmentMap>,
     ) -> Result<FrameReport> {
-        let clock = Instant::now();
-        let Session { tracker, light, renderer, compositor, curve } = self;
-        let mut view = look(tracker, light, renderer, compositor, curve, plate, environment)?;
-        let before = nearer.map(|nearer| (nearer, plate.clone()));
-        compositor.blend_shadow(&mut view, curve, plate);
-        compositor.blend_object(&mut view, curve, plate);
-        if let Some((nearer, before)) = &before {
-            plate.restore(before, nearer)?;
-        }
-        view.report.times.whole = clock.elapsed().as_secs_f64();
-        Ok(view.report)
+        Ok(Self::frame_of_all(std::slice::from_mut(self), plate, nearer, &[environment])?.swap_remove(0))
     }
 
     /// Puts the objects of several sessions, whose markers move apart from each other, into one frame, each as [`Self::frame`] does with its own
@@ -104,7 +94,7 @@ impl<'a> Session<'a> {
         sessions: &mut [Session],
         plate: &mut Plate,
         nearer: Option<&Mask>,
-        environments: &[Option<EnvironmentMap>],
+        environments: &[Option<&EnvironmentMap>],
     ) -> Result<Vec<FrameReport>> {
         if sessions.len() != environments.len() {
             let (a, b) = (environments.len(), sessions.len());
@@ -114,7 +104,7 @@ impl<'a> Session<'a> {
         for (session, environment) in sessions.iter_mut().zip(environments) {
             let clock = Instant::now();
             let Session { tracker, light, renderer, compositor, curve } = session;
-            let mut view = look(tracker, light, renderer, compositor, curve, plate, environment.as_ref())?;
+            let mut view = look(tracker, light, renderer, compositor, curve, plate, *environment)?;
             view.report.times.whole = clock.elapsed().as_secs_f64() - view.report.times.composite;
             views.push((view, &*compositor, &*curve));
         }

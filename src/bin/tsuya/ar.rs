@@ -162,6 +162,7 @@ impl Ar {
             let nearer = masks.next()?;
             work.reading += clock.elapsed().as_secs_f64();
             let environments: Vec<_> = lights.iter_mut().map(LightInput::next).collect::<tsuya::Result<_>>()?;
+            let environments: Vec<_> = environments.iter().map(Option::as_ref).collect();
             let reports = Session::frame_of_all(&mut sessions, &mut plate, nearer, &environments)?;
             let clock = Instant::now();
             // A photograph without its object is no result.

@@ -165,17 +165,21 @@ pub fn pictures(
     Ok(())
 }
 
-/// The visibility of a file, or computed now where it has none.
+/// The visibility of what a job shows, or computed now where it has none.
 pub fn occlusion(subject: &JobAsset) -> Result<Occlusion> {
-    let stored = match subject {
-        JobAsset::Asset(asset) => asset.visibility.as_ref(),
-        JobAsset::Mesh { visibility, .. } => visibility.as_deref(),
-    };
+    match subject {
+        JobAsset::Asset(asset) => stored_occlusion(&asset.mesh, asset.visibility.as_ref()),
+        JobAsset::Mesh { mesh, visibility, .. } => stored_occlusion(mesh, visibility.as_deref()),
+    }
+}
+
+/// The visibility that a file has of its mesh, or computed now where it has none.
+pub fn stored_occlusion(mesh: &Mesh, stored: Option<&Visibility>) -> Result<Occlusion> {
     if let Some(visibility) = stored {
         return Ok(Occlusion::from_visibility(visibility));
     }
     tracing::info!("the file has no visibility (tsuya bake): computing it");
-    Ok(Occlusion::from_visibility(&bake(subject.mesh(), &BakeOptions::default())?.visibility))
+    Ok(Occlusion::from_visibility(&bake(mesh, &BakeOptions::default())?.visibility))
 }
 
 /// Reads a job; paths in it are relative to its folder, which comes with it.

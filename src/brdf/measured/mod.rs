@@ -19,8 +19,6 @@ use rows::{NumberReader, TextTable, WrittenNumber};
 use std::borrow::Cow;
 use std::path::Path;
 
-/// Text of 32 MiB is about half a million rows.
-const MAX_BYTES: u64 = 32 << 20;
 /// Bytes of samples, their repeats and a JSON's values for one of text, at most: the shortest row has 8, its lists some 500.
 const MEMORY_FACTOR: u64 = 64;
 /// Most columns of a table.
@@ -63,13 +61,15 @@ pub struct MeasuredSamples {
 impl MeasuredSamples {
     /// Relative standard deviation of a value where neither the file nor repeats say more.
     pub const ASSUMED_NOISE: f64 = 0.02;
+    /// Bytes of a table, at most: about half a million rows.
+    pub const MAX_BYTES: u64 = 32 << 20;
 
     /// Reads a table of measurements: text, or JSON where it begins with `[` or `{`. See [`MeasuredSamples::from_text`].
     /// # Errors
     /// [`Error::Io`], [`Error::Limits`], and as [`MeasuredSamples::from_text`].
     pub fn read(path: impl AsRef<Path>, access: &FileAccess) -> Result<Self> {
         let path = path.as_ref();
-        let text = access.read_text(path, "table of measurements", MAX_BYTES)?;
+        let text = access.read_text(path, "table of measurements", Self::MAX_BYTES)?;
         Self::from_text(&text, path, access)
     }
 

@@ -90,16 +90,9 @@ pub(super) struct OptimalDesign<'a> {
 impl OptimalDesign<'_> {
     /// Returns the weights of errors along the components, summed over all cells; those near the highlight's centre count `peak` times.
     fn metric(&self, peak: f64) -> Vec<Vec<f64>> {
-        let count = self.variances.len();
-        let mut metric = vec![vec![0.0; count]; count];
-        for ((along, weight), &theta_h) in self.along.iter().zip(self.weights).zip(self.theta_h) {
-            let weight = if theta_h < PEAK { weight * peak } else { *weight };
-            for i in 0..count {
-                let scaled = weight * along[i];
-                (0..count).for_each(|j| metric[i][j] += scaled * along[j]);
-            }
-        }
-        metric
+        let weight = |(weight, &theta_h): (&f64, &f64)| if theta_h < PEAK { weight * peak } else { *weight };
+        let weights = self.weights.iter().zip(self.theta_h).map(weight);
+        error_metric(self.variances.len(), self.along.iter().zip(weights))
     }
 
     fn prior(&self) -> Vec<Vec<f64>> {
@@ -115,9 +108,7 @@ impl OptimalDesign<'_> {
         for _ in 0..count {
             let mut best = (0.0, None);
             for n in (0..open.len()).filter(|&n| open[n]) {
-                let spread = times(&covariance, &self.along[n]);
-                let variance = dot_slices(&spread, &self.along[n]) + self.left[n] + NOISE;
-                let gain = dot_slices(&times(&metric, &spread), &spread) / variance;
+                let gain = gain(&metric, &covariance, &self.along[n], self.left[n]);
                 if gain > best.0 {
                     best = (gain, Some(n));
                 }
@@ -139,6 +130,25 @@ impl OptimalDesign<'_> {
         let of_rest: f64 = self.weights.iter().zip(self.left).map(|(w, l)| w * l).sum();
         ((of_components + of_rest) / self.along.len().max(1) as f64).max(0.0).sqrt()
     }
+}
+
+/// The weights of errors along `count` components, summed over cells: the components at each, and the weight of its squared error.
+pub(super) fn error_metric<'c>(count: usize, cells: impl Iterator<Item = (&'c Vec<f64>, f64)>) -> Vec<Vec<f64>> {
+    let mut metric = vec![vec![0.0; count]; count];
+    for (along, weight) in cells {
+        for i in 0..count {
+            let scaled = weight * along[i];
+            (0..count).for_each(|j| metric[i][j] += scaled * along[j]);
+        }
+    }
+    metric
+}
+
+/// By how much a sample lowers the expected weighted squared error.
+pub(super) fn gain(metric: &[Vec<f64>], covariance: &[Vec<f64>], along: &[f64], left: f64) -> f64 {
+    let spread = times(covariance, along);
+    let variance = dot_slices(&spread, along) + left + NOISE;
+    dot_slices(&times(metric, &spread), &spread) / variance
 }
 
 /// The covariance after one more sample.

@@ -64,15 +64,20 @@ fn eigen(mut a: Vec<Vec<f64>>) -> (Vec<f64>, Vec<Vec<f64>>) {
     ((0..count).map(|i| a[i][i]).collect(), vectors)
 }
 
-/// Solves a positive definite system, of which the lower triangle is given, for three right sides.
-pub(super) fn solve(mut a: Vec<Vec<f64>>, mut b: Vec<[f64; 3]>) -> Vec<[f64; 3]> {
-    let count = a.len();
-    for i in 0..count {
+/// Puts the Cholesky factor of a positive definite matrix in the place of its lower triangle.
+fn factorise(a: &mut [Vec<f64>]) {
+    for i in 0..a.len() {
         for j in 0..=i {
             let sum = a[i][j] - (0..j).map(|k| a[i][k] * a[j][k]).sum::<f64>();
             a[i][j] = if i == j { sum.max(1e-300).sqrt() } else { sum / a[j][j] };
         }
     }
+}
+
+/// Solves a positive definite system, of which the lower triangle is given, for three right sides.
+pub(super) fn solve(mut a: Vec<Vec<f64>>, mut b: Vec<[f64; 3]>) -> Vec<[f64; 3]> {
+    let count = a.len();
+    factorise(&mut a);
     for c in 0..3 {
         for i in 0..count {
             b[i][c] = (b[i][c] - (0..i).map(|k| a[i][k] * b[k][c]).sum::<f64>()) / a[i][i];
@@ -87,13 +92,8 @@ pub(super) fn solve(mut a: Vec<Vec<f64>>, mut b: Vec<[f64; 3]>) -> Vec<[f64; 3]>
 /// Inverts a positive definite matrix of which the lower triangle is given.
 pub(super) fn inverse(mut a: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
     let count = a.len();
-    // The Cholesky factor, then its inverse in place.
-    for i in 0..count {
-        for j in 0..=i {
-            let sum = a[i][j] - (0..j).map(|k| a[i][k] * a[j][k]).sum::<f64>();
-            a[i][j] = if i == j { sum.max(1e-300).sqrt() } else { sum / a[j][j] };
-        }
-    }
+    factorise(&mut a);
+    // The factor's inverse, in its place.
     for j in 0..count {
         a[j][j] = 1.0 / a[j][j];
         for i in j + 1..count {

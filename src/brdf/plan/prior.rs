@@ -5,7 +5,7 @@
 //! 2.8). Errors of `ln(1 + f cos)` follow with the slopes that the estimated material itself has, so that the best next directions depend on
 //! what was measured: a matt material needs none at a highlight that it does not have.
 
-use super::choose::PEAK;
+use super::choose::{PEAK, error_metric, gain, observe};
 use super::{NOISE, PlannedAngles, PopulationComponents, principal};
 use crate::brdf::compact::terms;
 use crate::brdf::{BrdfSample, HalfDifference, MeasuredSample};
@@ -152,7 +152,7 @@ pub(super) fn nearest(all: impl Iterator<Item = [f64; 3]>, to: HalfDifference) -
     best.1
 }
 
-impl MaterialPosterior<'_> {
+impl<'a> MaterialPosterior<'a> {
     /// The most probable material as samples of `bins` of `theta_h`, `theta_d` and `phi_d`, to be fitted in any form.
     pub fn reconstruct(&self, bins: [usize; 3]) -> Vec<BrdfSample> {
         let mut samples = BrdfSample::tabulate(&super::NoBrdf, bins);
@@ -208,36 +208,26 @@ impl MaterialPosterior<'_> {
         if count > open.iter().filter(|open| **open).count() / 4 {
             return Err(Error::parameter(format!("{count} directions are more than can be told apart")));
         }
-        let size = prior.components.components.len();
-        let mut metric = vec![vec![0.0; size]; size];
-        for (n, (along, angles)) in prior.along.iter().zip(&prior.angles).enumerate() {
+        let cell = |(n, (along, angles)): (usize, (&'a Vec<f64>, &HalfDifference))| {
             let peak = if angles.theta_h < PEAK { NEXT_PEAK_IMPORTANCE } else { 1.0 };
             // Half as the estimate says, half as for any material: the estimate may be wrong where nothing was measured.
             let estimated = weights[n].iter().sum::<f64>() / 3.0;
-            let weight = peak * (estimated + prior.weights.get(n).unwrap_or(&estimated));
-            for i in 0..size {
-                let scaled = weight * along[i];
-                (0..size).for_each(|j| metric[i][j] += scaled * along[j]);
-            }
-        }
+            (along, peak * (estimated + prior.weights.get(n).unwrap_or(&estimated)))
+        };
+        let cells = prior.along.iter().zip(&prior.angles).enumerate().map(cell);
+        let metric = error_metric(prior.components.components.len(), cells);
         let mut covariance = self.covariance.clone();
         let mut next = NextAngles { angles: Vec::new(), expected_log_rmse: Vec::new() };
         for _ in 0..count {
             let gains = crate::parallel::map(open.len(), |n| {
-                if !open[n] {
-                    return 0.0;
-                }
-                let along = &prior.along[n];
-                let spread: Vec<f64> = covariance[1].iter().map(|row| dot_slices(row, along)).collect();
-                let variance = dot_slices(&spread, along) + prior.left[n] + NOISE;
-                metric.iter().zip(&spread).map(|(row, s)| s * dot_slices(row, &spread)).sum::<f64>() / variance
+                if open[n] { gain(&metric, &covariance[1], &prior.along[n], prior.left[n]) } else { 0.0 }
             });
             let best =
                 (0..open.len()).filter(|&n| open[n]).max_by(|&a, &b| gains[a].total_cmp(&gains[b]).then(b.cmp(&a)));
             let Some(n) = best else { break };
             open[n] = false;
             for one in &mut covariance {
-                super::choose::observe(one, &prior.along[n], prior.left[n]);
+                observe(one, &prior.along[n], prior.left[n]);
             }
             next.angles.push(PlannedAngles::from_angles(prior.angles[n], prior.left[n]));
             next.expected_log_rmse.push(self.expected(&weights, &covariance));

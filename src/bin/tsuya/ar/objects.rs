@@ -1,7 +1,7 @@
 //! The objects of `tsuya ar`, and where they stand.
 
 use crate::source;
-use crate::surroundings::{self, JobAsset};
+use crate::surroundings;
 use crate::values::triple;
 use anyhow::Result;
 use clap::Args;
@@ -75,11 +75,8 @@ impl PlacementArguments {
     }
 }
 
-/// Assets as they were read.
-pub struct Objects {
-    subjects: Vec<JobAsset>,
-    placements: Vec<Placement>,
-}
+/// Assets as they were read, with their places.
+pub struct Objects(Vec<(Asset, Placement)>);
 
 impl Objects {
     /// Reads the files that are numbers `which` of all; `still` needs the photographs of a single one, too.
@@ -91,34 +88,26 @@ impl Objects {
         still: bool,
     ) -> Result<Self> {
         let selection = || if still && which.len() == 1 { ViewSelection::All } else { ViewSelection::None };
-        let (mut subjects, mut placements) = (Vec::new(), Vec::new());
-        for &object in which {
+        let read = |&object: &usize| {
             let asset = source::decode(&files[object], selection())?.0;
-            placements.push(arguments.placement(&asset, rig, object, files.len())?);
-            subjects.push(JobAsset::Asset(Box::new(asset)));
-        }
-        Ok(Objects { subjects, placements })
-    }
-
-    fn assets(&self) -> impl Iterator<Item = &Asset> {
-        self.subjects.iter().filter_map(|subject| match subject {
-            JobAsset::Asset(asset) => Some(&**asset),
-            JobAsset::Mesh { .. } => None,
-        })
+            let placement = arguments.placement(&asset, rig, object, files.len())?;
+            Ok((asset, placement))
+        };
+        which.iter().map(read).collect::<Result<_>>().map(Objects)
     }
 
     /// Prepares what is drawn.
     pub fn prepare(&self, taps: usize, still: bool) -> Result<PreparedObjects<'_>> {
-        let parts: Vec<(&Asset, Placement)> = self.assets().zip(self.placements.iter().copied()).collect();
-        if let ([subject], [(asset, placement)]) = (&self.subjects[..], &parts[..]) {
+        if let [(asset, placement)] = &self.0[..] {
             return Ok(PreparedObjects::Single(Box::new(PreparedAsset {
                 asset,
                 placement: *placement,
-                occlusion: surroundings::occlusion(subject)?,
+                occlusion: surroundings::stored_occlusion(&asset.mesh, asset.visibility.as_ref())?,
                 shading: AssetShading::new(asset, taps)?,
                 renderer: if still { Some(AssetRenderer::new(asset)?) } else { None },
             })));
         }
+        let parts: Vec<(&Asset, Placement)> = self.0.iter().map(|(asset, placement)| (asset, *placement)).collect();
         Ok(PreparedObjects::Several(Box::new(ArAssembly::new(&parts, taps)?)))
     }
 }

@@ -13,8 +13,6 @@ use tsuya::brdf::{
     fit_measured, max_albedo, reciprocity_error,
 };
 
-/// Text of 32 MiB is about half a million rows.
-const MAX_BYTES: u64 = 32 << 20;
 /// A fit that reflects more than this is of values that are no BRDF.
 const MAX_ALBEDO: f64 = 1.1;
 
@@ -23,6 +21,7 @@ pub struct MeasuredRow {
     name: String,
     samples: MeasuredSamples,
     fit: MeasuredFit,
+    albedo: f64,
     seconds: f64,
 }
 
@@ -34,7 +33,8 @@ pub fn is_measured(path: &Path) -> Result<bool> {
     Ok(match Kind::of(path)? {
         Kind::Measured => true,
         Kind::Models => {
-            let text = source::access().read_text(path, "table of measurements", MAX_BYTES)?.to_owned();
+            let text =
+                source::access().read_text(path, "table of measurements", MeasuredSamples::MAX_BYTES)?.to_owned();
             let begin = text.trim_start();
             begin.starts_with('[')
                 || begin.starts_with('{') && begin.contains("\"samples\"") && !begin.contains(MODEL_FORMAT)
@@ -47,7 +47,7 @@ pub fn is_measured(path: &Path) -> Result<bool> {
 pub fn read(path: &Path) -> Result<MeasuredSamples> {
     let samples = match output::is_stream(path) {
         true => {
-            let bytes = source::read_at_most(path, "table of measurements", MAX_BYTES)?;
+            let bytes = source::read_at_most(path, "table of measurements", MeasuredSamples::MAX_BYTES)?;
             let text = std::str::from_utf8(&bytes).map_err(|e| Error::input(path, format!("not UTF-8 text: {e}")))?;
             MeasuredSamples::from_text(text, path, &source::access())?
         }
@@ -85,7 +85,7 @@ pub fn fit(
                 "{name}: the fit reflects {albedo:.1} times the light that it receives; are the values a BRDF per steradian, without the cosine, or too few?"
             )]);
         }
-        Ok(MeasuredRow { name, samples, fit, seconds })
+        Ok(MeasuredRow { name, samples, fit, albedo, seconds })
     };
     files.iter().map(row).collect()
 }
@@ -111,7 +111,7 @@ pub fn figures(rows: &[MeasuredRow], form: BrdfForm) -> Value {
             "noise_source": source_name(row.samples.noise_source),
             "log_rmse_at_samples": row.fit.log_rmse_at_samples,
             "expected_log_rmse": row.fit.expected_log_rmse,
-            "albedo_max": max_albedo(&row.fit.fitted),
+            "albedo_max": row.albedo,
             "reciprocity": reciprocity_error(&row.fit.fitted),
         })
     };

@@ -62,9 +62,9 @@ impl Next {
         if let Some(path) = &self.csv {
             output::write(path, goniometer_csv(&next.angles).as_bytes(), self.force)?;
         }
+        let mut rows = goniometer_rows(&next.angles);
+        rows.sort_by_key(|row| row.rank);
         if self.json {
-            let mut rows = goniometer_rows(&next.angles);
-            rows.sort_by_key(|row| row.rank);
             let angles: Vec<_> = (rows.iter().zip(&next.angles).zip(&next.expected_log_rmse))
                 .map(|((row, angles), expected)| {
                     json!({
@@ -95,8 +95,6 @@ impl Next {
             return output::print(&text);
         }
         text += "theta_i  theta_o    phi_o  degrees, phi_i 0; expected log RMSE after it\n";
-        let mut rows = goniometer_rows(&next.angles);
-        rows.sort_by_key(|row| row.rank);
         for (row, expected) in rows.iter().zip(&next.expected_log_rmse) {
             text +=
                 &format!("{:7.3}  {:7.3}  {:7.3}  {expected:.4}\n", row.theta_i_deg, row.theta_o_deg, row.phi_o_deg);
