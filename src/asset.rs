@@ -1,5 +1,6 @@
 //! The content of a `.tsuya` file, in memory.
 
+use crate::brdf::binding::TriangleBinding;
 use crate::brdf::materials::NamedMaterial;
 use crate::lighting::EnvironmentLobes;
 use crate::mesh::Mesh;
@@ -30,10 +31,19 @@ pub struct Asset {
     pub views: Vec<View>,
     /// Decoded photographs, parallel to `views`; `None` for views that were not selected.
     pub photographs: Vec<Option<Photograph>>,
-    /// Fitted materials by name.
+    /// Materials by name, fitted or modelled.
     pub materials: Vec<NamedMaterial>,
+    /// Which of them the mesh's triangles take.
+    pub binding: Option<TriangleBinding>,
     /// Visibility of directions from the mesh's vertices or samples.
     pub visibility: Option<Visibility>,
     /// Light to show the object in.
     pub light: Option<EnvironmentLobes>,
+}
+
+impl Asset {
+    /// Returns whether materials are bound to the mesh: then they are what is drawn, whatever was captured.
+    pub fn is_modelled(&self) -> bool {
+        self.binding.is_some()
+    }
 }

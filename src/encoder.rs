@@ -1,5 +1,6 @@
 //! From a capture to a file: the stages in the order of the data's way. [`crate::decoder`] runs them backwards.
 
+use crate::brdf::binding::{self, TriangleBinding};
 use crate::brdf::materials::{self, NamedMaterial};
 use crate::capture::OpenCapture;
 use crate::container::metadata::{AchievedError, Metadata};
@@ -7,8 +8,8 @@ use crate::container::{ContainerWriter, SectionCodec, Tag, metadata, thumbnail, 
 use crate::error::{Error, Result};
 use crate::illumination::{self, AssumedLight, EnvironmentEstimate, LightSources};
 use crate::limits::{Budget, Limits};
-use crate::mesh::Mesh;
 use crate::mesh::codec::MeshOptions;
+use crate::mesh::{EncodedMesh, Mesh};
 use crate::metrics::{Distortion, ImagePsnr, to_display};
 use crate::options::{CaptureLight, EncodeOptions, Profile};
 use crate::rate::{self, CodedView};
@@ -167,6 +168,32 @@ pub fn encode_materials(materials: &[NamedMaterial], metadata: &Metadata) -> Res
     let mut writer = ContainerWriter::new(Vec::new())?;
     writer.write_section(Tag::METADATA, SectionCodec::Zstd, &metadata::encode(&described)?)?;
     writer.write_section(Tag::MATERIALS, SectionCodec::Own, &materials::encode_materials(materials)?)?;
+    writer.finish()
+}
+
+/// Writes a file of an object that was modelled: its mesh and what its triangles are made of. `binding` is in the order of the coded mesh's
+/// triangles.
+/// # Errors
+/// [`Error::Parameter`] if a name is empty, too long or given twice, the binding is another mesh's, or names a material that is not given.
+pub fn encode_modelled(
+    mesh: &EncodedMesh,
+    materials: &[NamedMaterial],
+    binding: &TriangleBinding,
+    metadata: &Metadata,
+) -> Result<Vec<u8>> {
+    if binding.of_triangle.len() != mesh.mesh.triangles.len() {
+        return Err(Error::parameter("a binding has a material for each triangle of its mesh"));
+    }
+    if let Some(name) = binding.names.iter().find(|name| materials.iter().all(|named| named.name != **name)) {
+        return Err(Error::parameter(format!("triangles are bound to material '{name}', which is not given")));
+    }
+    let mut described = metadata.clone();
+    described.set_generator(GENERATOR);
+    let mut writer = ContainerWriter::new(Vec::new())?;
+    writer.write_section(Tag::METADATA, SectionCodec::Zstd, &metadata::encode(&described)?)?;
+    writer.write_section(Tag::MESH, SectionCodec::Own, &mesh.bytes)?;
+    writer.write_section(Tag::MATERIALS, SectionCodec::Own, &materials::encode_materials(materials)?)?;
+    writer.write_section(Tag::BINDING, SectionCodec::Own, &binding::encode_binding(binding)?)?;
     writer.finish()
 }
 

@@ -76,8 +76,10 @@ fn rgl_to_a_model_to_merl() {
     tsuya(&["brdf", "convert", table, "-o", lobes, "--form", "published", "--slices", "6"]).code(0);
     assert!(output(&["info", lobes]).contains("materials: 1 (felt)"));
     assert!(
-        complaint(1, &["brdf", "convert", table, "-o", text(&path("b.tsuya")), "--form", "ward"]).contains(".json")
+        complaint(1, &["brdf", "convert", table, "-o", text(&path("b.json")), "--form", "dsbrdf"]).contains(".tsuya")
     );
+    tsuya(&["brdf", "convert", table, "-o", text(&path("ward.tsuya")), "--form", "ward"]).code(0);
+    assert!(json(&["info", text(&path("ward.tsuya")), "--json"])["materials"][0]["form"] == "ward");
 
     assert!(complaint(2, &["brdf", "convert", model, "-o", table]).contains("--force"));
     let picture = path("ball.png");

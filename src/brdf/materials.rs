@@ -1,29 +1,46 @@
-//! Fitted materials by name, and section `mATl` that holds them.
+//! Materials by name, fitted or modelled, and section `mATl` that holds them.
 
 use super::Brdf;
 use super::compact::CompactMaterial;
 use super::dsbrdf::DsbrdfMaterial;
+use super::models::{ClassicalModel, Microfacets};
 use crate::container::Tag;
 use crate::error::{Error, Result};
 use crate::limits::Budget;
 use byteorder::{ByteOrder, LittleEndian};
 use std::collections::HashSet;
 
-/// A material that a few hundred bytes describe.
+/// A material that a file holds: a few hundred bytes describe it.
 #[derive(Debug, Clone, PartialEq)]
 pub enum FittedMaterial {
     /// Lobes of the half angle (DSBRDF).
     Dsbrdf(DsbrdfMaterial),
     /// The project's own form.
     Compact(CompactMaterial),
+    /// A classical model, fitted or given.
+    Classical(ClassicalModel),
+    /// glTF's metallic-roughness model.
+    MetallicRoughness(Microfacets),
 }
 
 impl FittedMaterial {
-    /// `dsbrdf` or `compact`.
+    /// Name of the form: `dsbrdf`, `compact`, that of a classical model, or `metallic-roughness`.
     pub fn form(&self) -> &'static str {
         match self {
             FittedMaterial::Dsbrdf(_) => "dsbrdf",
             FittedMaterial::Compact(_) => "compact",
+            FittedMaterial::Classical(model) => model.lobe.name(),
+            FittedMaterial::MetallicRoughness(_) => "metallic-roughness",
+        }
+    }
+
+    /// Number of the form in a file.
+    fn code(&self) -> u8 {
+        match self {
+            FittedMaterial::Dsbrdf(_) => 0,
+            FittedMaterial::Compact(_) => 1,
+            FittedMaterial::Classical(_) => CLASSICAL,
+            FittedMaterial::MetallicRoughness(_) => METALLIC_ROUGHNESS,
         }
     }
 
@@ -32,6 +49,8 @@ impl FittedMaterial {
         match self {
             FittedMaterial::Dsbrdf(material) => material.encode(),
             FittedMaterial::Compact(material) => material.encode(),
+            FittedMaterial::Classical(model) => model.encode(),
+            FittedMaterial::MetallicRoughness(model) => model.encode(),
         }
     }
 
@@ -41,10 +60,10 @@ impl FittedMaterial {
     pub fn to_dsbrdf(&self) -> Result<DsbrdfMaterial> {
         match self {
             FittedMaterial::Dsbrdf(material) => Ok(material.clone()),
-            FittedMaterial::Compact(material) => {
-                // The form is smooth up to the centre of the highlight, which needs no care there.
+            _ => {
+                // All forms are smooth up to the centre of the highlight, which needs no care there.
                 let options = super::dsbrdf::DsbrdfFitOptions { min_theta_h_deg: 0.0, ..Default::default() };
-                super::dsbrdf::fit_dsbrdf(&super::BrdfSample::tabulate(material, [60, 36, 9]), &options)
+                super::dsbrdf::fit_dsbrdf(&super::BrdfSample::tabulate(self, [60, 36, 9]), &options)
             }
         }
     }
@@ -55,6 +74,8 @@ impl Brdf for FittedMaterial {
         match self {
             FittedMaterial::Dsbrdf(material) => material.evaluate(incoming, outgoing),
             FittedMaterial::Compact(material) => material.evaluate(incoming, outgoing),
+            FittedMaterial::Classical(model) => model.evaluate(incoming, outgoing),
+            FittedMaterial::MetallicRoughness(model) => model.evaluate(incoming, outgoing),
         }
     }
 
@@ -62,6 +83,8 @@ impl Brdf for FittedMaterial {
         match self {
             FittedMaterial::Dsbrdf(material) => material.evaluate_row(theta_h, theta_d, pairs, values),
             FittedMaterial::Compact(material) => material.evaluate_row(theta_h, theta_d, pairs, values),
+            FittedMaterial::Classical(model) => model.evaluate_row(theta_h, theta_d, pairs, values),
+            FittedMaterial::MetallicRoughness(model) => model.evaluate_row(theta_h, theta_d, pairs, values),
         }
     }
 }
@@ -75,17 +98,23 @@ pub struct NamedMaterial {
     pub material: FittedMaterial,
 }
 
-/// Version of the section's layout.
-const VERSION: u8 = 1;
+/// Versions of the section's layout: the second has the forms from [`CLASSICAL`] on.
+const VERSIONS: std::ops::RangeInclusive<u8> = 1..=2;
+/// Numbers of forms.
+const CLASSICAL: u8 = 2;
+const METALLIC_ROUGHNESS: u8 = 3;
 /// Memory of a decoded material at most: 744 integers and 1280 triples of doubles; 4050 integers and twice as many doubles.
 const COMPACT_MEMORY: u64 = 40_000;
 const DSBRDF_MEMORY: u64 = 100_000;
+const MODEL_MEMORY: u64 = 1024;
 
 /// Section `mATl` of materials.
 /// # Errors
-/// [`Error::Parameter`] where a name is empty, longer than 255 bytes or there twice.
+/// [`Error::Parameter`] where a name is empty, longer than 255 bytes or there twice, or a parameter is out of its range.
 pub fn encode_materials(materials: &[NamedMaterial]) -> Result<Vec<u8>> {
-    let mut bytes = vec![VERSION, 0, 0, 0, 0];
+    // What the first version can hold is written as such.
+    let has_models = materials.iter().any(|named| named.material.code() >= CLASSICAL);
+    let mut bytes = vec![if has_models { *VERSIONS.end() } else { *VERSIONS.start() }, 0, 0, 0, 0];
     LittleEndian::write_u32(&mut bytes[1..], materials.len() as u32);
     let mut names = HashSet::new();
     for NamedMaterial { name, material } in materials {
@@ -96,11 +125,14 @@ pub fn encode_materials(materials: &[NamedMaterial]) -> Result<Vec<u8>> {
         if !names.insert(name) {
             return Err(Error::parameter(format!("two materials are called '{name}'")));
         }
+        let checked = match material {
+            FittedMaterial::Classical(model) => model.check(),
+            FittedMaterial::MetallicRoughness(model) => model.check(),
+            FittedMaterial::Dsbrdf(_) | FittedMaterial::Compact(_) => Ok(()),
+        };
+        checked.map_err(|error| Error::parameter(format!("material '{name}': {error}")))?;
         let coded = material.encode();
-        bytes.push(match material {
-            FittedMaterial::Dsbrdf(_) => 0,
-            FittedMaterial::Compact(_) => 1,
-        });
+        bytes.push(material.code());
         bytes.push(length);
         bytes.extend_from_slice(name.as_bytes());
         let long =
@@ -120,12 +152,15 @@ pub fn encode_materials(materials: &[NamedMaterial]) -> Result<Vec<u8>> {
 pub fn decode_materials(bytes: &[u8], budget: &Budget) -> Result<Vec<NamedMaterial>> {
     let mut reader = MaterialReader { bytes, position: 0 };
     let [version] = reader.array("version")?;
-    if version != VERSION {
+    if !VERSIONS.contains(&version) {
         return Err(Error::Unsupported(format!(
-            "version {version} of section {}; this build reads {VERSION}",
-            Tag::MATERIALS
+            "version {version} of section {}; this build reads {} and {}",
+            Tag::MATERIALS,
+            VERSIONS.start(),
+            VERSIONS.end()
         )));
     }
+    let last_form = if version == *VERSIONS.start() { CLASSICAL - 1 } else { METALLIC_ROUGHNESS };
     let count = LittleEndian::read_u32(reader.take(4, "number of materials")?);
     let mut materials = Vec::new();
     let mut names = HashSet::new();
@@ -142,8 +177,10 @@ pub fn decode_materials(bytes: &[u8], budget: &Budget) -> Result<Vec<NamedMateri
         let memory = match form {
             0 => DSBRDF_MEMORY,
             1 => COMPACT_MEMORY,
+            _ if form <= last_form => MODEL_MEMORY,
             _ => {
-                return Err(Error::Unsupported(format!("material '{name}' has form {form}; this build reads 0 and 1")));
+                let message = format!("material '{name}' has form {form}; version {version} has 0 to {last_form}");
+                return Err(Error::Unsupported(message));
             }
         };
         budget.charge("materials", memory + 3 * name.len() as u64 + 128)?;
@@ -152,7 +189,9 @@ pub fn decode_materials(bytes: &[u8], budget: &Budget) -> Result<Vec<NamedMateri
         }
         let material = match form {
             0 => DsbrdfMaterial::decode(coded, Tag::MATERIALS).map(FittedMaterial::Dsbrdf),
-            _ => CompactMaterial::decode(coded, Tag::MATERIALS).map(FittedMaterial::Compact),
+            1 => CompactMaterial::decode(coded, Tag::MATERIALS).map(FittedMaterial::Compact),
+            CLASSICAL => ClassicalModel::decode(coded, Tag::MATERIALS).map(FittedMaterial::Classical),
+            _ => Microfacets::decode(coded, Tag::MATERIALS).map(FittedMaterial::MetallicRoughness),
         };
         let material = material.map_err(|error| match error {
             Error::Format { message, .. } => Error::format(Tag::MATERIALS, at, format!("material '{name}': {message}")),
@@ -194,7 +233,7 @@ impl<'a> MaterialReader<'a> {
 mod tests {
     use super::*;
     use crate::Limits;
-    use crate::brdf::BrdfSample;
+    use crate::brdf::{BrdfSample, ClassicalLobe, ShiftedGamma};
 
     struct Glossy;
     impl Brdf for Glossy {
@@ -214,7 +253,79 @@ mod tests {
             let compact = crate::brdf::compact::fit_compact(&samples, &Default::default()).unwrap();
             all.push(NamedMaterial { name: "own form \u{8276}".into(), material: FittedMaterial::Compact(compact) });
         }
+        all.push(NamedMaterial { name: "ward".into(), material: models().swap_remove(5) });
         all
+    }
+
+    /// Every model with parameters of its own.
+    fn models() -> Vec<FittedMaterial> {
+        let three = |x: f64| [x, 0.5 * x, 1.0 / 3.0];
+        let shape = ShiftedGamma {
+            alpha: three(0.1),
+            p: three(0.7),
+            f0: three(0.2),
+            f1: three(0.01),
+            normalisation: three(0.9),
+            lambda: three(2.0),
+            c: three(1.0),
+            k: three(1.5),
+            theta0: three(-0.2),
+        };
+        let lobes = [
+            ClassicalLobe::Lambert,
+            ClassicalLobe::BlinnPhong { exponent: 80.1 },
+            ClassicalLobe::CookTorranceBeckmann { roughness: 0.2, reflectance: 0.1 },
+            ClassicalLobe::CookTorranceGgx { roughness: 0.21, reflectance: 0.11 },
+            ClassicalLobe::Ward { roughness: 0.2 },
+            ClassicalLobe::WardAnisotropic { roughness: [0.2, 0.3] },
+            ClassicalLobe::AshikhminShirley { exponents: [80.0, 40.0], reflectance: 0.1 },
+            ClassicalLobe::Lafortune { xy: -1.0, z: 0.95, exponent: 20.0 },
+            ClassicalLobe::TorranceSparrow { sigma: 0.15 },
+            ClassicalLobe::ShiftedGamma(Box::new(shape)),
+        ];
+        let classical = |lobe: ClassicalLobe| {
+            let specular = if lobe == ClassicalLobe::Lambert { [0.0; 3] } else { [0.4, 0.5, 0.6] };
+            FittedMaterial::Classical(ClassicalModel { diffuse: [0.1, 0.2, 0.3], specular, lobe })
+        };
+        let gold = Microfacets {
+            base_colour: [1.0, 0.7, 0.3],
+            metallic: 1.0,
+            roughness: 0.3,
+            specular_colour: [1.0, 0.9, 2.0],
+        };
+        lobes.into_iter().map(classical).chain([FittedMaterial::MetallicRoughness(gold)]).collect()
+    }
+
+    #[test]
+    fn every_model_comes_back_and_its_parameters_are_checked() {
+        let budget = || Budget::new(Limits::default());
+        for material in models() {
+            let named = NamedMaterial { name: "one".into(), material: material.clone() };
+            let bytes = encode_materials(std::slice::from_ref(&named)).unwrap();
+            assert_eq!(bytes[0], 2);
+            assert_eq!(decode_materials(&bytes, &budget()).unwrap(), [named.clone()], "{}", material.form());
+            let (incoming, outgoing) = ([0.6, 0.0, 0.8], [-0.28, 0.0, 0.96]);
+            assert!(material.evaluate(incoming, outgoing).iter().all(|v| *v > 0.0), "{}", material.form());
+            // A number that is none, a number too few or too many, the form in a section of the first version.
+            let mut wrong = bytes.clone();
+            let last = wrong.len() - 8;
+            wrong[last..].copy_from_slice(&f64::NAN.to_le_bytes());
+            assert!(matches!(decode_materials(&wrong, &budget()), Err(Error::Format { .. })), "{}", material.form());
+            for coded in [&material.encode()[..material.encode().len() - 8], &[material.encode(), vec![0; 8]].concat()]
+            {
+                let decoded = match &material {
+                    FittedMaterial::Classical(_) => ClassicalModel::decode(coded, Tag::MATERIALS).map(drop),
+                    _ => Microfacets::decode(coded, Tag::MATERIALS).map(drop),
+                };
+                assert!(matches!(decoded, Err(Error::Format { .. })), "{}", material.form());
+            }
+            let first = [&[1], &bytes[1..]].concat();
+            assert!(matches!(decode_materials(&first, &budget()), Err(Error::Unsupported(_))));
+        }
+        let wide = ClassicalLobe::Ward { roughness: f64::INFINITY };
+        let material = FittedMaterial::Classical(ClassicalModel { diffuse: [0.0; 3], specular: [1.0; 3], lobe: wide });
+        assert!(encode_materials(&[NamedMaterial { name: "wide".into(), material }]).is_err());
+        assert!(matches!(ClassicalModel::decode(&[10], Tag::MATERIALS), Err(Error::Unsupported(_))));
     }
 
     #[test]

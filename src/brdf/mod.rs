@@ -1,6 +1,7 @@
-//! Measured materials (BRDFs): reading MERL tables and RGL files, fitting them in several forms, planning measurements.
+//! Materials (BRDFs), measured and modelled: reading MERL tables and RGL files, fitting them in several forms, planning measurements.
 
 mod angles;
+pub(crate) mod binding;
 pub(crate) mod compact;
 #[cfg(feature = "encode")]
 pub(crate) mod directions;
@@ -26,6 +27,9 @@ mod sample;
 mod test_data;
 
 pub use angles::HalfDifference;
+#[cfg(feature = "encode")]
+pub use binding::encode_binding;
+pub use binding::{TriangleBinding, decode_binding};
 pub use compact::{COMPACT_DEGREES, CompactMaterial};
 #[cfg(feature = "encode")]
 pub use compact::{CompactFitOptions, FitDirections, fit_compact};
@@ -50,7 +54,7 @@ pub use merl::{InterpolatedMerl, MERL_CELLS, MerlCell, MerlGrid, MerlTable, PHI_
 pub use models::{
     ClassicalForm, FitObjective, MeasuredPair, PublishedFit, fit_classical, fit_classical_pairs, read_published,
 };
-pub use models::{ClassicalLobe, ClassicalModel, ScatteringAngles, ShiftedGamma};
+pub use models::{ClassicalLobe, ClassicalModel, Microfacets, ScatteringAngles, ShiftedGamma};
 #[cfg(feature = "encode")]
 pub use plan::{
     GoniometerAngles, MaterialPosterior, MaterialPrior, MeasurementPlan, NextAngles, PLAN_FORMAT, PlanMethod,

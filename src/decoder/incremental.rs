@@ -1,6 +1,7 @@
 //! Incremental decoding: each part of a file as soon as its bytes are there, each view by itself.
 
 use super::stages::{self, PhotographCoding};
+use crate::brdf::binding::TriangleBinding;
 use crate::brdf::materials::NamedMaterial;
 use crate::container::incremental::ready;
 use crate::container::metadata::Metadata;
@@ -240,9 +241,16 @@ impl IncrementalDecoder {
         self.handed_out(stages::light)
     }
 
-    /// Decodes the fitted materials; none in a file without. Not kept.
+    /// Decodes the materials; none in a file without. Not kept.
     pub fn materials(&mut self) -> Result<Poll<Vec<NamedMaterial>>> {
         self.handed_out(stages::materials)
+    }
+
+    /// Decodes the materials of the mesh's triangles; `None` in a file without. Not kept.
+    pub fn binding(&mut self) -> Result<Poll<Option<TriangleBinding>>> {
+        let mesh = ready!(self.mesh()?);
+        let materials = ready!(self.materials()?);
+        self.handed_out(|file| stages::binding(file, mesh.as_deref(), &materials))
     }
 
     /// Decodes what the photographs are predicted from besides each other; `None` where that is nothing, or before the header is decoded.

@@ -1,5 +1,6 @@
 //! Stages of decoding: each decodes one section of a file from what earlier stages gave, or names the ranges that it needs.
 
+use crate::brdf::binding::{self, TriangleBinding};
 use crate::brdf::materials::{self, NamedMaterial};
 use crate::container::incremental::ready;
 use crate::container::metadata::{self, Metadata};
@@ -152,7 +153,17 @@ pub(super) fn light(file: &mut IncrementalReader) -> Result<Poll<Option<Environm
     section(file, Tag::LIGHT, lighting::codec::decode)
 }
 
-/// Decodes the fitted materials; none in a file without.
+/// Decodes the materials; none in a file without.
 pub(super) fn materials(file: &mut IncrementalReader) -> Result<Poll<Vec<NamedMaterial>>> {
     Ok(Poll::Ready(ready!(section(file, Tag::MATERIALS, materials::decode_materials)?).unwrap_or_default()))
+}
+
+/// Decodes the materials of the mesh's triangles; `None` in a file without.
+pub(super) fn binding(
+    file: &mut IncrementalReader,
+    mesh: Option<&Mesh>,
+    materials: &[NamedMaterial],
+) -> Result<Poll<Option<TriangleBinding>>> {
+    let Some(mesh) = mesh else { return Ok(Poll::Ready(None)) };
+    section(file, Tag::BINDING, |bytes, budget| binding::decode_binding(bytes, mesh.triangles.len(), materials, budget))
 }

@@ -16,12 +16,12 @@ use byteorder::{ByteOrder, LittleEndian};
 use serde_json::{Map, Value, json};
 
 /// bufferView targets.
-const VERTICES: u64 = 34962;
+pub(super) const VERTICES: u64 = 34962;
 const INDICES: u64 = 34963;
 /// Component types.
 const U16: u64 = 5123;
 const U32: u64 = 5125;
-const F32: u64 = 5126;
+pub(super) const F32: u64 = 5126;
 
 /// Location of the stream.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
@@ -119,7 +119,7 @@ pub fn export(stream: &[u8], asset: &Asset, options: &ExportOptions) -> Result<E
 }
 
 /// The node: turned so that what is up in the photographs is up in glTF (+Y), scaled to metres.
-fn node(asset: &Asset, title: &str) -> Value {
+pub(super) fn node(asset: &Asset, title: &str) -> Value {
     let mut node = json!({"name": title, "mesh": 0});
     if let Some(turn) = View::upright_rotation(&asset.views) {
         node["rotation"] = json!(turn);
@@ -134,18 +134,7 @@ fn node(asset: &Asset, title: &str) -> Value {
 /// Writes the vertices and triangles; returns the primitive.
 pub(super) fn write_geometry(document: &mut GltfDocument, geometry: &RenderMesh) -> Result<Value> {
     let count = geometry.positions.len();
-    let indices = geometry.triangles.as_flattened();
-    // The largest index of a type is kept free by glTF.
-    let (kind, bytes): (u64, Vec<u8>) = if count <= usize::from(u16::MAX) {
-        (U16, numbers(indices.iter().map(|&index| index as u16), LittleEndian::write_u16_into))
-    } else {
-        (U32, numbers(indices.iter().copied(), LittleEndian::write_u32_into))
-    };
-    let view = push_view(document, &bytes, Some(INDICES))?;
-    let accessors = document.list_mut("accessors")?;
-    accessors.push(
-        json!({"bufferView": view, "componentType": kind, "count": 3 * geometry.triangles.len(), "type": "SCALAR"}),
-    );
+    write_indices(document, geometry.triangles.as_flattened(), count)?;
     let attributes: [(&str, &str, Vec<u8>); 4] = [
         ("POSITION", "VEC3", floats(&geometry.positions)),
         ("NORMAL", "VEC3", floats(&geometry.normals)),
@@ -157,11 +146,9 @@ pub(super) fn write_geometry(document: &mut GltfDocument, geometry: &RenderMesh)
         let view = push_view(document, &bytes, Some(VERTICES))?;
         let mut accessor = json!({"bufferView": view, "componentType": F32, "count": count, "type": kind});
         if name == "POSITION" {
-            let bound = |pick: fn(f32, f32) -> f32| -> [f32; 3] {
-                std::array::from_fn(|c| geometry.positions.iter().map(|p| p[c]).reduce(pick).unwrap_or(0.0))
-            };
-            accessor["min"] = json!(bound(f32::min));
-            accessor["max"] = json!(bound(f32::max));
+            let [low, high] = bounds(&geometry.positions);
+            accessor["min"] = json!(low);
+            accessor["max"] = json!(high);
         }
         let accessors = document.list_mut("accessors")?;
         accessors.push(accessor);
@@ -170,7 +157,29 @@ pub(super) fn write_geometry(document: &mut GltfDocument, geometry: &RenderMesh)
     Ok(json!({"attributes": named, "indices": 0, "material": 0}))
 }
 
-fn floats<const N: usize>(elements: &[[f32; N]]) -> Vec<u8> {
+/// Writes indices of `count` vertices; returns their accessor.
+pub(super) fn write_indices(document: &mut GltfDocument, indices: &[u32], count: usize) -> Result<usize> {
+    // The largest index of a type is kept free by glTF.
+    let (kind, bytes): (u64, Vec<u8>) = if count <= usize::from(u16::MAX) {
+        (U16, numbers(indices.iter().map(|&index| index as u16), LittleEndian::write_u16_into))
+    } else {
+        (U32, numbers(indices.iter().copied(), LittleEndian::write_u32_into))
+    };
+    let view = push_view(document, &bytes, Some(INDICES))?;
+    let accessors = document.list_mut("accessors")?;
+    accessors.push(json!({"bufferView": view, "componentType": kind, "count": indices.len(), "type": "SCALAR"}));
+    Ok(accessors.len() - 1)
+}
+
+/// The lowest and the highest corner of positions, as their accessor has them.
+pub(super) fn bounds(positions: &[[f32; 3]]) -> [[f32; 3]; 2] {
+    let bound = |pick: fn(f32, f32) -> f32| -> [f32; 3] {
+        std::array::from_fn(|c| positions.iter().map(|p| p[c]).reduce(pick).unwrap_or(0.0))
+    };
+    [bound(f32::min), bound(f32::max)]
+}
+
+pub(super) fn floats<const N: usize>(elements: &[[f32; N]]) -> Vec<u8> {
     numbers(elements.as_flattened().iter().copied(), LittleEndian::write_f32_into)
 }
 

@@ -1,9 +1,10 @@
 //! A metallic-roughness material baked from fitted reflectance, for viewers that don't know the extension.
 
 use super::geometry::charts;
-use super::metallic_roughness::{Microfacets, equivalent_lobe, material};
+use super::metallic_roughness::{equivalent_lobe, material};
 use super::normal_map::bake_normal_map;
 use crate::asset::Asset;
+use crate::brdf::Microfacets;
 use crate::error::{Error, Result};
 use crate::image::{Grid, from_srgb, to_srgb};
 use crate::reflectance::torrance_sparrow::SIGMA_RANGE;

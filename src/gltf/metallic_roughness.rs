@@ -1,54 +1,7 @@
-//! The metallic-roughness model of glTF (appendix B of its specification, with `KHR_materials_specular`), and which of its materials
-//! looks like a fitted reflectance.
+//! Which material of glTF's metallic-roughness model looks like a fitted reflectance.
 
-use crate::brdf::Brdf;
-use std::f64::consts::{FRAC_PI_2, PI};
-
-/// Reflectance at normal incidence of every dielectric whose `ior` is not said.
-pub(super) const DIELECTRIC: f64 = 0.04;
-/// Least `alpha = roughness^2`: viewers clamp about here.
-const MIN_ALPHA: f64 = 0.002;
-
-/// A glTF material at one point.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Microfacets {
-    /// Base colour, linear, 0 to 1.
-    pub base_colour: [f64; 3],
-    /// 0 dielectric, 1 metal.
-    pub metallic: f64,
-    /// Perceptual roughness, 0 to 1; its square is the width `alpha` of the distribution.
-    pub roughness: f64,
-    /// Colour of the dielectric's reflection in units of 0.04, linear (`specularColorFactor` times its texture).
-    pub specular_colour: [f64; 3],
-}
-
-impl Brdf for Microfacets {
-    /// Trowbridge-Reitz distribution, Smith's masking with both directions correlated, Schlick's Fresnel term.
-    fn evaluate(&self, incoming: [f64; 3], outgoing: [f64; 3]) -> [f64; 3] {
-        let (cos_in, cos_out) = (incoming[2], outgoing[2]);
-        if cos_in <= 0.0 || cos_out <= 0.0 {
-            return [0.0; 3];
-        }
-        let sum: [f64; 3] = std::array::from_fn(|k| incoming[k] + outgoing[k]);
-        let length = sum.iter().map(|x| x * x).sum::<f64>().sqrt();
-        let cos_half = sum[2] / length;
-        let out_half = (0..3).map(|k| outgoing[k] * sum[k]).sum::<f64>() / length;
-        let square = (self.roughness * self.roughness).max(MIN_ALPHA).powi(2);
-        let bottom = cos_half * cos_half * (square - 1.0) + 1.0;
-        let distribution = square / (PI * bottom * bottom);
-        let masking = |one: f64, other: f64| one * (other * other * (1.0 - square) + square).sqrt();
-        let specular = distribution * 0.5 / (masking(cos_in, cos_out) + masking(cos_out, cos_in));
-        let grazing = (1.0 - out_half.abs()).max(0.0).powi(5);
-        let fresnel = |normal: f64| normal + (1.0 - normal) * grazing;
-        let dielectric = self.specular_colour.map(|s| fresnel((DIELECTRIC * s).min(1.0)));
-        let passed = 1.0 - dielectric.iter().fold(0.0f64, |a, &b| a.max(b));
-        std::array::from_fn(|c| {
-            let plastic = self.base_colour[c] / PI * passed + specular * dielectric[c];
-            let metal = specular * fresnel(self.base_colour[c]);
-            plastic + self.metallic * (metal - plastic)
-        })
-    }
-}
+use crate::brdf::{Microfacets, models::DIELECTRIC, models::MIN_ALPHA};
+use std::f64::consts::FRAC_PI_2;
 
 /// The `alpha` of glTF's distribution that looks most like a Torrance-Sparrow lobe of width `sigma`, and its peak as a share of that lobe's.
 ///
@@ -56,14 +9,20 @@ impl Brdf for Microfacets {
 /// sharper peak with longer tails. The result minimises `integral (exp(-a^2 / (2 sigma^2)) - peak g(a))^2 sin a da`, the squared error of
 /// radiance over the solid angle. For small `sigma`, `alpha = 1.50 sigma` and `peak = 1.14`.
 pub fn equivalent_lobe(sigma: f64) -> (f64, f64) {
+    let lobe = |angle: f64| (-0.5 * (angle / sigma).powi(2)).exp();
+    let range = [(0.4 * sigma).max(MIN_ALPHA), (4.0 * sigma).clamp(2.0 * MIN_ALPHA, 1.0)];
+    equivalent_distribution(&lobe, FRAC_PI_2.min(12.0 * sigma), range)
+}
+
+/// As [`equivalent_lobe`] of any function of the angle between normal and half vector up to `end`: `alpha` within a range, and the peak.
+pub(super) fn equivalent_distribution(lobe: &dyn Fn(f64) -> f64, end: f64, [least, most]: [f64; 2]) -> (f64, f64) {
     const STEPS: usize = 200;
-    let end = FRAC_PI_2.min(12.0 * sigma);
     let cost = |alpha: f64| {
         let (mut product, mut square, mut energy) = (0.0, 0.0, 0.0);
         for k in 0..STEPS {
             let angle = (k as f64 + 0.5) / STEPS as f64 * end;
             let (sin, cos) = angle.sin_cos();
-            let lobe = (-0.5 * (angle / sigma).powi(2)).exp();
+            let lobe = lobe(angle);
             let facets = (cos * cos + sin * sin / (alpha * alpha)).powi(-2);
             product += lobe * facets * sin;
             square += facets * facets * sin;
@@ -73,7 +32,7 @@ pub fn equivalent_lobe(sigma: f64) -> (f64, f64) {
     };
     // Golden section over ln(alpha).
     let ratio = 0.5 * (5f64.sqrt() - 1.0);
-    let (mut low, mut high) = ((0.4 * sigma).max(MIN_ALPHA).ln(), (4.0 * sigma).clamp(2.0 * MIN_ALPHA, 1.0).ln());
+    let (mut low, mut high) = (least.ln(), most.ln());
     for _ in 0..40 {
         let (one, two) = (high - ratio * (high - low), low + ratio * (high - low));
         if cost(one.exp()).0 < cost(two.exp()).0 { high = two } else { low = one }

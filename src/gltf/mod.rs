@@ -14,6 +14,7 @@ mod geometry;
 mod levels;
 mod look;
 mod metallic_roughness;
+mod modelled;
 mod normal_map;
 mod stream;
 
@@ -26,7 +27,8 @@ pub use export::{ExportOptions, ExportedGltf, StreamPlacement, export};
 pub use fallback::{Fallback, bake_fallback};
 pub use levels::prefix_lengths;
 pub use look::render_fallback;
-pub use metallic_roughness::{Microfacets, equivalent_lobe};
+pub use metallic_roughness::equivalent_lobe;
+pub use modelled::{export_modelled, metallic_roughness_of};
 pub use stream::{ExtractedStream, extract, find_material, inject, sha256, strip};
 
 /// Name of the extension.

@@ -43,6 +43,12 @@ impl std::fmt::Display for CleanReport {
 /// Order is kept: vertices by their first appearance in the list, triangles as they were. Non-manifold meshes, double-sided
 /// sheets and open borders pass through. Corner indices must lie inside the vertex list, as [`super::read::read`] assures.
 pub fn clean(mesh: Mesh) -> (Mesh, CleanReport) {
+    let (mesh, report, _) = clean_with_order(mesh);
+    (mesh, report)
+}
+
+/// As [`clean`], with the index in the given mesh of each triangle that is kept.
+pub fn clean_with_order(mesh: Mesh) -> (Mesh, CleanReport, Vec<u32>) {
     let mut report = CleanReport::default();
     let positions: Vec<[f32; 3]> = mesh.positions.iter().map(|p| p.map(|c| c + 0.0)).collect();
     let mut first_at = HashMap::with_capacity(positions.len());
@@ -58,7 +64,8 @@ pub fn clean(mesh: Mesh) -> (Mesh, CleanReport) {
 
     let mut seen = std::collections::HashSet::with_capacity(mesh.triangles.len());
     let mut triangles = Vec::with_capacity(mesh.triangles.len());
-    for triangle in &mesh.triangles {
+    let mut order = Vec::with_capacity(mesh.triangles.len());
+    for (index, triangle) in (0u32..).zip(&mesh.triangles) {
         let [a, b, c] = triangle.map(|v| representative[v as usize]);
         if a == b || b == c || c == a || is_degenerate([a, b, c].map(|v| positions[v as usize])) {
             report.degenerate_triangles += 1;
@@ -74,6 +81,7 @@ pub fn clean(mesh: Mesh) -> (Mesh, CleanReport) {
         };
         if seen.insert(rotated) {
             triangles.push([a, b, c]);
+            order.push(index);
         } else {
             report.duplicate_triangles += 1;
         }
@@ -92,7 +100,7 @@ pub fn clean(mesh: Mesh) -> (Mesh, CleanReport) {
         }
     }
     triangles.iter_mut().for_each(|t| *t = t.map(|v| new_index[v as usize]));
-    (Mesh { positions: kept, triangles }, report)
+    (Mesh { positions: kept, triangles }, report, order)
 }
 
 fn is_degenerate([a, b, c]: [[f32; 3]; 3]) -> bool {

@@ -7,12 +7,12 @@ pub(crate) mod codec;
 pub(crate) mod read;
 
 #[cfg(feature = "encode")]
-pub use clean::{CleanReport, clean};
+pub use clean::{CleanReport, clean, clean_with_order};
 pub use codec::decode;
 #[cfg(feature = "encode")]
 pub use codec::{EncodedMesh, MeshOptions, encode};
 #[cfg(feature = "encode")]
-pub use read::{EXTENSIONS, parse, read, texture_coordinates};
+pub use read::{EXTENSIONS, MeshGroups, parse, parse_with_groups, read, texture_coordinates};
 
 use glam::DVec3;
 

@@ -1,8 +1,12 @@
 //! Cameras that were not captured.
 
 use crate::asset::Asset;
+use crate::mesh::Mesh;
 use crate::views::Camera;
 use glam::{DMat3, DQuat, DVec3};
+
+/// Distance of a camera that frames a mesh, over that at which the sphere around it fills the image.
+const FRAMING_MARGIN: f64 = 1.03;
 
 /// A camera at `eye` that looks at `target`, with `up` upwards in the image. `focal` in pixels.
 pub fn look_at(eye: [f64; 3], target: [f64; 3], up: [f64; 3], focal: f64, width: u32, height: u32) -> Camera {
@@ -12,6 +16,28 @@ pub fn look_at(eye: [f64; 3], target: [f64; 3], up: [f64; 3], focal: f64, width:
     let down = forward.cross(right);
     let principal = [width as f64 / 2.0, height as f64 / 2.0];
     posed(Camera { width, height, focal: [focal; 2], principal, ..Camera::default() }, [right, down, forward], eye)
+}
+
+/// Returns `count` cameras around a mesh that show it whole: the first stands turned by `azimuth` and raised by `elevation` (radians) from +Z,
+/// with +Y upwards in the image, the others are turned around +Y from there. `field` is the angle of the longer side, radians.
+pub fn framing(
+    mesh: &Mesh,
+    [azimuth, elevation]: [f64; 2],
+    field: f64,
+    [width, height]: [u32; 2],
+    count: usize,
+) -> Vec<Camera> {
+    let (middle, radius) = mesh.bounding_sphere();
+    let focal = 0.5 * f64::from(width.max(height)) / (0.5 * field).tan();
+    let shorter = (0.5 * f64::from(width.min(height)) / focal).atan();
+    let distance = FRAMING_MARGIN * radius.max(1e-12) / shorter.sin();
+    let camera = |k: usize| {
+        let turn = azimuth + std::f64::consts::TAU * k as f64 / count as f64;
+        let direction = DVec3::new(turn.sin() * elevation.cos(), elevation.sin(), turn.cos() * elevation.cos());
+        let eye = DVec3::from_array(middle) + distance * direction;
+        look_at(eye.to_array(), middle, [0.0, 1.0, 0.0], focal, width, height)
+    };
+    (0..count).map(camera).collect()
 }
 
 fn posed(camera: Camera, rows: [DVec3; 3], eye: DVec3) -> Camera {

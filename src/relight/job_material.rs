@@ -1,9 +1,8 @@
 //! Materials of a job: a model by its name, and the parameters that it takes. One that it does not take is an error.
 
 use super::material::{Material, SpecularPart};
-use super::models::{TorranceSparrow, split_constant_part};
 use crate::brdf::models::{ClassicalLobe, ClassicalModel};
-use crate::brdf::{Brdf, materials};
+use crate::brdf::{Brdf, FittedMaterial, Microfacets, materials};
 use crate::container::{Container, Tag};
 use crate::error::{Error, Result};
 use crate::input::{Folder, quoted};
@@ -13,7 +12,7 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 /// The models and the parameters that each takes beside its name.
-const MODELS: [(&str, &[&str]); 9] = [
+const MODELS: [(&str, &[&str]); 10] = [
     ("lambert", &["diffuse"]),
     ("blinn-phong", &["diffuse", "specular", "exponent"]),
     ("cook-torrance", &["diffuse", "specular", "roughness", "reflectance", "distribution"]),
@@ -21,6 +20,7 @@ const MODELS: [(&str, &[&str]); 9] = [
     ("ashikhmin-shirley", &["diffuse", "specular", "exponent", "reflectance"]),
     ("lafortune", &["diffuse", "specular", "exponent", "coefficients"]),
     ("torrance-sparrow", &["diffuse", "specular", "roughness"]),
+    ("metallic-roughness", &["base_colour", "metallic", "roughness", "specular_colour"]),
     ("dsbrdf", &["file", "name", "diffuse", "specular"]),
     ("fitted", &["file", "name", "diffuse", "specular"]),
 ];
@@ -80,8 +80,8 @@ impl JobColour {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "WrittenMaterial")]
 pub struct JobMaterial {
-    /// `lambert`, `blinn-phong`, `cook-torrance`, `ward`, `ashikhmin-shirley`, `lafortune` or `torrance-sparrow`; `dsbrdf` (lobes of
-    /// section `mATl`, or fitted to what it has) or `fitted` (any form of it) of `file`.
+    /// `lambert`, `blinn-phong`, `cook-torrance`, `ward`, `ashikhmin-shirley`, `lafortune`, `torrance-sparrow` or `metallic-roughness`
+    /// (glTF's); `dsbrdf` (lobes of section `mATl`, or fitted to what it has) or `fitted` (any form of it) of `file`.
     pub model: String,
     /// A `.tsuya` file with fitted materials, for `dsbrdf` and `fitted`; `diffuse` and `specular` are factors of its two parts then.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -98,7 +98,8 @@ pub struct JobMaterial {
     /// Reflectance at normal incidence, for `cook-torrance` and `ashikhmin-shirley` [default: 1].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reflectance: Option<f64>,
-    /// Slope: one number, or for `ward` also two (along and across); `sigma` of `torrance-sparrow`.
+    /// Slope: one number, or for `ward` also two (along and across); `sigma` of `torrance-sparrow`; of `metallic-roughness` the square root
+    /// of the distribution's width, 0 to 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub roughness: Option<JobParameter<JobPair>>,
     /// Exponent: one number, or for `ashikhmin-shirley` also two.
@@ -110,6 +111,15 @@ pub struct JobMaterial {
     /// `beckmann` (the default) or `ggx`, for `cook-torrance`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub distribution: Option<String>,
+    /// Colour of `metallic-roughness`, 0 to 1 [default: 1].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub base_colour: Option<JobColour>,
+    /// Metalness of `metallic-roughness`, 0 to 1 [default: 0].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub metallic: Option<f64>,
+    /// Colour of the dielectric's reflection of `metallic-roughness` in units of 0.04 [default: 1].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub specular_colour: Option<JobColour>,
 }
 
 /// One number, or two: along the tangent and across.
@@ -145,6 +155,9 @@ struct WrittenMaterial {
     exponent: Option<JobParameter<JobPair>>,
     coefficients: Option<[f64; 2]>,
     distribution: Option<String>,
+    base_colour: Option<JobColour>,
+    metallic: Option<f64>,
+    specular_colour: Option<JobColour>,
     #[serde(flatten)]
     unknown: BTreeMap<String, serde::de::IgnoredAny>,
 }
@@ -154,7 +167,8 @@ impl TryFrom<WrittenMaterial> for JobMaterial {
 
     fn try_from(written: WrittenMaterial) -> Result<Self> {
         let WrittenMaterial { model, file, name, diffuse, specular, reflectance, roughness, exponent, .. } = written;
-        let WrittenMaterial { coefficients, distribution, unknown, .. } = written;
+        let WrittenMaterial { coefficients, distribution, base_colour, metallic, specular_colour, unknown, .. } =
+            written;
         let material = JobMaterial {
             model,
             file,
@@ -166,6 +180,9 @@ impl TryFrom<WrittenMaterial> for JobMaterial {
             exponent,
             coefficients,
             distribution,
+            base_colour,
+            metallic,
+            specular_colour,
         };
         if let Some(key) = unknown.keys().next() {
             return Err(material.not_taken(key));
@@ -206,6 +223,9 @@ impl JobMaterial {
             ("exponent", self.exponent.is_some()),
             ("coefficients", self.coefficients.is_some()),
             ("distribution", self.distribution.is_some()),
+            ("base_colour", self.base_colour.is_some()),
+            ("metallic", self.metallic.is_some()),
+            ("specular_colour", self.specular_colour.is_some()),
         ];
         if let Some((name, _)) = given.iter().find(|(name, given)| *given && !parameters.contains(name)) {
             return Err(self.not_taken(name));
@@ -225,6 +245,9 @@ impl JobMaterial {
         if textured && parameters.contains(&"file") {
             return Err(Error::parameter(format!("material: {} takes factors, not textures", self.model)));
         }
+        if self.has_varying_lobe() && parameters.contains(&"metallic") {
+            return Err(Error::parameter(format!("material: {} takes numbers, not textures", self.model)));
+        }
         Ok(())
     }
 
@@ -240,6 +263,14 @@ impl JobMaterial {
     /// [`Error::Parameter`] if a parameter that the model needs is missing, or one is there that it does not take, [`Error::Unsupported`] for
     /// an unknown model or distribution.
     pub fn specular_part(&self, varying: Option<f64>) -> Result<Option<Box<dyn Brdf + Send>>> {
+        Ok(match self.lobe(varying)? {
+            ClassicalLobe::Lambert => None,
+            lobe => Some(Box::new(ClassicalModel { diffuse: [0.0; 3], specular: [1.0; 3], lobe })),
+        })
+    }
+
+    /// The model's lobe, as [`Self::specular_part`].
+    fn lobe(&self, varying: Option<f64>) -> Result<ClassicalLobe> {
         self.check()?;
         let asked = |what: &str| Error::parameter(format!("material: {} needs {what}", self.model));
         let values = |parameter: &Option<JobParameter<JobPair>>, name: &str| match parameter {
@@ -255,7 +286,7 @@ impl JobMaterial {
         let exponents = || values(&self.exponent, "exponent");
         let reflectance = self.reflectance.unwrap_or(1.0);
         let lobe = match self.model.as_str() {
-            "lambert" => return Ok(None),
+            "lambert" => ClassicalLobe::Lambert,
             "blinn-phong" => ClassicalLobe::BlinnPhong { exponent: exponents()?[0] },
             "cook-torrance" => match self.distribution.as_deref() {
                 None | Some("beckmann") => ClassicalLobe::CookTorranceBeckmann { roughness: rough()?[0], reflectance },
@@ -270,27 +301,79 @@ impl JobMaterial {
                 let [xy, z] = self.coefficients.unwrap_or([-1.0, 1.0]);
                 ClassicalLobe::Lafortune { xy, z, exponent: exponents()?[0] }
             }
-            "torrance-sparrow" => return Ok(Some(Box::new(TorranceSparrow { sigma: rough()?[0] }))),
+            "torrance-sparrow" => ClassicalLobe::TorranceSparrow { sigma: rough()?[0] },
+            "metallic-roughness" => {
+                return Err(Error::parameter("material: metallic-roughness has no lobe apart from its diffuse part"));
+            }
             other => {
                 let known = MODELS.map(|(model, _)| model).join(", ");
                 return Err(Error::Unsupported(format!("material model {}; known: {known}", quoted(other))));
             }
         };
         lobe.check()?;
-        Ok(Some(Box::new(ClassicalModel { diffuse: [0.0; 3], specular: [1.0; 3], lobe })))
+        Ok(lobe)
     }
 
-    /// The material, read from its file in `folder` where the model needs one.
-    pub fn material(&self, folder: &Folder, limits: Limits) -> Result<Material> {
-        if !matches!(self.model.as_str(), "dsbrdf" | "fitted") {
-            return self.uniform();
-        }
+    /// Whether the model stands in a file of fitted materials.
+    fn is_of_file(&self) -> bool {
+        matches!(self.model.as_str(), "dsbrdf" | "fitted")
+    }
+
+    /// The parameters of `metallic-roughness`.
+    fn microfacets(&self) -> Result<Microfacets> {
         self.check()?;
-        let factor = |parameter: &Option<JobParameter<JobColour>>| match parameter {
-            Some(JobParameter::Constant(colour)) => colour.rgb(),
-            _ => [1.0; 3],
+        let rgb = |colour: Option<JobColour>| colour.map_or([1.0; 3], JobColour::rgb);
+        let Some(JobParameter::Constant(roughness)) = &self.roughness else {
+            return Err(Error::parameter("material: metallic-roughness needs roughness"));
         };
-        let (diffuse, specular_scale) = (factor(&self.diffuse), factor(&self.specular));
+        let material = Microfacets {
+            base_colour: rgb(self.base_colour),
+            metallic: self.metallic.unwrap_or(0.0),
+            roughness: roughness.values()[0],
+            specular_colour: rgb(self.specular_colour),
+        };
+        material.check().map_err(|error| Error::parameter(format!("material: {error}")))?;
+        Ok(material)
+    }
+
+    /// The material as a file holds it, read from its own file in `folder` where the model needs one; and what its own file calls it.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::specular_part`], [`Error::Unsupported`] for textures and for factors of a fitted material.
+    pub fn fitted(&self, folder: &Folder, limits: Limits) -> Result<(FittedMaterial, Option<String>)> {
+        self.check()?;
+        let textured = [&self.diffuse, &self.specular].into_iter().flatten().any(JobParameter::is_texture);
+        if textured || self.has_varying_lobe() {
+            let message = "material: a texture drives a parameter; a file's materials have numbers and colours only";
+            return Err(Error::Unsupported(message.into()));
+        }
+        if self.is_of_file() {
+            let factors = [&self.diffuse, &self.specular];
+            let is_one = |factor: &&Option<JobParameter<JobColour>>| match factor {
+                Some(JobParameter::Constant(colour)) => colour.rgb() == [1.0; 3],
+                _ => true,
+            };
+            if !factors.iter().all(is_one) {
+                let message =
+                    format!("material: a file holds {} as it was fitted, without factors of its parts", self.model);
+                return Err(Error::Unsupported(message));
+            }
+            let (name, material) = self.read(folder, limits)?;
+            return Ok((material, Some(name)));
+        }
+        if self.model == "metallic-roughness" {
+            return Ok((FittedMaterial::MetallicRoughness(self.microfacets()?), None));
+        }
+        let lobe = self.lobe(None)?;
+        let specular = if lobe == ClassicalLobe::Lambert { [0.0; 3] } else { self.specular_factor() };
+        let model = ClassicalModel { diffuse: self.albedo(), specular, lobe };
+        model.check()?;
+        Ok((FittedMaterial::Classical(model), None))
+    }
+
+    /// The fitted material of the model's file, and its name.
+    fn read(&self, folder: &Folder, limits: Limits) -> Result<(String, FittedMaterial)> {
         let Some(file) = &self.file else {
             return Err(Error::parameter(format!("material: {} needs file", self.model)));
         };
@@ -307,13 +390,41 @@ impl JobMaterial {
             let message = format!("no material '{}'; it has: {}", self.name.as_deref().unwrap_or(""), known());
             return Err(Error::input(&path, message));
         };
-        let brdf: Box<dyn Brdf + Send> = match self.model.as_str() {
-            "dsbrdf" => Box::new(found.material.to_dsbrdf()?),
-            _ => Box::new(found.material.clone()),
+        let material = match self.model.as_str() {
+            "dsbrdf" => FittedMaterial::Dsbrdf(found.material.to_dsbrdf()?),
+            _ => found.material.clone(),
         };
-        let (albedo, rest) = split_constant_part(brdf);
-        let albedo = std::array::from_fn(|c| albedo[c] * diffuse[c]);
-        Ok(Material { albedo, specular: Some(SpecularPart::new(rest)), specular_scale })
+        Ok((found.name.clone(), material))
+    }
+
+    /// The material, read from its file in `folder` where the model needs one.
+    pub fn material(&self, folder: &Folder, limits: Limits) -> Result<Material> {
+        if self.model == "metallic-roughness" {
+            return Ok(Material::of_fitted(&FittedMaterial::MetallicRoughness(self.microfacets()?)));
+        }
+        if !self.is_of_file() {
+            return self.uniform();
+        }
+        self.check()?;
+        let factor = |parameter: &Option<JobParameter<JobColour>>| match parameter {
+            Some(JobParameter::Constant(colour)) => colour.rgb(),
+            _ => [1.0; 3],
+        };
+        let (diffuse, specular) = (factor(&self.diffuse), factor(&self.specular));
+        let Material { albedo, specular: part, specular_scale } = Material::of_fitted(&self.read(folder, limits)?.1);
+        let times = |a: [f64; 3], b: [f64; 3]| std::array::from_fn(|c| a[c] * b[c]);
+        let (albedo, specular_scale) = (times(albedo, diffuse), times(specular_scale, specular));
+        Ok(Material { albedo, specular: part, specular_scale })
+    }
+
+    /// Diffuse albedo; 1 where an image drives it.
+    fn albedo(&self) -> [f64; 3] {
+        colour(&self.diffuse, if self.model == "lambert" { 0.5 } else { 0.0 })
+    }
+
+    /// Factor of the specular part; 1 where an image drives it.
+    fn specular_factor(&self) -> [f64; 3] {
+        colour(&self.specular, 1.0)
     }
 
     /// The material, where nothing in it varies; factors that an image drives are taken as 1, and a lobe that one drives is left out.
@@ -322,18 +433,21 @@ impl JobMaterial {
     ///
     /// Those of [`Self::specular_part`].
     pub fn uniform(&self) -> Result<Material> {
-        let colour = |parameter: &Option<JobParameter<JobColour>>, none: f64| match parameter {
-            Some(JobParameter::Constant(colour)) => colour.rgb(),
-            Some(JobParameter::Texture { .. }) => [1.0; 3],
-            None => [none; 3],
-        };
         let part = if self.has_varying_lobe() { None } else { self.specular_part(None)? };
-        let diffuse = if self.model == "lambert" { 0.5 } else { 0.0 };
         Ok(Material {
-            albedo: colour(&self.diffuse, diffuse),
+            albedo: self.albedo(),
             specular: part.map(SpecularPart::new),
-            specular_scale: colour(&self.specular, 1.0),
+            specular_scale: self.specular_factor(),
         })
+    }
+}
+
+/// A colour that may be driven by an image, which is 1 then, or not be there.
+fn colour(parameter: &Option<JobParameter<JobColour>>, none: f64) -> [f64; 3] {
+    match parameter {
+        Some(JobParameter::Constant(colour)) => colour.rgb(),
+        Some(JobParameter::Texture { .. }) => [1.0; 3],
+        None => [none; 3],
     }
 }
 

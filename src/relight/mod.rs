@@ -5,6 +5,7 @@
 
 mod appearance;
 mod asset_renderer;
+mod bound_materials;
 mod brdf_table;
 mod cameras;
 mod capture_lights;
@@ -29,6 +30,7 @@ mod multisample;
 mod occlusion;
 mod octahedral_map;
 mod point_lighting;
+mod point_lights;
 mod prepared_asset;
 mod realtime;
 #[cfg(feature = "encode")]
@@ -42,7 +44,7 @@ mod view_scene;
 
 pub use appearance::{Highlight, Highlights, PreparedSpecular, ShadingModel, ShadingParameters, UniformMaterial};
 pub use asset_renderer::AssetRenderer;
-pub use cameras::{look_at, orbit};
+pub use cameras::{framing, look_at, orbit};
 pub use detail::add_detail;
 pub use environment::EnvironmentScene;
 pub use environment_light::{DistantLight, PreparedEnvironment, PreparedEnvironmentOptions};
@@ -58,6 +60,7 @@ pub use job_material::{JobColour, JobMaterial, JobPair, JobParameter};
 pub use material::{HalfLobe, Material, SpecularPart, WarpedLobe, fit_lobes};
 pub use models::TorranceSparrow;
 pub use occlusion::Occlusion;
+pub use point_lights::{PointLightOptions, render_point_lights};
 pub use realtime::{RealtimeFrame, RealtimeRenderer};
 #[cfg(feature = "encode")]
 pub use reference::{ReferenceOptions, reference};

@@ -1,8 +1,7 @@
 //! Reflection functions of files: the specular model of reflectance maps, and measured materials taken apart.
 
 use crate::brdf::Brdf;
-use crate::brdf::HalfDifference;
-use crate::reflectance::geometry::MIN_COS_VIEW;
+use crate::brdf::{ClassicalLobe, HalfDifference, ScatteringAngles};
 use crate::reflectance::lobes::{self, LobeCosines};
 use crate::reflectance::palette::PaletteTables;
 use std::sync::Arc;
@@ -16,13 +15,11 @@ pub struct TorranceSparrow {
 
 impl Brdf for TorranceSparrow {
     fn evaluate(&self, incoming: [f64; 3], outgoing: [f64; 3]) -> [f64; 3] {
-        let (light, view) = (incoming[2], outgoing[2]);
-        if light <= 0.0 || view <= 0.0 {
+        if incoming[2] <= 0.0 || outgoing[2] <= 0.0 {
             return [0.0; 3];
         }
-        let sum: [f64; 3] = std::array::from_fn(|k| incoming[k] + outgoing[k]);
-        let alpha = sum[0].hypot(sum[1]).atan2(sum[2]) / self.sigma;
-        [(-0.5 * alpha * alpha).exp() / (view.max(MIN_COS_VIEW as f64) * light.max(1e-3)); 3]
+        let lobe = ClassicalLobe::TorranceSparrow { sigma: self.sigma };
+        lobe.evaluate(&ScatteringAngles::from_directions(incoming, outgoing))
     }
 }
 
@@ -65,13 +62,11 @@ impl Brdf for PaletteHighlight {
 }
 
 /// A function without its Lambertian part.
-#[cfg(feature = "encode")]
 struct WithoutConstantPart {
     brdf: Box<dyn Brdf + Send>,
     constant: [f64; 3],
 }
 
-#[cfg(feature = "encode")]
 impl Brdf for WithoutConstantPart {
     fn evaluate(&self, incoming: [f64; 3], outgoing: [f64; 3]) -> [f64; 3] {
         let f = self.brdf.evaluate(incoming, outgoing);
@@ -80,7 +75,6 @@ impl Brdf for WithoutConstantPart {
 }
 
 /// A function as the albedo of its Lambertian part, for each colour its least value up to 75 degrees from the normal, and what is left.
-#[cfg(feature = "encode")]
 pub(super) fn split_constant_part(brdf: Box<dyn Brdf + Send>) -> ([f64; 3], Box<dyn Brdf + Send>) {
     const STEPS: usize = 7;
     let direction = |theta: f64, phi: f64| [theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos()];

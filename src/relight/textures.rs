@@ -1,6 +1,7 @@
-//! Materials that vary over the surface: a file's reflectance maps, and parameters driven by images.
+//! Materials that vary over the surface: a file's reflectance maps and bound materials, and parameters driven by images.
 
 use super::appearance::{Highlights, PreparedSpecular, ShadingModel, ShadingParameters, UniformMaterial};
+use super::bound_materials::BoundMaterials;
 use super::material::{Material, SpecularPart};
 use super::models::{GgxLobe, PaletteHighlight, TorranceSparrow};
 use crate::asset::Asset;
@@ -50,13 +51,10 @@ impl SpecularRange {
     }
 }
 
-/// The reflectance of a decoded file, per texel.
+/// The reflectance of a decoded file: of each triangle that a material is bound to, that; of others the reflectance maps.
 pub struct AssetShading<'a> {
-    charts: &'a Charts,
-    maps: &'a ReflectanceMaps,
-    range: Option<SpecularRange>,
-    /// Those of maps with lobes, which then have no range.
-    lobes: Vec<PreparedSpecular>,
+    bound: Option<BoundMaterials<'a>>,
+    maps: Option<MapShading<'a>>,
 }
 
 impl<'a> AssetShading<'a> {
@@ -64,10 +62,48 @@ impl<'a> AssetShading<'a> {
     ///
     /// # Errors
     ///
-    /// [`Error::Unsupported`] for files without reflectance, [`Error::Parameter`] if mesh, charts and maps do not fit each other.
+    /// [`Error::Unsupported`] for files with neither reflectance nor materials for all triangles, [`Error::Parameter`] if mesh, charts, maps
+    /// and materials do not fit each other.
     pub fn new(asset: &'a Asset, taps: usize) -> Result<Self> {
+        let bound = asset.binding.as_ref().map(|binding| BoundMaterials::new(asset, binding, taps)).transpose()?;
+        let is_whole = bound.as_ref().is_some_and(|bound| bound.unbound() == 0);
+        let maps = if is_whole { None } else { Some(MapShading::new(asset, bound.as_ref(), taps)?) };
+        Ok(AssetShading { bound, maps })
+    }
+}
+
+impl ShadingModel for AssetShading<'_> {
+    fn parameters_at(&self, triangle: usize, weights: [f32; 3], position: [f32; 3]) -> ShadingParameters<'_> {
+        if let Some(material) = self.bound.as_ref().and_then(|bound| bound.material_of(triangle)) {
+            return material.parameters_at(triangle, weights, position);
+        }
+        match &self.maps {
+            Some(maps) => maps.parameters_at(triangle, weights, position),
+            None => ShadingParameters { albedo: [0.0; 3], is_layered: false, highlights: Highlights::default() },
+        }
+    }
+}
+
+/// The reflectance maps of a decoded file.
+struct MapShading<'a> {
+    charts: &'a Charts,
+    maps: &'a ReflectanceMaps,
+    range: Option<SpecularRange>,
+    /// Those of maps with lobes, which then have no range.
+    lobes: Vec<PreparedSpecular>,
+}
+
+impl<'a> MapShading<'a> {
+    fn new(asset: &'a Asset, bound: Option<&BoundMaterials>, taps: usize) -> Result<Self> {
         let (Some(charts), Some(maps)) = (&asset.charts, &asset.reflectance) else {
-            return Err(Error::Unsupported("relighting: this file has no reflectance".into()));
+            let message = match bound {
+                Some(bound) => format!("{} triangles have no material, and the file has no reflectance", bound.unbound()),
+                None if !asset.materials.is_empty() => {
+                    "this file has no reflectance, and its materials are bound to no triangle: `encoder::encode_modelled` binds them".into()
+                }
+                None => "this file has no reflectance; `encoder::encode_modelled` gives a mesh materials".into(),
+            };
+            return Err(Error::Unsupported(format!("relighting: {message}")));
         };
         if !maps.relightable {
             let message = "relighting: the lights of this asset's capture are unknown, so it has no reflectance";
@@ -94,11 +130,11 @@ impl<'a> AssetShading<'a> {
             Ok(Box::new(PaletteHighlight { palette: palette.clone(), sigma: sigma as f32 }))
         };
         let range = if shiny { Some(SpecularRange::new([least as f64, most as f64], taps, part)?) } else { None };
-        Ok(AssetShading { charts, maps, range, lobes })
+        Ok(MapShading { charts, maps, range, lobes })
     }
 }
 
-impl ShadingModel for AssetShading<'_> {
+impl ShadingModel for MapShading<'_> {
     fn parameters_at(&self, triangle: usize, _: [f32; 3], position: [f32; 3]) -> ShadingParameters<'_> {
         let at = atlas_position(self.charts, triangle, DVec3::from_array(position.map(f64::from)));
         // K_d is radiance over irradiance.

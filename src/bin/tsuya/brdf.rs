@@ -1,10 +1,11 @@
 //! `tsuya brdf`: measured materials.
 
+mod asset;
 mod convert;
 mod eval;
 mod fit;
 mod font;
-mod material;
+pub mod material;
 mod measured;
 mod next;
 mod plan;

@@ -94,6 +94,9 @@ impl Export {
         let stream = read(&self.file)?;
         container::verify(&stream[..], limits()).with_context(|| name(&self.file))?;
         let asset = without_photographs(&self.file, &stream)?;
+        if asset.is_modelled() {
+            return self.export_modelled(&asset);
+        }
         let options = ExportOptions {
             placement: placement(&beside),
             white_albedo: self.white_albedo,
@@ -154,6 +157,36 @@ impl Export {
     }
 
     /// The textured mesh, and the fitted reflectance, under each photograph's light.
+    /// Exports materials that are bound to the mesh: numbers, not textures, and no stream.
+    fn export_modelled(&self, asset: &Asset) -> Result<()> {
+        if self.external || self.jpeg.is_some() || self.against.is_some() {
+            let message = "the object was modelled: its GLB has neither a stream nor textures, so that --external, --jpeg and --against have \
+                           nothing to act on";
+            return Err(Error::parameter(message).into());
+        }
+        let (document, simplified) = gltf::export_modelled(asset).with_context(|| name(&self.file))?;
+        if !simplified.is_empty() {
+            let names: Vec<String> = simplified.iter().map(|name| output::line(name)).collect();
+            output::warn(&[format!("{}: anisotropic; the GLB has the mean of both widths", names.join(", "))]);
+        }
+        let bytes = document.to_bytes()?;
+        output::write(&self.output, &bytes, self.force)?;
+        let (vertices, triangles) = (asset.mesh.positions.len(), asset.mesh.triangles.len());
+        let materials = document.list("materials").len();
+        if self.json {
+            return output::print_json(
+                &json!({"bytes": bytes.len(), "vertices": vertices, "triangles": triangles, "materials": materials}),
+            );
+        }
+        if output::is_stream(&self.output) {
+            return Ok(());
+        }
+        output::print(&format!(
+            "{} bytes: {vertices} vertices, {triangles} triangles, {materials} materials\n",
+            bytes.len()
+        ))
+    }
+
     fn measure(&self, capture: &Path, fallback: &Fallback) -> Result<Measured> {
         if output::is_stream(&self.file) {
             return Err(Error::parameter("--against needs a file, not standard input").into());

@@ -42,12 +42,16 @@ impl Info {
             _ => None,
         };
         let maps = asset.reflectance.as_ref();
-        let relightable = maps.is_some_and(|maps| maps.relightable);
+        let relightable = asset.is_modelled() || maps.is_some_and(|maps| maps.relightable);
         let entries = maps.map_or(0, |maps| maps.palette.len());
         let materials: Vec<Value> = (asset.materials.iter())
             .map(|named| json!({"name": named.name, "form": named.material.form(), "bytes": named.material.encode().len()}))
             .collect();
+        let bound = asset.binding.as_ref().map(|binding| binding.names.iter().zip(binding.counts()));
         if self.json {
+            let bound = bound.map(|bound| -> Vec<Value> {
+                bound.map(|(name, triangles)| json!({"name": name, "triangles": triangles})).collect()
+            });
             let views: Vec<Value> = (asset.views.iter())
                 .map(|view| {
                     let camera = &view.camera;
@@ -74,6 +78,7 @@ impl Info {
                     "levels": light.prefiltered.iter().map(|level| json!({"sharpness": level.sharpness(), "size": level.size()})).collect::<Vec<_>>()})),
                 "views": views,
                 "materials": materials,
+                "binding": bound,
             }));
         }
         let mut text = String::new();
@@ -134,6 +139,10 @@ impl Info {
         if !asset.materials.is_empty() {
             let names: Vec<String> = asset.materials.iter().map(|named| output::line(&named.name)).collect();
             let _ = writeln!(text, "materials: {} ({})", names.len(), names.join(", "));
+        }
+        for (name, triangles) in bound.into_iter().flatten() {
+            let form = asset.materials.iter().find(|m| m.name == *name).map_or("", |named| named.material.form());
+            let _ = writeln!(text, "made of: {}, {form}, {triangles} triangles", output::line(name));
         }
         if let Some(visibility) = &asset.visibility {
             let (terms, error) = (visibility.terms(), visibility.error());

@@ -15,6 +15,7 @@ mod gltf;
 mod hull;
 mod info;
 mod light;
+mod make;
 mod output;
 mod pictures;
 mod ply;
@@ -63,6 +64,7 @@ enum Command {
     Compare(compare::Compare),
     Render(render::Render),
     Composite(composite::Composite),
+    Make(make::Make),
     Align(align::Align),
     Check(check::Check),
     Hull(hull::Hull),
@@ -88,6 +90,7 @@ impl Command {
             Command::Compare(compare) => compare.run(),
             Command::Render(render) => render.run(),
             Command::Composite(composite) => composite.run(),
+            Command::Make(make) => make.run(),
             Command::Align(align) => align.run(),
             Command::Check(check) => check.run(),
             Command::Hull(hull) => hull.run(),

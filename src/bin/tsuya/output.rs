@@ -52,9 +52,10 @@ pub fn warn(warnings: &[String]) {
 
 /// Returns a message of the library with the program's flags and commands in place of the options and functions that it names.
 pub fn with_flags(message: &str) -> String {
-    const FUNCTIONS: [(&str, &str); 4] = [
+    const FUNCTIONS: [(&str, &str); 5] = [
         ("`capture::align`", "`tsuya align`"),
         ("`capture::visual_hull`", "`tsuya hull`"),
+        ("`encoder::encode_modelled`", "`tsuya make`"),
         ("`gltf::inject`", "`tsuya gltf inject`"),
         ("`visibility::bake`", "`tsuya bake`"),
     ];

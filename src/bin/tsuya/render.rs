@@ -12,8 +12,16 @@ use tsuya::decoder::ViewSelection;
 use tsuya::image::RgbImage;
 use tsuya::input::Folder;
 use tsuya::metrics::to_display;
-use tsuya::relight::{self, AssetRenderer, JobEnvironment, JobEvaluator, RenderLayers, RenderLighting, RenderOptions};
+use tsuya::relight::{
+    self, AssetRenderer, AssetShading, EnvironmentOptions, EnvironmentRender, JobEnvironment, JobEvaluator, Occlusion,
+    PointLightOptions, RenderLayers, RenderLighting, RenderObject, RenderOptions,
+};
 use tsuya::{Camera, PointLight};
+
+/// Size of images of files without photographs.
+const SIZE: [u32; 2] = [800, 600];
+/// Where the first camera around such an object stands: turned about +Y from +Z, raised, degrees.
+const ANGLES: [f64; 2] = [30.0, 20.0];
 
 /// Renders images of the object.
 #[derive(Args)]
@@ -34,10 +42,10 @@ pub struct Render {
     /// Field of view of --camera, the longer side, in degrees.
     #[arg(long, value_name = "DEG", default_value_t = 35.0, requires = "camera")]
     fov: f64,
-    /// Upward direction of --camera [default: upward in the photographs].
+    /// Upward direction of --camera [default: upward in the photographs, +Y without any].
     #[arg(long, value_name = "X,Y,Z", value_parser = triple, allow_hyphen_values = true, requires = "camera")]
     up: Option<[f64; 3]>,
-    /// Size of the image [default: as the photographs].
+    /// Size of the image [default: as the photographs, 800x600 without any].
     #[arg(long, value_name = "WxH", value_parser = size)]
     size: Option<[u32; 2]>,
     /// A point light instead of the capture's: its place, and its intensity as one number or three [default: as the capture's];
@@ -101,7 +109,7 @@ enum EvaluatorName {
 #[derive(Args)]
 #[group(multiple = false)]
 struct CameraArguments {
-    /// From the camera of this captured view, by number or name [default: the first].
+    /// From the camera of this captured view, by number or name [default: the first; of a modelled object one that shows it whole].
     #[arg(long, value_name = "VIEW")]
     view: Option<String>,
     /// This many images around the object.
@@ -149,6 +157,9 @@ impl Render {
         if let Some(environment) = &self.surround.env {
             return self.run_environment(asset, environment, is_exr);
         }
+        if asset.is_modelled() {
+            return self.run_modelled(asset, file, is_exr);
+        }
         let is_captured = self.place.orbit.is_none() && self.place.camera.is_none();
         let options = RenderOptions {
             lighting: self.lighting(&asset)?,
@@ -168,6 +179,59 @@ impl Render {
             files.add(path, &self.picture(&image, asset.white, is_exr)?)?;
         }
         files.commit()
+    }
+
+    /// An object whose materials are bound to its mesh, under point lights or the light that its file has.
+    fn run_modelled(&self, asset: Asset, file: &Path, is_exr: bool) -> Result<()> {
+        let layers = self.layers();
+        if !layers.model {
+            return Err(Error::parameter("the object was modelled: it has no residual to show").into());
+        }
+        let lights = match self.lighting(&asset)? {
+            RenderLighting::Points(lights) => lights,
+            RenderLighting::Capture(_) => asset.views.iter().find_map(|view| view.light).into_iter().collect(),
+        };
+        let cameras = self.cameras(&asset)?;
+        let paths = self.paths(cameras.len());
+        self.check(&paths, file)?;
+        let _busy = progress::busy("rendering");
+        let mut files = output::Files::new(self.force);
+        let mut add = |k: usize, relit: EnvironmentRender| {
+            let image = match (layers.diffuse, layers.specular) {
+                (true, false) => relit.diffuse,
+                (false, true) => difference(&relit.image, &relit.diffuse),
+                _ => relit.image,
+            };
+            files.add(&paths[k], &self.picture(&image, [1.0; 3], is_exr)?)
+        };
+        if !lights.is_empty() {
+            let stored = asset.visibility.as_ref().filter(|_| !self.no_shadows).map(Occlusion::from_visibility);
+            let options = PointLightOptions { shadows: !self.no_shadows, samples: self.samples.unwrap_or(2) };
+            let object = RenderObject::of_asset(&asset, stored.as_ref())?;
+            let shading = AssetShading::new(&asset, EnvironmentOptions::default().taps)?;
+            for (k, camera) in cameras.iter().enumerate() {
+                add(k, relight::render_point_lights(&object, camera, &shading, &lights, &options)?)?;
+            }
+        } else if let Some(stored) = asset.light.clone() {
+            let light = surroundings::stored_light(stored, file)?;
+            let quality = self.settings();
+            surroundings::pictures(&JobAsset::Asset(Box::new(asset)), &light, &cameras, quality, add)?;
+        } else {
+            let message = "the object was modelled, and its file has no light: --light X,Y,Z,I or --env FILE gives one, tsuya light fit \
+                           makes one for the file";
+            return Err(Error::parameter(message).into());
+        }
+        files.commit()
+    }
+
+    /// How an environment is summed where no job says it.
+    fn settings(&self) -> EnvironmentSettings {
+        EnvironmentSettings {
+            evaluator: self.evaluator(JobEvaluator::Filtered),
+            shadows: !self.no_shadows,
+            samples: self.samples.unwrap_or(2),
+            detail: self.layers().residual,
+        }
     }
 
     fn run_job(&self, path: &Path, is_exr: bool) -> Result<()> {
@@ -191,12 +255,7 @@ impl Render {
         let cameras = self.cameras(&asset)?;
         let paths = self.paths(cameras.len());
         self.check(&paths, file)?;
-        let quality = EnvironmentSettings {
-            evaluator: self.evaluator(JobEvaluator::Filtered),
-            shadows: !self.no_shadows,
-            samples: self.samples.unwrap_or(2),
-            detail: self.layers().residual,
-        };
+        let quality = self.settings();
         let EnvironmentArguments { env_scale: scale, env_rotation: rotation_y_deg, .. } = self.surround;
         let environment = JobEnvironment { file: file.to_owned(), scale, rotation_y_deg };
         let _busy = progress::busy("rendering");
@@ -271,25 +330,18 @@ impl Render {
     }
 
     fn cameras(&self, asset: &Asset) -> Result<Vec<Camera>> {
-        let Some(first) = asset.views.first() else {
-            return Err(Error::parameter("the file has no view").into());
-        };
+        let Some(first) = asset.views.first() else { return self.cameras_around(asset) };
         let sized = |camera: Camera| self.size.map_or(camera, |size| resized(camera, size));
         if let Some(count) = self.place.orbit {
             return Ok(relight::orbit(asset, count.into()).into_iter().map(sized).collect());
         }
-        if let Some(Numbers(values)) = &self.place.camera {
-            let &[px, py, pz, tx, ty, tz] = values.as_slice() else {
-                return Err(Error::parameter("--camera takes six numbers: its place and the place it looks at").into());
-            };
-            let [width, height] = self.size.unwrap_or([first.camera.width, first.camera.height]);
-            let focal = 0.5 * width.max(height) as f64 / (0.5 * self.fov.to_radians()).tan();
+        if let Some(values) = &self.place.camera {
+            let size = self.size.unwrap_or([first.camera.width, first.camera.height]);
             let upright = || {
                 let down = asset.views.iter().map(|view| view.camera.rotation[1]);
                 down.fold([0.0; 3], |sum, row| std::array::from_fn(|k| sum[k] - row[k]))
             };
-            let up = self.up.unwrap_or_else(upright);
-            return Ok(vec![relight::look_at([px, py, pz], [tx, ty, tz], up, focal, width, height)]);
+            return Ok(vec![self.given_camera(values, size, upright)?]);
         }
         let view = match &self.place.view {
             Some(wanted) => find_view(wanted, &asset.views)?,
@@ -297,6 +349,41 @@ impl Render {
         };
         Ok(vec![sized(asset.views[view].camera)])
     }
+
+    /// Cameras of a file without views.
+    fn cameras_around(&self, asset: &Asset) -> Result<Vec<Camera>> {
+        let size = self.size.unwrap_or(SIZE);
+        if self.place.view.is_some() || asset.mesh.positions.is_empty() {
+            return Err(Error::parameter("the file has no view").into());
+        }
+        match &self.place.camera {
+            Some(values) => Ok(vec![self.given_camera(values, size, || [0.0, 1.0, 0.0])?]),
+            None => {
+                let count = self.place.orbit.map_or(1, usize::from);
+                Ok(relight::framing(&asset.mesh, ANGLES.map(f64::to_radians), self.fov.to_radians(), size, count))
+            }
+        }
+    }
+
+    fn given_camera(
+        &self,
+        Numbers(values): &Numbers,
+        [width, height]: [u32; 2],
+        upright: impl FnOnce() -> [f64; 3],
+    ) -> Result<Camera> {
+        let &[px, py, pz, tx, ty, tz] = values.as_slice() else {
+            return Err(Error::parameter("--camera takes six numbers: its place and the place it looks at").into());
+        };
+        let focal = 0.5 * width.max(height) as f64 / (0.5 * self.fov.to_radians()).tan();
+        let up = self.up.unwrap_or_else(upright);
+        Ok(relight::look_at([px, py, pz], [tx, ty, tz], up, focal, width, height))
+    }
+}
+
+/// What one image has beyond another.
+fn difference(a: &RgbImage, b: &RgbImage) -> RgbImage {
+    let beyond = |(a, b): (&[f32; 3], &[f32; 3])| std::array::from_fn(|c| a[c] - b[c]);
+    RgbImage { width: a.width, height: a.height, data: a.data.iter().zip(&b.data).map(beyond).collect() }
 }
 
 /// The same view in an image of another size; where the shape differs, more is shown rather than less.

@@ -90,11 +90,7 @@ pub fn light(job: &JobEnvironment, folder: &Folder) -> Result<JobLight> {
     }
     let path = folder.resolve_path(&job.file)?;
     if source::has_extension(&path, "tsuya") {
-        let stored = source::read_light(&path)?.turned_y(job.rotation_y_deg).scaled(job.scale);
-        let Some(environment) = stored.environment() else {
-            return Err(Error::input(&path, "its light has no levels: tsuya light fit makes them").into());
-        };
-        return Ok(JobLight { environment, stored: Some(stored) });
+        return stored_light(source::read_light(&path)?.turned_y(job.rotation_y_deg).scaled(job.scale), &path);
     }
     let (environment, cleaned) = lighting::read_environment(
         &[path],
@@ -107,6 +103,14 @@ pub fn light(job: &JobEnvironment, folder: &Folder) -> Result<JobLight> {
     let turned = job.rotation_y_deg != 0.0;
     let environment = if turned { environment.rotated_y(job.rotation_y_deg) } else { environment };
     Ok(JobLight { environment, stored: None })
+}
+
+/// The light that a file has.
+pub fn stored_light(stored: lighting::EnvironmentLobes, path: &Path) -> Result<JobLight> {
+    let Some(environment) = stored.environment() else {
+        return Err(Error::input(path, "its light has no levels: tsuya light fit makes them").into());
+    };
+    Ok(JobLight { environment, stored: Some(stored) })
 }
 
 /// Images of a subject from several cameras.
@@ -128,7 +132,7 @@ pub fn pictures(
     };
     let look = subject.shading_model(options.taps)?;
     let asset = match subject {
-        JobAsset::Asset(asset) if quality.detail => Some(&**asset),
+        JobAsset::Asset(asset) if quality.detail && !asset.is_modelled() => Some(&**asset),
         _ => None,
     };
     let renderer = asset.map(AssetRenderer::new).transpose()?;
@@ -158,7 +162,9 @@ pub fn pictures(
         },
     });
     let scene = EnvironmentScene::new(&object, Arc::new(prepared), light.map(Arc::new), options)?;
-    let scene = if matches!(subject, JobAsset::Asset(_)) { scene.with_interreflection(&*look) } else { scene };
+    // Of modelled objects a job's material draws the same picture.
+    let is_captured = matches!(subject, JobAsset::Asset(asset) if !asset.is_modelled());
+    let scene = if is_captured { scene.with_interreflection(&*look) } else { scene };
     for (k, camera) in cameras.iter().enumerate() {
         finish(k, scene.render(camera, &*look)?)?;
     }

@@ -5,6 +5,9 @@ use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 
+/// Least cosines to viewer and light by which a Torrance-Sparrow lobe is divided; the first is that of reflectance maps.
+const MIN_COSINES: [f64; 2] = [0.05f32 as f64, 1e-3];
+
 /// Cosines and half vector that lobes depend on.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ScatteringAngles {
@@ -109,6 +112,11 @@ pub enum ClassicalLobe {
         /// `n`.
         exponent: f64,
     },
+    /// `exp(-theta_h^2 / (2 sigma^2)) / (cos cos)` (Miyazaki 2007, equation 8, over the irradiance of the surface).
+    TorranceSparrow {
+        /// `sigma`, radians.
+        sigma: f64,
+    },
     /// `F D G / (pi cos cos)` with the shifted gamma distribution (Bagher, Soler, Holzschuch 2012).
     ShiftedGamma(Box<ShiftedGamma>),
 }
@@ -138,7 +146,8 @@ pub struct ShiftedGamma {
 }
 
 impl ShiftedGamma {
-    fn lists(&self) -> [&[f64; 3]; 9] {
+    /// All parameters, in the order of a file.
+    pub(in crate::brdf) fn lists(&self) -> [&[f64; 3]; 9] {
         let ShiftedGamma { alpha, p, f0, f1, normalisation, lambda, c, k, theta0 } = self;
         [alpha, p, f0, f1, normalisation, lambda, c, k, theta0]
     }
@@ -180,6 +189,7 @@ impl ClassicalLobe {
             ClassicalLobe::WardAnisotropic { .. } => "ward-anisotropic",
             ClassicalLobe::AshikhminShirley { .. } => "ashikhmin-shirley",
             ClassicalLobe::Lafortune { .. } => "lafortune",
+            ClassicalLobe::TorranceSparrow { .. } => "torrance-sparrow",
             ClassicalLobe::ShiftedGamma(_) => "shifted-gamma",
         }
     }
@@ -188,7 +198,7 @@ impl ClassicalLobe {
     pub fn parameter_count(&self) -> usize {
         match self {
             ClassicalLobe::Lambert => 0,
-            ClassicalLobe::BlinnPhong { .. } | ClassicalLobe::Ward { .. } => 1,
+            ClassicalLobe::BlinnPhong { .. } | ClassicalLobe::Ward { .. } | ClassicalLobe::TorranceSparrow { .. } => 1,
             ClassicalLobe::CookTorranceBeckmann { .. }
             | ClassicalLobe::CookTorranceGgx { .. }
             | ClassicalLobe::WardAnisotropic { .. } => 2,
@@ -215,6 +225,7 @@ impl ClassicalLobe {
             ClassicalLobe::Lafortune { xy, z, exponent } => {
                 vec![(*xy, -1e3, 1e3), (*z, -1e3, 1e3), (*exponent, 0.0, 1e9)]
             }
+            ClassicalLobe::TorranceSparrow { sigma } => vec![(*sigma, 1e-6, 1e3)],
             ClassicalLobe::ShiftedGamma(shape) => {
                 let widths = shape.alpha.map(|alpha| (alpha, 1e-9, 1e3));
                 let others = shape.lists().into_iter().flatten().map(|&x| (x, -1e300, 1e300));
@@ -283,6 +294,11 @@ impl ClassicalLobe {
                 let within = 2.0 * g.cos_difference * g.cos_difference - 1.0 - along;
                 let base = (xy * within + z * along) / xy.abs().max(z.abs()).max(1e-9);
                 (exponent + 2.0) / (2.0 * PI) * base.max(0.0).powf(exponent)
+            }
+            ClassicalLobe::TorranceSparrow { sigma } => {
+                let angle = g.half[0].hypot(g.half[1]).atan2(g.cos_half) / sigma;
+                let [view, light] = [g.cos_outgoing.max(MIN_COSINES[0]), g.cos_incoming.max(MIN_COSINES[1])];
+                (-0.5 * angle * angle).exp() / (view * light)
             }
         }
     }

@@ -1,10 +1,12 @@
 //! Classical models of reflectance: a Lambertian part and one lobe.
 
+mod codec;
 #[cfg(feature = "encode")]
 mod fit;
 #[cfg(feature = "encode")]
 mod form;
 mod lobe;
+mod microfacets;
 #[cfg(feature = "encode")]
 mod published;
 
@@ -15,6 +17,8 @@ pub(in crate::brdf) use fit::{fit_classical_measured, fit_classical_samples};
 #[cfg(feature = "encode")]
 pub use form::ClassicalForm;
 pub use lobe::{ClassicalLobe, ScatteringAngles, ShiftedGamma};
+pub use microfacets::Microfacets;
+pub(crate) use microfacets::{DIELECTRIC, MIN_ALPHA};
 #[cfg(feature = "encode")]
 pub use published::{PublishedFit, read_published};
 

@@ -1,14 +1,17 @@
 //! Meshes out of PLY, OBJ and glTF files. Positions and triangles only: tsuya derives everything else from the photographs.
 
 mod gltf;
+mod groups;
 mod obj;
 mod ply;
 
+pub use groups::MeshGroups;
 pub use obj::texture_coordinates;
 
 use super::{Mesh, is_within_range};
 use crate::error::{Error, Result};
 use crate::input::FileAccess;
+use groups::GroupRuns;
 use std::io::Read;
 use std::path::Path;
 
@@ -22,6 +25,7 @@ pub(crate) struct PreciseMesh {
     pub positions: Vec<[f64; 3]>,
     /// Vertex indices of each triangle.
     pub triangles: Vec<[u32; 3]>,
+    groups: GroupRuns,
 }
 
 impl PreciseMesh {
@@ -52,6 +56,16 @@ pub(crate) fn read_precise(path: &Path, access: &FileAccess) -> Result<PreciseMe
 pub fn parse(path: impl AsRef<Path>, bytes: &[u8], access: &FileAccess) -> Result<Mesh> {
     let path = path.as_ref();
     single(path, parse_precise(path, bytes, access)?)
+}
+
+/// As [`parse`], with the groups that the names of materials make: `usemtl` of OBJ, materials of glTF; none of PLY.
+pub fn parse_with_groups(path: impl AsRef<Path>, bytes: &[u8], access: &FileAccess) -> Result<(Mesh, MeshGroups)> {
+    let path = path.as_ref();
+    let mut mesh = parse_precise(path, bytes, access)?;
+    let triangles = mesh.triangles.len();
+    access.charge(path, "groups of triangles", triangles as u64 * size_of::<u32>() as u64)?;
+    let groups = std::mem::take(&mut mesh.groups).groups(triangles);
+    Ok((single(path, mesh)?, groups))
 }
 
 fn single(path: &Path, mesh: PreciseMesh) -> Result<Mesh> {

@@ -1,6 +1,6 @@
-//! Wavefront OBJ. Materials are not followed.
+//! Wavefront OBJ. Materials are not followed; their names make groups of triangles.
 
-use super::{PreciseMesh, charge};
+use super::{GroupRuns, PreciseMesh, charge};
 use crate::error::{Error, Result};
 use crate::input::FileAccess;
 use crate::limits::Reservation;
@@ -160,11 +160,37 @@ pub(super) fn read(path: &Path, bytes: &[u8], access: &FileAccess) -> Result<Pre
         mesh.triangles
             .extend(model.mesh.indices.chunks_exact(3).map(|t| [t[0] + offset, t[1] + offset, t[2] + offset]));
     }
+    let (groups, triangles) = groups(bytes);
+    if triangles == mesh.triangles.len() {
+        mesh.groups = groups;
+    }
     if mesh.positions.iter().flatten().any(|c| !c.is_finite()) {
         let place = locate_obj_fault(bytes).unwrap_or_default();
         return Err(Error::input(path, format!("{place}: a vertex is not finite")));
     }
     Ok(mesh)
+}
+
+/// The groups that `usemtl` makes, and the number of triangles: the parser keeps the order of the faces, and cuts each into a fan.
+fn groups(text: &[u8]) -> (GroupRuns, usize) {
+    let (mut groups, mut triangles) = (GroupRuns::default(), 0);
+    for line in text.split(|&b| b == b'\n').map(<[u8]>::trim_ascii) {
+        let Some(at) = line.iter().position(u8::is_ascii_whitespace) else { continue };
+        let (key, rest) = line.split_at(at);
+        match key {
+            b"usemtl" => {
+                let name = String::from_utf8_lossy(rest.trim_ascii());
+                let place = groups.place(&name);
+                groups.begin(triangles, Some(place));
+            }
+            b"f" => {
+                let corners = rest.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty()).count();
+                triangles += corners.saturating_sub(2);
+            }
+            _ => {}
+        }
+    }
+    (groups, triangles)
 }
 
 /// Texture coordinates of each triangle's corners of an OBJ file, parallel to the triangles that [`super::read`] gives. Empty for other

@@ -104,7 +104,8 @@ impl Objects {
                 placement: *placement,
                 occlusion: surroundings::stored_occlusion(&asset.mesh, asset.visibility.as_ref())?,
                 shading: AssetShading::new(asset, taps)?,
-                renderer: if still { Some(AssetRenderer::new(asset)?) } else { None },
+                // What was modelled has no photographs to take detail from.
+                renderer: if still && !asset.is_modelled() { Some(AssetRenderer::new(asset)?) } else { None },
             })));
         }
         let parts: Vec<(&Asset, Placement)> = self.0.iter().map(|(asset, placement)| (asset, *placement)).collect();

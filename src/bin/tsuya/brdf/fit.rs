@@ -1,5 +1,6 @@
 //! `tsuya brdf fit`: measured materials as a few numbers, and how far they are then.
 
+use super::asset;
 use super::eval::environment;
 use super::material::{Kind, MODEL_FORMAT, ModelEntry, ModelFile, expand, read_all};
 use super::measured;
@@ -32,6 +33,12 @@ pub struct Fit {
     /// The fitted materials: .tsuya, or .json for classical models.
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
+    /// A .tsuya file, such as of tsuya make: the output is this file with the fitted materials, which take the place of those of their names.
+    #[arg(long, value_name = "FILE", requires = "output")]
+    asset: Option<PathBuf>,
+    /// Name of the fitted material in the file of --asset [default: that of its input].
+    #[arg(long, value_name = "NAME", requires = "asset")]
+    name: Option<String>,
     #[command(flatten)]
     forms: Forms,
     /// A lat-long picture as the environment of the rendered sphere [default: one of the program's own].
@@ -121,10 +128,10 @@ impl Forms {
             (None, Some(Kind::Models)) => Ok(BrdfForm::Classical(ClassicalForm::CookTorranceGgx)),
             (None, Some(Kind::Tsuya) | None) => Ok(BrdfForm::Compact),
             (Some(form), Some(Kind::Models)) if classical(form) => Ok(form),
-            (Some(form), Some(Kind::Tsuya)) if !classical(form) => Ok(form),
+            (Some(form), Some(Kind::Tsuya)) => Ok(form),
             (Some(form), None) => Ok(form),
             _ => {
-                let message = "the forms compact and dsbrdf are written as .tsuya, classical models as .json";
+                let message = "the forms compact and dsbrdf are written as .tsuya, classical models as .tsuya or .json";
                 Err(Error::parameter(format!("{}: {message}", output.unwrap_or(Path::new("-")).display())))
             }
         }
@@ -212,7 +219,7 @@ impl Fit {
         let text = table(&all, form);
         if let Some(path) = &self.output {
             let fitted = all.into_iter().map(|row| (row.name, row.fitted)).collect();
-            written.add(path, &write_fitted(path, fitted)?)?;
+            written.add(path, &self.bytes(path, fitted)?)?;
         }
         written.commit()?;
         if !self.json {
@@ -245,12 +252,24 @@ impl Fit {
         drop(busy);
         let (text, figures) = (measured::table(&rows, form), measured::figures(&rows, form));
         if let Some(path) = &self.output {
-            output::write(path, &write_fitted(path, measured::fitted(rows))?, self.force)?;
+            output::write(path, &self.bytes(path, measured::fitted(rows))?, self.force)?;
         }
         match (self.json, streams) {
             (true, _) => output::print_json(&figures),
             (_, true) => Ok(()),
             _ => output::print(&text),
+        }
+    }
+
+    /// The bytes of the output.
+    fn bytes(&self, path: &Path, fitted: Vec<(String, FittedBrdf)>) -> Result<Vec<u8>> {
+        match &self.asset {
+            Some(file) if source::has_extension(path, "json") => {
+                let message = format!("{}: what comes of --asset {} is a .tsuya file", path.display(), file.display());
+                Err(Error::parameter(message).into())
+            }
+            Some(file) => asset::put(file, fitted, self.name.as_deref()),
+            None => write_fitted(path, fitted),
         }
     }
 
@@ -333,25 +352,23 @@ fn table(all: &[Row], form: BrdfForm) -> String {
     text
 }
 
-/// The bytes of a file of fitted materials: `.tsuya`, or `.json` of classical models (standard output takes what there is).
+/// The bytes of a file of fitted materials: `.tsuya`, or `.json` of classical models (which standard output takes of them).
 pub fn write_fitted(path: &Path, all: Vec<(String, FittedBrdf)>) -> Result<Vec<u8>> {
-    let (mut coded, mut models) = (Vec::new(), Vec::new());
+    let is_coded = all.iter().any(|(_, fitted)| matches!(fitted, FittedBrdf::Coded(_)));
+    if is_coded && source::has_extension(path, "json") {
+        let message = "the forms compact and dsbrdf are written as .tsuya, classical models as .tsuya or .json";
+        return Err(Error::parameter(format!("{}: {message}", path.display())).into());
+    }
+    if is_coded || source::has_extension(path, "tsuya") {
+        let named = |(name, fitted)| NamedMaterial { name, material: asset::held(fitted) };
+        let held: Vec<NamedMaterial> = all.into_iter().map(named).collect();
+        return Ok(tsuya::encoder::encode_materials(&held, &Metadata::default())?);
+    }
+    let mut models = Vec::new();
     for (name, fitted) in all {
-        match fitted {
-            FittedBrdf::Coded(material) => coded.push(NamedMaterial { name, material }),
-            FittedBrdf::Classical(model) => models.push(ModelEntry { name, model }),
+        if let FittedBrdf::Classical(model) = fitted {
+            models.push(ModelEntry { name, model });
         }
-    }
-    if !coded.is_empty() && !models.is_empty() || !coded.is_empty() && source::has_extension(path, "json") {
-        let message = "the forms compact and dsbrdf are written as .tsuya, classical models as .json";
-        return Err(Error::parameter(format!("{}: {message}", path.display())).into());
-    }
-    if !coded.is_empty() {
-        return Ok(tsuya::encoder::encode_materials(&coded, &Metadata::default())?);
-    }
-    if source::has_extension(path, "tsuya") {
-        let message = "classical models are written as .json; --form compact fits them anew";
-        return Err(Error::parameter(format!("{}: {message}", path.display())).into());
     }
     let file = ModelFile { format: MODEL_FORMAT.into(), materials: models };
     Ok(format!("{}\n", serde_json::to_string_pretty(&file)?).into_bytes())

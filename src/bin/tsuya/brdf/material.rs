@@ -4,7 +4,7 @@ use crate::source;
 use anyhow::Result;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
-use tsuya::brdf::{Brdf, ClassicalModel, FittedBrdf, MerlTable, RglMaterial};
+use tsuya::brdf::{Brdf, ClassicalModel, FittedBrdf, FittedMaterial, MerlTable, RglMaterial};
 use tsuya::decoder::ViewSelection;
 use tsuya::{Error, Result as TsuyaResult};
 
@@ -152,8 +152,12 @@ fn read_tsuya(path: &Path) -> Result<Vec<Named>> {
     if asset.materials.is_empty() {
         return Err(Error::input(path, "the file has no material (section mATl)").into());
     }
+    let fitted = |material| match material {
+        FittedMaterial::Classical(model) => FittedBrdf::Classical(model),
+        other => FittedBrdf::Coded(other),
+    };
     let named = asset.materials.into_iter();
-    Ok(named.map(|m| Named { name: m.name, material: Material::Fitted(FittedBrdf::Coded(m.material)) }).collect())
+    Ok(named.map(|m| Named { name: m.name, material: Material::Fitted(fitted(m.material)) }).collect())
 }
 
 fn read_models(path: &Path) -> Result<Vec<Named>> {

@@ -39,6 +39,10 @@ pub(super) struct GeometryDocument<'a> {
     pub compressed: Vec<Option<MeshoptView>>,
     /// Buffers that compressed views stand for, which may have no content.
     pub is_fallback: Vec<bool>,
+    /// Names of the materials.
+    pub material_names: Vec<Option<String>>,
+    /// The material of each mesh's primitives.
+    pub material_of: Vec<Vec<Option<usize>>>,
     _held: Reservation<'a>,
 }
 
@@ -54,13 +58,15 @@ impl<'a> GeometryDocument<'a> {
         let mut root: Value = serde_json::from_slice(json).map_err(|e| wrong(e.to_string()))?;
         check_extensions(path, &root, access)?;
         let (compressed, is_fallback) = (compressed_views(path, &root)?, fallback_buffers(&root));
+        let material_names = members(&root, "materials").map(|m| m["name"].as_str().map(str::to_owned)).collect();
+        let material_of = primitive_materials(&root);
         keep_geometry(path, &mut root, access);
         let root: gltf::json::Root = serde_json::from_value(root).map_err(|e| wrong(e.to_string()))?;
         check_attributes(path, &root)?;
         // It may list as many faults as there are objects.
         let document =
             gltf::Document::from_json(root).map_err(|e| wrong(e.to_string().chars().take(300).collect::<String>()))?;
-        Ok(GeometryDocument { document, chunk, compressed, is_fallback, _held: held })
+        Ok(GeometryDocument { document, chunk, compressed, is_fallback, material_names, material_of, _held: held })
     }
 }
 
@@ -168,6 +174,11 @@ fn compressed_views(path: &Path, root: &Value) -> Result<Vec<Option<MeshoptView>
         }))
     };
     members(root, "bufferViews").enumerate().map(read).collect()
+}
+
+fn primitive_materials(root: &Value) -> Vec<Vec<Option<usize>>> {
+    let of_primitive = |primitive: &Value| primitive["material"].as_u64().and_then(|index| usize::try_from(index).ok());
+    members(root, "meshes").map(|mesh| members(mesh, "primitives").map(of_primitive).collect()).collect()
 }
 
 fn fallback_buffers(root: &Value) -> Vec<bool> {

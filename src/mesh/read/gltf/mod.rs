@@ -37,6 +37,8 @@ pub(super) fn read(path: &Path, bytes: &[u8], access: &FileAccess) -> Result<Pre
     charge(path, access, &mesh, total.vertices, total.triangles)?;
     let mut transforms = vec![None; document.nodes().count()];
     nodes.iter().for_each(|(node, to_world)| transforms[node.index()] = Some(*to_world));
+    let names = file.material_names.iter().enumerate();
+    let groups: Vec<usize> = names.map(|(number, name)| mesh.groups.add_distinct(name.as_deref(), number)).collect();
     // A skin may be that of many nodes.
     let mut skins: BTreeMap<usize, Skinning> = BTreeMap::new();
     for (node, to_world) in &nodes {
@@ -48,6 +50,8 @@ pub(super) fn read(path: &Path, bytes: &[u8], access: &FileAccess) -> Result<Pre
         let skin = node.skin().and_then(|skin| skins.get(&skin.index()));
         for primitive in part.primitives().filter(is_surface) {
             let what = describe(&part, &primitive);
+            let material = file.material_of.get(part.index()).and_then(|all| *all.get(primitive.index())?);
+            mesh.groups.begin(mesh.triangles.len(), material.and_then(|material| groups.get(material).copied()));
             append_primitive(&content, access, &primitive, *to_world, skin, &mut mesh)
                 .map_err(|message| Error::input(path, format!("{what}: {message}")))?;
         }
