@@ -180,7 +180,7 @@ fn masks_and_planes_are_what_planes_md_says() {
 
 #[test]
 fn materials_have_the_values_that_materials_md_says() {
-    for case in cases("materials") {
+    for case in cases("materials").into_iter().chain(cases("models")) {
         let found = brdf::decode_materials(&bytes(&case["section"]), &tsuya::Budget::new(Default::default())).unwrap();
         let named = found.iter().find(|material| case["name"] == material.name.as_str()).unwrap();
         for value in case["values"].as_array().unwrap() {

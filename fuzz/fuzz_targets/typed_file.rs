@@ -24,6 +24,7 @@ fn run(u: &mut Unstructured) -> Result<()> {
         let taken = match tag {
             Tag::MESH | Tag::VIEWS => true,
             Tag::PLANES | Tag::WAVELET_TEXTURE => profile == Some(tag),
+            Tag::BINDING => wanted >> index & 1 == 1 && sections.iter().any(|section| section.0 == Tag::MATERIALS.0),
             _ => wanted >> index & 1 == 1,
         };
         if taken && let Some(section) = object.section(tag, u)?.filter(|section| !section.is_empty()) {

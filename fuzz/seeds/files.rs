@@ -90,10 +90,12 @@ pub fn put(seeds: &Seeds) {
     let octahedron = file(scene::mesh(), plain, &options(40.0));
     let mesh = tsuya::decoder::decode(&octahedron, &Default::default()).expect("our own file").mesh;
     let materials = models::materials();
+    let binding = tsuya::brdf::TriangleBinding::whole("ward", mesh.triangles.len());
     let beside = [
         own(Tag::VISIBILITY, models::visibility(&mesh, 24)),
         own(Tag::LIGHT, models::light(8)),
-        own(Tag::MATERIALS, tsuya::brdf::encode_materials(&materials).expect("two materials")),
+        own(Tag::MATERIALS, tsuya::brdf::encode_materials(&materials).expect("materials")),
+        own(Tag::BINDING, tsuya::brdf::encode_binding(&binding).expect("a binding")),
     ];
     let whole = with_sections(&octahedron, &beside, Limits::default()).expect("our own file");
     all.push(("everything".into(), whole));

@@ -28,9 +28,13 @@ pub fn materials() -> Vec<NamedMaterial> {
     let options = brdf::DsbrdfFitOptions { slices: 6, ..Default::default() };
     let lobes = brdf::fit_dsbrdf(&samples, &options).expect("a material");
     let tuned = brdf::fit_compact(&samples, &Default::default()).expect("a material");
+    let (base_colour, specular_colour) = ([0.9, 0.7, 0.3], [1.0; 3]);
+    let brass = brdf::Microfacets { base_colour, metallic: 1.0, roughness: 0.3, specular_colour };
     vec![
         NamedMaterial { name: "lobes".into(), material: FittedMaterial::Dsbrdf(lobes) },
         NamedMaterial { name: "compact".into(), material: FittedMaterial::Compact(tuned) },
+        NamedMaterial { name: "ward".into(), material: FittedMaterial::Classical(model(2)) },
+        NamedMaterial { name: "brass".into(), material: FittedMaterial::MetallicRoughness(brass) },
     ]
 }
 

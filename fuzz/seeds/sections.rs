@@ -53,6 +53,9 @@ pub fn put(seeds: &Seeds) {
         let bytes = tsuya::brdf::encode_materials(&materials[..count]).expect("materials");
         seeds.put("materials", &format!("{count}"), bytes);
     }
+    let of_triangle = (0..500).map(|triangle| [1, 2, 0, 3][triangle / 60 % 4]).collect();
+    let binding = tsuya::brdf::TriangleBinding { names: ["a", "b", "lobes"].map(String::from).to_vec(), of_triangle };
+    seeds.put("materials", "binding", tsuya::brdf::encode_binding(&binding).expect("a binding"));
     atlases(seeds);
 }
 

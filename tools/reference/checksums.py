@@ -13,6 +13,7 @@ import numpy as np
 
 import container
 import light
+import materials
 import mesh
 import paper
 import planes
@@ -66,6 +67,9 @@ def parts(sections):
         yield f"view {index} mask", mask.astype(np.uint8).tobytes()
         for component, image in zip(views.components, images):
             yield f"view {index} {COMPONENTS[component]}", singles(image)
+    if "bIND" in sections:
+        bound, _ = materials.binding(sections["bIND"], len(triangles), materials.decode(sections["mATl"]))
+        yield "binding", np.array(bound, "<u2").tobytes()
     if "vISB" in sections:
         bases, weights = visibility.decode(sections["vISB"], positions, triangles)
         yield "visibility bases", singles(bases)

@@ -1,8 +1,9 @@
-"""Section mATl, from spec/materials.md: values of fitted materials."""
+"""Sections mATl and bIND, from spec/materials.md: values of materials, and which triangles take them."""
 
 import math
+import struct
 
-from entropy import Damaged, Number, Range
+from entropy import Bit, Damaged, Number, Range
 
 LEVELS = [
     ([0, 0, 0, 1, 2, 3, 3, 4, 5, 5, 6, 7, 9, 10, 12, 15], [0, 1, 2, 3, 4, 5, 6, 8, 10, 12], [0, 1, 2, 3, 4, 6, 7, 8]),
@@ -30,7 +31,7 @@ CONTINUE = [
 
 def decode(data):
     """Materials by name, each a function of two directions."""
-    if data[0] != 1:
+    if data[0] not in (1, 2):
         raise Damaged("version of mATl")
     count, at, materials = int.from_bytes(data[1:5], "little"), 5, {}
     for _ in range(count):
@@ -38,6 +39,8 @@ def decode(data):
         name = data[at + 2 : at + 2 + length].decode("utf-8")
         at += 2 + length
         size = int.from_bytes(data[at : at + 2], "little")
+        if form > (1 if data[0] == 1 else 3):
+            raise Damaged("form of a material")
         materials[name] = material(form, data[at + 2 : at + 2 + size])
         at += 2 + size
     if at != len(data):
@@ -45,7 +48,35 @@ def decode(data):
     return materials
 
 
+def binding(data, triangles, names):
+    """The number of each triangle's material among the names, and the names: section 6."""
+    if data[0] != 0:
+        raise Damaged("version of bIND")
+    count, at, bound = int.from_bytes(data[1:3], "little"), 3, []
+    for _ in range(count):
+        bound.append(data[at + 1 : at + 1 + data[at]].decode("utf-8"))
+        at += 1 + data[at]
+    if not bound or len(set(bound)) < count or not all(name in names for name in bound):
+        raise Damaged("names of bIND")
+    coder, repeats, number = Range(data[at:]), [Bit(), Bit()], Number()
+    found, before, same = [], 1, 1
+    for _ in range(triangles):
+        same = int(repeats[same].decode(coder))
+        if not same:
+            other = number.decode(coder)
+            before = other + (other >= before)
+            if before > count:
+                raise Damaged("material of a triangle")
+        found.append(before)
+    coder.end_mark()
+    if not coder.ends_rightly():
+        raise Damaged("end of bIND")
+    return found, bound
+
+
 def material(form, coded):
+    if form >= 2:
+        return (Classical, Metallic)[form - 2](coded)
     coder = Range(coded)
     result = (Lobes, Compact)[form](coder)
     coder.end_mark()
@@ -168,3 +199,100 @@ def coefficient(coder, gain, channel, degrees):
     if magnitude >= 1 << 20:
         raise Damaged("coefficient of a material")
     return -magnitude if magnitude and coder.bit(32768) else magnitude
+
+
+class Classical:
+    """Form 2, section 4."""
+
+    LENGTHS = (0, 1, 2, 2, 1, 2, 3, 3, 1, 27)
+
+    def __init__(self, coded):
+        self.model, colours = coded[0], 6 if coded[0] else 3
+        if len(coded) != 1 + 8 * (colours + self.LENGTHS[self.model]):
+            raise Damaged("numbers of a classical model")
+        numbers = struct.unpack(f"<{(len(coded) - 1) // 8}d", coded[1:])
+        self.diffuse, self.specular, self.parameters = numbers[:3], numbers[3:colours], numbers[colours:]
+        if not all(0 <= x <= 1e6 for x in numbers[:colours]) or not all(abs(x) <= 1e300 for x in self.parameters):
+            raise Damaged("range of a classical model")
+
+    def evaluate(self, i, o):
+        return [k / math.pi + (self.specular[c] * self.lobe(i, o, c) if self.model else 0) for c, k in enumerate(self.diffuse)]
+
+    def lobe(self, i, o, colour):
+        h = [a + b for a, b in zip(i, o)]
+        length = math.sqrt(sum(x * x for x in h))
+        x, y, c_h = (v / length for v in h)
+        c_i, c_o, c_d = i[2], o[2], length / 2
+        q, p = x * x + y * y, self.parameters
+        t, pi = q / c_h**2, math.pi
+
+        def fresnel(r):
+            return r + (1 - r) * (1 - c_d) ** 5
+
+        if self.model == 1:
+            return (p[0] + 2) / (2 * pi) * c_h ** p[0]
+        if self.model == 2:
+            groove = min(1, 2 * c_h * min(c_i, c_o) / c_d)
+            return fresnel(p[1]) * math.exp(-t / p[0] ** 2) / (pi * p[0] ** 2 * c_h**4) * groove / (4 * c_i * c_o)
+        if self.model == 3:
+            a = p[0] ** 2
+            u = [2 / (c + math.sqrt(a + (1 - a) * c * c)) for c in (c_i, c_o)]
+            return fresnel(p[1]) * a / (pi * (c_h**2 * a + q) ** 2) * u[0] * u[1] / 4
+        if self.model == 4:
+            return math.exp(-t / p[0] ** 2) / (4 * pi * p[0] ** 2 * math.sqrt(c_i * c_o))
+        if self.model == 5:
+            slope = ((x / p[0]) ** 2 + (y / p[1]) ** 2) / c_h**2
+            return math.exp(-slope) / (4 * pi * p[0] * p[1] * math.sqrt(c_i * c_o))
+        if self.model == 6:
+            e = (p[0] * x * x + p[1] * y * y) / q if q > 1e-18 and p[0] != p[1] else p[0]
+            norm = math.sqrt((p[0] + 1) * (p[1] + 1)) / (8 * pi)
+            return norm * fresnel(p[2]) * c_h**e / (c_d * max(c_i, c_o))
+        if self.model == 7:
+            b = p[0] * (i[0] * o[0] + i[1] * o[1]) + p[1] * c_i * c_o
+            return (p[2] + 2) / (2 * pi) * (max(b, 0) / max(abs(p[0]), abs(p[1]))) ** p[2]
+        if self.model == 8:
+            theta = math.atan2(math.sqrt(q), c_h)
+            w = struct.unpack("<f", struct.pack("<f", 0.05))[0]
+            return math.exp(-(theta**2) / (2 * p[0] ** 2)) / (max(c_o, w) * max(c_i, 0.001))
+        alpha, power, f_0, f_1, scale, height, rate, exponent, first = p[colour::3]
+
+        def unshadowed(cosine):
+            beyond = math.acos(cosine) - first
+            return 1 if beyond <= 0 else min(max(1 + height * (1 - math.exp(rate * beyond**exponent)), 0), 1)
+
+        y = alpha + t / alpha
+        distribution = scale * math.exp(-y) / y**power / (pi * c_h**4)
+        masking = unshadowed(c_i) * unshadowed(c_o)
+        return max(fresnel(f_0) - f_1 * c_d, 0) * distribution * masking / (pi * c_i * c_o)
+
+
+class Metallic:
+    """Form 3, section 5."""
+
+    def __init__(self, coded):
+        if len(coded) != 64:
+            raise Damaged("numbers of a metallic-roughness material")
+        numbers = struct.unpack("<8d", coded)
+        if not all(0 <= x <= 1 for x in numbers[:5]) or not all(0 <= x <= 1e6 for x in numbers[5:]):
+            raise Damaged("range of a metallic-roughness material")
+        self.base, self.metalness, self.roughness, self.specular = numbers[:3], numbers[3], numbers[4], numbers[5:]
+
+    def evaluate(self, i, o):
+        h = [a + b for a, b in zip(i, o)]
+        length = math.sqrt(sum(x * x for x in h))
+        c_i, c_o, c_h, c_d = i[2], o[2], h[2] / length, length / 2
+        a = max(self.roughness**2, 0.002) ** 2
+
+        def fresnel(r):
+            return r + (1 - r) * (1 - c_d) ** 5
+
+        def v(x, y):
+            return x * math.sqrt(y * y * (1 - a) + a)
+
+        b = a / (math.pi * (c_h**2 * (a - 1) + 1) ** 2) / (2 * (v(c_i, c_o) + v(c_o, c_i)))
+        dielectric = [fresnel(min(0.04 * s, 1)) for s in self.specular]
+        values = []
+        for k, d in zip(self.base, dielectric):
+            plastic = k / math.pi * (1 - max(dielectric)) + b * d
+            values.append(plastic + self.metalness * (b * fresnel(k) - plastic))
+        return values

@@ -110,7 +110,7 @@ def material(case):
         assert np.allclose(found.evaluate(i, o), expected, rtol=1e-9, atol=0), (case["name"], i, o)
 
 
-CHECKS = {"entropy": entropy, "masks": masks, "planes": coefficients, "refused": refused, "materials": material}
+CHECKS = {"entropy": entropy, "masks": masks, "planes": coefficients, "refused": refused, "materials": material, "models": material}
 
 
 def main():

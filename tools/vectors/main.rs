@@ -9,7 +9,7 @@ mod checksums;
 mod clauses;
 
 use std::path::{Path, PathBuf};
-use tsuya::brdf::{BrdfSample, ClassicalLobe, ClassicalModel};
+use tsuya::brdf::{BrdfSample, ClassicalLobe, ClassicalModel, Microfacets, ShiftedGamma, TriangleBinding};
 use tsuya::container::{ContainerWriter, SectionCodec, Tag};
 use tsuya::encoder::encode;
 use tsuya::lighting::{EnvironmentLobes, PrefilteredMap, SphericalGaussian};
@@ -91,6 +91,73 @@ fn two_materials() -> Outcome<Vec<u8>> {
     ])?)
 }
 
+/// Every model that a section holds by its numbers.
+fn models() -> Outcome<Vec<u8>> {
+    let three = |x: f64| [x, 0.75 * x, 0.5 * x];
+    let shape = ShiftedGamma {
+        alpha: three(0.1),
+        p: three(0.7),
+        f0: three(0.2),
+        f1: three(0.01),
+        normalisation: three(0.9),
+        lambda: three(2.0),
+        c: three(1.0),
+        k: three(1.5),
+        theta0: three(0.3),
+    };
+    let lobes = [
+        ClassicalLobe::Lambert,
+        ClassicalLobe::BlinnPhong { exponent: 40.0 },
+        ClassicalLobe::CookTorranceBeckmann { roughness: 0.25, reflectance: 0.04 },
+        ClassicalLobe::CookTorranceGgx { roughness: 0.2, reflectance: 0.9 },
+        ClassicalLobe::Ward { roughness: 0.3 },
+        ClassicalLobe::WardAnisotropic { roughness: [0.2, 0.4] },
+        ClassicalLobe::AshikhminShirley { exponents: [60.0, 20.0], reflectance: 0.1 },
+        ClassicalLobe::Lafortune { xy: -1.0, z: 0.95, exponent: 20.0 },
+        ClassicalLobe::TorranceSparrow { sigma: 0.2 },
+        ClassicalLobe::ShiftedGamma(Box::new(shape)),
+    ];
+    let named = |lobe: ClassicalLobe| {
+        let specular = if lobe == ClassicalLobe::Lambert { [0.0; 3] } else { [0.5, 0.6, 0.7] };
+        let name = lobe.name().to_owned();
+        NamedMaterial {
+            name,
+            material: FittedMaterial::Classical(ClassicalModel { diffuse: [0.3, 0.2, 0.1], specular, lobe }),
+        }
+    };
+    let mut all: Vec<NamedMaterial> = lobes.into_iter().map(named).collect();
+    for (name, metallic) in [("plastic", 0.0), ("brass", 0.9)] {
+        let (base_colour, specular_colour) = ([0.9, 0.6, 0.2], [1.0, 0.5, 2.0]);
+        let material = Microfacets { base_colour, metallic, roughness: 0.4, specular_colour };
+        all.push(NamedMaterial { name: name.into(), material: FittedMaterial::MetallicRoughness(material) });
+    }
+    Ok(brdf::encode_materials(&all)?)
+}
+
+/// A mesh whose lower part is of one of these materials, its upper part of another, and a piece of none.
+fn modelled(materials: &[u8]) -> Outcome<Vec<u8>> {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/lens/scan.ply");
+    let (mesh, _) = tsuya::mesh::clean(tsuya::mesh::read(path, &Default::default())?);
+    let coded = tsuya::mesh::encode(&mesh, &tsuya::mesh::MeshOptions { position_bits: 10 })?;
+    let [low, high] = coded.mesh.bounding_box().ok_or("a mesh")?;
+    let height = |triangle: &[u32; 3]| {
+        let sum: f32 = triangle.iter().map(|&vertex| coded.mesh.positions[vertex as usize][1] - low[1]).sum();
+        sum / 3.0 / (high[1] - low[1])
+    };
+    let part = |triangle: &[u32; 3]| match height(triangle) {
+        ..0.4 => 2,
+        0.7..0.8 => 0,
+        _ => 1,
+    };
+    let names = vec!["brass".to_owned(), "ward-anisotropic".to_owned()];
+    let binding = TriangleBinding { names, of_triangle: coded.mesh.triangles.iter().map(part).collect() };
+    let mut writer = ContainerWriter::new(Vec::new())?;
+    writer.write_section(Tag::MESH, SectionCodec::Own, &coded.bytes)?;
+    writer.write_section(Tag::MATERIALS, SectionCodec::Own, materials)?;
+    writer.write_section(Tag::BINDING, SectionCodec::Own, &brdf::encode_binding(&binding)?)?;
+    Ok(writer.finish()?)
+}
+
 fn golden(name: &str, capture: &str, frames: usize, options: &EncodeOptions) -> Outcome<Vec<u8>> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data").join(capture);
     let mut capture = tsuya::capture::read(&folder, &Default::default())?;
@@ -135,6 +202,9 @@ fn main() -> Outcome<()> {
     let section = two_materials()?;
     files.push(("materials", alone(Tag::MATERIALS, &section)?));
     clauses::write(&folder, VERSION, "materials", &clauses::materials(&section)?)?;
+    let section = models()?;
+    files.push(("modelled", modelled(&section)?));
+    clauses::write(&folder, VERSION, "models", &clauses::materials(&section)?)?;
     let mut bytes = 0;
     for (name, file) in files {
         let text = format!("tsuya {VERSION}, {name}\n{}", checksums::checksums_of(&file));

@@ -6,6 +6,7 @@ mod pictures;
 use arbitrary::{Result, Unstructured};
 use tsuya::Charts;
 use tsuya::Mesh;
+use tsuya::brdf::NamedMaterial;
 use tsuya::{Budget, Limits, lighting, mesh};
 use tsuya::{Component, View};
 use tsuya::{
@@ -22,10 +23,12 @@ pub struct Object {
     pub views: (internals::views::ViewsSection, Vec<u8>),
     /// The atlas and its section.
     pub charts: (Charts, Vec<u8>),
+    /// Materials and their section; `None` of those that are not taken.
+    pub materials: Option<(Vec<NamedMaterial>, Vec<u8>)>,
 }
 
 /// Sections in the order in which they stand in a file.
-pub const TAGS: [Tag; 11] = [
+pub const TAGS: [Tag; 12] = [
     Tag::METADATA,
     Tag::THUMBNAIL,
     Tag::MESH,
@@ -35,6 +38,7 @@ pub const TAGS: [Tag; 11] = [
     Tag::PLANES,
     Tag::WAVELET_TEXTURE,
     Tag::MATERIALS,
+    Tag::BINDING,
     Tag::VISIBILITY,
     Tag::LIGHT,
 ];
@@ -57,12 +61,13 @@ pub fn codec(tag: Tag) -> u8 {
 }
 
 impl Object {
-    /// A mesh, views and an atlas. All three come back.
+    /// A mesh, views, an atlas and materials. All come back.
     pub fn arbitrary(u: &mut Unstructured) -> Result<Object> {
         let mesh = parts::mesh(u)?;
         let views = parts::views(u, &mesh.0)?;
         let charts = parts::charts(u, &mesh.0)?;
-        Ok(Object { mesh, views, charts })
+        let materials = parts::materials(u)?;
+        Ok(Object { mesh, views, charts, materials })
     }
 
     /// A section, which came back; `None` where the writer does not take the value.
@@ -76,7 +81,11 @@ impl Object {
             Tag::REFLECTANCE => parts::reflectance(u, &self.mesh.0, &self.charts.0)?,
             Tag::PLANES => Some(pictures::planes(u, self)?),
             Tag::WAVELET_TEXTURE => pictures::paper(u, self)?,
-            Tag::MATERIALS => parts::materials(u)?,
+            Tag::MATERIALS => self.materials.as_ref().map(|(_, bytes)| bytes.clone()),
+            Tag::BINDING => match &self.materials {
+                Some((materials, _)) => parts::binding(u, &self.mesh.0, materials)?,
+                None => None,
+            },
             Tag::VISIBILITY => parts::visibility(u, &self.mesh.0)?,
             _ => parts::light(u)?,
         })
@@ -101,6 +110,10 @@ impl Object {
                 &budget,
             )),
             Tag::MATERIALS => drop(tsuya::brdf::decode_materials(bytes, &budget)),
+            Tag::BINDING => {
+                let materials = self.materials.as_ref().map_or(&[][..], |(materials, _)| materials);
+                drop(tsuya::brdf::decode_binding(bytes, mesh.triangles.len(), materials, &budget));
+            }
             Tag::VISIBILITY => drop(internals::visibility::decode(bytes, mesh, &budget)),
             _ => drop(lighting::decode(bytes, &budget)),
         }

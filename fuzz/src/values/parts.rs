@@ -8,7 +8,9 @@ use tsuya::Charts;
 use tsuya::Mesh;
 use tsuya::PaletteEntry;
 use tsuya::ReflectanceMaps;
-use tsuya::brdf::{DsbrdfMaterial, FittedMaterial, NamedMaterial};
+use tsuya::brdf::{
+    ClassicalLobe, ClassicalModel, DsbrdfMaterial, FittedMaterial, Microfacets, NamedMaterial, ShiftedGamma, TriangleBinding,
+};
 use tsuya::container::Metadata;
 use tsuya::image::Grid;
 use tsuya::internals::reflectance::MapSteps;
@@ -202,18 +204,78 @@ fn tuned(u: &mut Unstructured) -> Result<Option<CompactMaterial>> {
     Ok(CompactMaterial::from_numbers(reciprocal, [a?, b?, c?, d?, e?, f?], next))
 }
 
-/// Section `mATl`.
-pub fn materials(u: &mut Unstructured) -> Result<Option<Vec<u8>>> {
+/// Materials and section `mATl`.
+pub fn materials(u: &mut Unstructured) -> Result<Option<(Vec<NamedMaterial>, Vec<u8>)>> {
     let mut all = Vec::new();
     for _ in 0..u.int_in_range(0..=3)? {
-        let material =
-            if u.arbitrary()? { lobes(u)?.map(FittedMaterial::Dsbrdf) } else { tuned(u)?.map(FittedMaterial::Compact) };
+        let material = match u.int_in_range(0..=3)? {
+            0 => lobes(u)?.map(FittedMaterial::Dsbrdf),
+            1 => tuned(u)?.map(FittedMaterial::Compact),
+            2 => Some(FittedMaterial::Classical(classical(u)?)),
+            _ => Some(FittedMaterial::MetallicRoughness(microfacets(u)?)),
+        };
         let Some(material) = material else { continue };
         all.push(NamedMaterial { name: u.arbitrary()?, material });
     }
     let Ok(bytes) = brdf::encode_materials(&all) else { return Ok(None) };
     let again = brdf::decode_materials(&bytes, &budget()).expect("our own materials");
     assert!(again == all, "the materials come back others");
+    Ok(Some((all, bytes)))
+}
+
+/// A classical model whose parameters may be out of their ranges.
+fn classical(u: &mut Unstructured) -> Result<ClassicalModel> {
+    let mut value = || Ok::<f64, arbitrary::Error>(positive(u)? as f64);
+    let (a, b, c) = (value()?, value()?, value()?);
+    let mut colour = || Ok::<[f64; 3], arbitrary::Error>([value()?, value()?, value()?]);
+    let (diffuse, specular, third) = (colour()?, colour()?, colour()?);
+    let reflectance = b.min(1.0);
+    let lobe = match u.int_in_range(0..=9)? {
+        0 => return Ok(ClassicalModel { diffuse, specular: [0.0; 3], lobe: ClassicalLobe::Lambert }),
+        1 => ClassicalLobe::BlinnPhong { exponent: a },
+        2 => ClassicalLobe::CookTorranceBeckmann { roughness: a, reflectance },
+        3 => ClassicalLobe::CookTorranceGgx { roughness: a, reflectance },
+        4 => ClassicalLobe::Ward { roughness: a },
+        5 => ClassicalLobe::WardAnisotropic { roughness: [a, c] },
+        6 => ClassicalLobe::AshikhminShirley { exponents: [a, c], reflectance },
+        7 => ClassicalLobe::Lafortune { xy: -a, z: b, exponent: c },
+        8 => ClassicalLobe::TorranceSparrow { sigma: a },
+        _ => ClassicalLobe::ShiftedGamma(Box::new(ShiftedGamma {
+            alpha: third,
+            p: diffuse,
+            f0: specular,
+            f1: [a, b, c],
+            normalisation: third,
+            lambda: diffuse,
+            c: [c, a, b],
+            k: specular,
+            theta0: [-a, b, c],
+        })),
+    };
+    Ok(ClassicalModel { diffuse, specular, lobe })
+}
+
+fn microfacets(u: &mut Unstructured) -> Result<Microfacets> {
+    let mut value = || Ok::<f64, arbitrary::Error>(positive(u)? as f64);
+    let mut share = || Ok::<f64, arbitrary::Error>(value()?.min(1.0));
+    let (base_colour, metallic, roughness) = ([share()?, share()?, share()?], share()?, share()?);
+    Ok(Microfacets { base_colour, metallic, roughness, specular_colour: [value()?, value()?, value()?] })
+}
+
+/// Section `bIND` of a mesh and materials.
+pub fn binding(u: &mut Unstructured, mesh: &Mesh, materials: &[NamedMaterial]) -> Result<Option<Vec<u8>>> {
+    let mut names: Vec<String> = materials.iter().map(|named| named.name.clone()).collect();
+    names.truncate(u.int_in_range(0..=names.len())?);
+    let most = names.len() as u16;
+    let mut of_triangle = Vec::new();
+    for _ in &mesh.triangles {
+        let number = if u.ratio(1, 3)? { u.int_in_range(0..=most)? } else { of_triangle.last().copied().unwrap_or(0) };
+        of_triangle.push(number);
+    }
+    let binding = TriangleBinding { names, of_triangle };
+    let Ok(bytes) = brdf::encode_binding(&binding) else { return Ok(None) };
+    let again = brdf::decode_binding(&bytes, mesh.triangles.len(), materials, &budget()).expect("our own binding");
+    assert!(again == binding, "the binding comes back another");
     Ok(Some(bytes))
 }
 
