@@ -303,7 +303,12 @@ mod tests {
             let named = NamedMaterial { name: "one".into(), material: material.clone() };
             let bytes = encode_materials(std::slice::from_ref(&named)).unwrap();
             assert_eq!(bytes[0], 2);
-            assert_eq!(decode_materials(&bytes, &budget()).unwrap(), [named.clone()], "{}", material.form());
+            assert_eq!(
+                decode_materials(&bytes, &budget()).unwrap(),
+                std::slice::from_ref(&named),
+                "{}",
+                material.form()
+            );
             let (incoming, outgoing) = ([0.6, 0.0, 0.8], [-0.28, 0.0, 0.96]);
             assert!(material.evaluate(incoming, outgoing).iter().all(|v| *v > 0.0), "{}", material.form());
             // A number that is none, a number too few or too many, the form in a section of the first version.

@@ -16,7 +16,7 @@ fn numbers_to_bytes(numbers: impl IntoIterator<Item = f64>, bytes: &mut Vec<u8>)
 /// # Errors
 /// [`Error::Format`] where bytes are left over.
 fn numbers_of(bytes: &[u8], tag: Tag) -> Result<Vec<f64>> {
-    if bytes.len() % NUMBER != 0 {
+    if !bytes.len().is_multiple_of(NUMBER) {
         return Err(Error::format(tag, 0u8, "a parameter has 8 bytes"));
     }
     Ok(bytes.chunks_exact(NUMBER).map(LittleEndian::read_f64).collect())
