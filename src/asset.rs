@@ -3,7 +3,7 @@
 use crate::brdf::binding::TriangleBinding;
 use crate::brdf::materials::NamedMaterial;
 use crate::lighting::EnvironmentLobes;
-use crate::mesh::Mesh;
+use crate::mesh::{CornerCoordinates, Mesh};
 use crate::reflectance::maps::ReflectanceMaps;
 use crate::surface::charts::Charts;
 use crate::surface::displacement::DisplacedMesh;
@@ -35,6 +35,8 @@ pub struct Asset {
     pub materials: Vec<NamedMaterial>,
     /// Which of them the mesh's triangles take.
     pub binding: Option<TriangleBinding>,
+    /// Texture coordinates of the corners of the mesh's triangles, `v` upwards: they say which way the surface's first axis goes.
+    pub coordinates: Option<Vec<CornerCoordinates>>,
     /// Visibility of directions from the mesh's vertices or samples.
     pub visibility: Option<Visibility>,
     /// Light to show the object in.

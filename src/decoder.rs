@@ -148,6 +148,7 @@ fn decode_model<R: Read + Seek>(file: &mut Container<R>, options: &DecodeOptions
         asset.visibility = file.drive(|file| stages::visibility(file, mesh.as_ref()))?;
         asset.light = file.drive(stages::light)?;
         asset.materials = file.drive(stages::materials)?;
+        asset.coordinates = file.drive(|file| stages::coordinates(file, mesh.as_ref()))?;
         asset.binding = file.drive(|file| stages::binding(file, mesh.as_ref(), &asset.materials))?;
     }
     asset.mesh = mesh.unwrap_or_default();

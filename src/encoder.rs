@@ -171,14 +171,15 @@ pub fn encode_materials(materials: &[NamedMaterial], metadata: &Metadata) -> Res
     writer.finish()
 }
 
-/// Writes a file of an object that was modelled: its mesh and what its triangles are made of. `binding` is in the order of the coded mesh's
-/// triangles.
+/// Writes a file of an object that was modelled: its mesh, what its triangles are made of, and the coded texture coordinates, if it has any.
+/// `binding` is in the order of the coded mesh's triangles.
 /// # Errors
 /// [`Error::Parameter`] if a name is empty, too long or given twice, the binding is another mesh's, or names a material that is not given.
 pub fn encode_modelled(
     mesh: &EncodedMesh,
     materials: &[NamedMaterial],
     binding: &TriangleBinding,
+    coordinates: Option<&[u8]>,
     metadata: &Metadata,
 ) -> Result<Vec<u8>> {
     if binding.of_triangle.len() != mesh.mesh.triangles.len() {
@@ -194,6 +195,9 @@ pub fn encode_modelled(
     writer.write_section(Tag::MESH, SectionCodec::Own, &mesh.bytes)?;
     writer.write_section(Tag::MATERIALS, SectionCodec::Own, &materials::encode_materials(materials)?)?;
     writer.write_section(Tag::BINDING, SectionCodec::Own, &binding::encode_binding(binding)?)?;
+    if let Some(coordinates) = coordinates {
+        writer.write_section(Tag::COORDINATES, SectionCodec::Own, coordinates)?;
+    }
     writer.finish()
 }
 

@@ -79,6 +79,7 @@ fn compare(whole: &Result<Asset>, file: &mut IncrementalDecoder, bytes: &[u8], o
     part!(visibility, asset => |part| asset.visibility == part);
     part!(light, asset => |part| asset.light == part);
     part!(materials, asset => |part| asset.materials == part);
+    part!(coordinates, asset => |part| asset.coordinates == part);
     part!(binding, asset => |part| asset.binding == part);
     let _ = fetch(file, bytes, |file| file.verify());
 }

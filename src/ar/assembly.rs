@@ -4,7 +4,7 @@ use super::ArObject;
 use super::placement::Placement;
 use crate::asset::Asset;
 use crate::error::{Error, Result};
-use crate::mesh::Mesh;
+use crate::mesh::{CornerCoordinates, Mesh};
 use crate::relight::{AssetShading, Occlusion, RenderObject, ShadingModel, ShadingParameters};
 use crate::surface::displacement::coarser;
 use crate::visibility::{BakeOptions, bake};
@@ -19,6 +19,8 @@ pub struct ArAssembly<'a> {
     occlusion: Occlusion,
     shading: AssemblyShading<'a>,
     placement: Placement,
+    /// Texture coordinates of all triangles, where an asset has any; of others a single point.
+    coordinates: Option<Vec<CornerCoordinates>>,
 }
 
 impl<'a> ArAssembly<'a> {
@@ -34,6 +36,7 @@ impl<'a> ArAssembly<'a> {
         }
         let mut mesh = Mesh::default();
         let mut parts = Vec::new();
+        let mut coordinates = Vec::new();
         let count = |dropped: u32| -> usize {
             let levels = |asset: &Asset| asset.surface.as_ref().map_or(0, |s| s.levels().saturating_sub(dropped));
             assets.iter().map(|(asset, _)| asset.mesh.positions.len() << (2 * levels(asset))).sum()
@@ -49,6 +52,10 @@ impl<'a> ArAssembly<'a> {
             let place = |p: &[f32; 3]| placement.point_to_world(p.map(f64::from)).map(|x| x as f32);
             mesh.positions.extend(drawn.positions.iter().map(place));
             mesh.triangles.extend(drawn.triangles.iter().map(|t| t.map(|v| v + vertices as u32)));
+            match asset.coordinates.as_ref().filter(|own| own.len() == drawn.triangles.len()) {
+                Some(own) => coordinates.extend_from_slice(own),
+                None => coordinates.resize(mesh.triangles.len(), [[0.0; 2]; 3]),
+            }
             let shading = AssetShading::new(asset, taps)?;
             parts.push(AssemblyPart { triangle, base: &asset.mesh, levels, shading });
         }
@@ -56,7 +63,9 @@ impl<'a> ArAssembly<'a> {
         let occlusion = Occlusion::from_visibility(&bake(&mesh, &BakeOptions::default())?.visibility);
         let rotation = crate::marker::Pose::IDENTITY.rotation;
         let placement = Placement { rotation, scale: 1.0, translation: [0.0; 3], ground };
-        Ok(ArAssembly { mesh, occlusion, shading: AssemblyShading { parts }, placement })
+        let has_any = assets.iter().any(|(asset, _)| asset.coordinates.is_some());
+        let coordinates = has_any.then_some(coordinates);
+        Ok(ArAssembly { mesh, occlusion, shading: AssemblyShading { parts }, placement, coordinates })
     }
 
     /// Prepares what a [`super::Session`] draws.
@@ -65,12 +74,12 @@ impl<'a> ArAssembly<'a> {
     ///
     /// Those of [`RenderObject::new`].
     pub fn object(&self) -> Result<ArObject<'_>> {
-        Ok(ArObject {
-            object: RenderObject::new(&self.mesh, Some(&self.occlusion))?,
-            shading: &self.shading,
-            placement: self.placement,
-            detail: None,
-        })
+        let object = RenderObject::new(&self.mesh, Some(&self.occlusion))?;
+        let object = match &self.coordinates {
+            Some(coordinates) => object.with_coordinates(coordinates)?,
+            None => object,
+        };
+        Ok(ArObject { object, shading: &self.shading, placement: self.placement, detail: None })
     }
 }
 

@@ -33,6 +33,8 @@ impl Tag {
     pub const MATERIALS: Tag = Tag(*b"mATl");
     /// Materials of the mesh's triangles; holds for the MESH beside it only.
     pub const BINDING: Tag = Tag(*b"bIND");
+    /// Texture coordinates of the mesh's corners; holds for the MESH beside it only.
+    pub const COORDINATES: Tag = Tag(*b"tCOR");
     /// Visibility of the vertices; holds for the MESH beside it only.
     pub const VISIBILITY: Tag = Tag(*b"vISB");
     /// Light: spherical Gaussians and prefiltered levels.
@@ -96,7 +98,7 @@ const OWN: &[SectionCodec] = &[SectionCodec::Own];
 const ANY: &[SectionCodec] = &[SectionCodec::None, SectionCodec::Zstd, SectionCodec::Own];
 
 /// All known sections, in the order in which writers put them. Part of the format.
-const SECTION_RULES: [SectionRule; 13] = [
+const SECTION_RULES: [SectionRule; 14] = [
     rule(Tag::METADATA, 2, 1 << 20, GENERAL, &[]),
     rule(Tag::THUMBNAIL, 57, 1 << 20, &[SectionCodec::None], &[]),
     rule(Tag::MESH, 4, 1 << 32, OWN, &[]),
@@ -108,6 +110,7 @@ const SECTION_RULES: [SectionRule; 13] = [
     rule(Tag::WAVELET_TEXTURE, 1, 1 << 40, ANY, &[Tag::MESH, Tag::VIEWS]),
     rule(Tag::MATERIALS, 5, 1 << 32, OWN, &[]),
     rule(Tag::BINDING, 5, 1 << 32, OWN, &[Tag::MATERIALS, Tag::MESH]),
+    rule(Tag::COORDINATES, 16, 1 << 34, OWN, &[Tag::MESH]),
     rule(Tag::VISIBILITY, 21, 1 << 36, OWN, &[Tag::MESH]),
     rule(Tag::LIGHT, 4, 1 << 32, OWN, &[]),
 ];

@@ -10,7 +10,7 @@ use crate::error::{Error, Result};
 use crate::image::{Mask, Region};
 use crate::lighting::EnvironmentLobes;
 use crate::limits::Limits;
-use crate::mesh::Mesh;
+use crate::mesh::{CornerCoordinates, Mesh};
 use crate::predictive::decode::DecodedPhotograph;
 use crate::predictive::header;
 use crate::predictive::model::PredictionModel;
@@ -244,6 +244,12 @@ impl IncrementalDecoder {
     /// Decodes the materials; none in a file without. Not kept.
     pub fn materials(&mut self) -> Result<Poll<Vec<NamedMaterial>>> {
         self.handed_out(stages::materials)
+    }
+
+    /// Decodes the texture coordinates; `None` in a file without. Not kept.
+    pub fn coordinates(&mut self) -> Result<Poll<Option<Vec<CornerCoordinates>>>> {
+        let mesh = ready!(self.mesh()?);
+        self.handed_out(|file| stages::coordinates(file, mesh.as_deref()))
     }
 
     /// Decodes the materials of the mesh's triangles; `None` in a file without. Not kept.

@@ -8,7 +8,7 @@ use crate::container::{IncrementalReader, Poll, Tag, is_required, missing_sectio
 use crate::error::Result;
 use crate::lighting::{self, EnvironmentLobes};
 use crate::limits::{Budget, Reservation};
-use crate::mesh::{self, Mesh};
+use crate::mesh::{self, CornerCoordinates, Mesh};
 use crate::predictive::header::{self, PlaneSection};
 use crate::reflectance::{self, maps::ReflectanceMaps};
 use crate::surface::charts::{self, Charts};
@@ -156,6 +156,15 @@ pub(super) fn light(file: &mut IncrementalReader) -> Result<Poll<Option<Environm
 /// Decodes the materials; none in a file without.
 pub(super) fn materials(file: &mut IncrementalReader) -> Result<Poll<Vec<NamedMaterial>>> {
     Ok(Poll::Ready(ready!(section(file, Tag::MATERIALS, materials::decode_materials)?).unwrap_or_default()))
+}
+
+/// Decodes the texture coordinates; `None` in a file without.
+pub(super) fn coordinates(
+    file: &mut IncrementalReader,
+    mesh: Option<&Mesh>,
+) -> Result<Poll<Option<Vec<CornerCoordinates>>>> {
+    let Some(mesh) = mesh else { return Ok(Poll::Ready(None)) };
+    section(file, Tag::COORDINATES, |bytes, budget| mesh::coordinates::decode_coordinates(bytes, mesh, budget))
 }
 
 /// Decodes the materials of the mesh's triangles; `None` in a file without.

@@ -3,6 +3,7 @@
 #[cfg(feature = "encode")]
 pub(crate) mod clean;
 pub(crate) mod codec;
+pub(crate) mod coordinates;
 #[cfg(feature = "encode")]
 pub(crate) mod read;
 
@@ -11,6 +12,9 @@ pub use clean::{CleanReport, clean, clean_with_order};
 pub use codec::decode;
 #[cfg(feature = "encode")]
 pub use codec::{EncodedMesh, MeshOptions, encode};
+#[cfg(feature = "encode")]
+pub use coordinates::encode_coordinates;
+pub use coordinates::{CornerCoordinates, decode_coordinates};
 #[cfg(feature = "encode")]
 pub use read::{EXTENSIONS, MeshGroups, parse, parse_with_groups, read, texture_coordinates};
 

@@ -122,6 +122,8 @@ pub struct PreparedSpecular {
     /// Sharpness (the mean of both directions) and amplitude of its lobes, and the sum of the latter.
     pub(super) lobes: Vec<(f32, f32)>,
     pub(super) peak: f32,
+    /// Whether the lobes are as wide along as across.
+    pub(super) is_round: bool,
 }
 
 impl PreparedSpecular {
@@ -140,7 +142,8 @@ impl PreparedSpecular {
         let mean = |s: [f64; 2]| (s[0] * s[1]).sqrt() as f32;
         let lobes: Vec<(f32, f32)> = specular.lobes.iter().map(|l| (mean(l.sharpness), l.amplitude as f32)).collect();
         let peak = lobes.iter().map(|l| l.1).sum::<f32>().max(1e-30);
-        PreparedSpecular { specular, taps, table: gloss, lobes, peak }
+        let is_round = specular.lobes.iter().all(|lobe| lobe.sharpness[0] == lobe.sharpness[1]);
+        PreparedSpecular { specular, taps, table: gloss, lobes, peak, is_round }
     }
 }
 

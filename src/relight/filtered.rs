@@ -60,7 +60,7 @@ impl<'a> FilteredEvaluator<'a> {
         prepared: &PreparedSpecular,
         brdf: impl Fn(Vec3, f32, Vec3, Vec3) -> Vec3,
     ) -> Vec3 {
-        let frame = point.basis();
+        let frame = point.basis_for(prepared);
         let outgoing = frame.transpose() * point.outgoing;
         let occlusion = self.object.occlusion.filter(|_| self.shadows);
         let count = prepared.taps.len() as f32;

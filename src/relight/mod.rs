@@ -39,6 +39,7 @@ mod residual;
 mod scene;
 mod shadow;
 mod spherical_gaussian;
+mod tangents;
 mod textures;
 mod view_scene;
 

@@ -241,7 +241,8 @@ impl RealtimeScene<'_> {
         let turned = geometric.dot(outgoing) < 0.0;
         let geometric = if turned { -geometric } else { geometric };
         let sites = self.scene.object.sites(triangle, weights, position);
-        let point = ShadingPoint { position, normal, geometric, outgoing, sites };
+        let tangent = self.scene.object.tangent(triangle, weights);
+        let point = ShadingPoint { position, normal, geometric, outgoing, tangent, sites };
         (normal.dot(outgoing) > 0.0).then_some(VisiblePoint { point, triangle, turned })
     }
 

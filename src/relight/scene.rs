@@ -1,12 +1,13 @@
 //! An object under light from all around: what every evaluator shares.
 
-use super::appearance::{ShadingModel, ShadingParameters};
+use super::appearance::{PreparedSpecular, ShadingModel, ShadingParameters};
 use super::multisample::VisibilityBuffer;
 use super::occlusion::Occlusion;
+use super::tangents::corner_tangents;
 use crate::asset::Asset;
 use crate::error::{Error, Result};
 use crate::image::{Grid, RgbImage};
-use crate::mesh::Mesh;
+use crate::mesh::{CornerCoordinates, Mesh};
 use crate::surface::displacement::DisplacedMesh;
 use crate::surface::raster::{check_work, vertex_normals};
 use crate::views::Camera;
@@ -55,6 +56,8 @@ pub struct RenderObject<'a> {
     /// Around each sample the places whose visibility is known, and their shares; empty where the samples are the places.
     around_samples: Vec<([u32; 3], Vec3)>,
     pub(super) occlusion: Option<&'a Occlusion>,
+    /// Tangents of the corners of the triangles that are drawn; empty where the frame follows from the normal.
+    tangents: Vec<[Vec3; 3]>,
 }
 
 impl<'a> RenderObject<'a> {
@@ -79,7 +82,25 @@ impl<'a> RenderObject<'a> {
             normals.push(sum.normalize_or(Vec3::Z));
         }
         let (place_normals, around_samples) = (Vec::new(), Vec::new());
-        Ok(RenderObject { mesh, surface: None, normals, place_normals, around_samples, occlusion })
+        let tangents = Vec::new();
+        Ok(RenderObject { mesh, surface: None, normals, place_normals, around_samples, occlusion, tangents })
+    }
+
+    /// Gives the surface tangents along growing `u` of texture coordinates, one for each triangle's corners: materials that are not round follow
+    /// them. Nothing on a finer surface.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Parameter`] for another number of triangles.
+    pub fn with_coordinates(mut self, coordinates: &[CornerCoordinates]) -> Result<Self> {
+        if self.surface.is_some() {
+            return Ok(self);
+        }
+        if coordinates.len() != self.mesh.triangles.len() {
+            return Err(Error::parameter("the texture coordinates belong to another mesh: its triangles differ"));
+        }
+        self.tangents = corner_tangents(self.mesh, &self.normals, coordinates);
+        Ok(self)
     }
 
     /// Prepares a finer surface on a mesh; `occlusion` is known at samples of the mesh, irradiance is summed at the surface's vertices.
@@ -115,6 +136,7 @@ impl<'a> RenderObject<'a> {
             place_normals,
             around_samples,
             occlusion,
+            tangents: Vec::new(),
         })
     }
 
@@ -126,7 +148,13 @@ impl<'a> RenderObject<'a> {
     pub fn of_asset(asset: &'a Asset, occlusion: Option<&'a Occlusion>) -> Result<Self> {
         match &asset.surface {
             Some(surface) => Self::with_surface(&asset.mesh, surface, occlusion),
-            None => Self::new(&asset.mesh, occlusion),
+            None => {
+                let object = Self::new(&asset.mesh, occlusion)?;
+                match &asset.coordinates {
+                    Some(coordinates) => object.with_coordinates(coordinates),
+                    None => Ok(object),
+                }
+            }
         }
     }
 
@@ -164,6 +192,13 @@ impl<'a> RenderObject<'a> {
         let Some(occlusion) = self.occlusion else { return (corners, weights) };
         let (places, shares) = occlusion.places().interpolation(triangle, corners, weights.to_array());
         (places, Vec3::from_array(shares))
+    }
+
+    /// Tangent at a point of a triangle that is drawn; zero where the frame follows from the normal.
+    #[inline]
+    pub(super) fn tangent(&self, triangle: usize, weights: Vec3) -> Vec3 {
+        let Some([a, b, c]) = self.tangents.get(triangle) else { return Vec3::ZERO };
+        *a * weights.x + *b * weights.y + *c * weights.z
     }
 
     /// The point of the mesh under a point of a triangle that is drawn, the places around it, and the samples around it.
@@ -214,6 +249,8 @@ pub(super) struct ShadingPoint {
     pub geometric: Vec3,
     /// Unit vector to the camera.
     pub outgoing: Vec3,
+    /// Along the surface's first axis, nearly; zero where that follows from the normal.
+    pub tangent: Vec3,
     pub sites: Sites,
 }
 
@@ -244,9 +281,27 @@ impl ShadingPoint {
         occlusion.interpolated_distance(places, shares, square)
     }
 
-    /// Tangent frame of the shading normal, see [`crate::sphere::gaussian::tangents`].
+    /// Frame for the half vectors of a specular part. Those of round ones follow the normal alone, so that they show no seam between charts.
+    #[inline]
+    pub(super) fn basis_for(&self, part: &PreparedSpecular) -> Mat3 {
+        if part.is_round { self.normal_basis() } else { self.basis() }
+    }
+
+    /// Frame of the shading normal along the tangent, or where there is none that of the normal alone.
     #[inline]
     pub(crate) fn basis(&self) -> Mat3 {
+        let normal = self.normal;
+        let along = self.tangent - normal * normal.dot(self.tangent);
+        if along.length_squared() > 1e-12 {
+            let along = along.normalize();
+            return Mat3::from_cols(along, normal.cross(along), normal);
+        }
+        self.normal_basis()
+    }
+
+    /// Frame of the shading normal, see [`crate::sphere::gaussian::tangents`].
+    #[inline]
+    fn normal_basis(&self) -> Mat3 {
         let normal = self.normal;
         let sign = 1f32.copysign(normal.z);
         let a = -1.0 / (sign + normal.z);
@@ -355,5 +410,6 @@ fn surface_point(object: &RenderObject, raster: &VisibilityBuffer, index: usize,
     let outgoing = (centre - position).normalize_or(Vec3::Z);
     let geometric = (q - p).cross(r - p).normalize_or(normal);
     let geometric = if geometric.dot(outgoing) < 0.0 { -geometric } else { geometric };
-    ShadingPoint { position, normal, geometric, outgoing, sites: object.sites(triangle, weights, position) }
+    let tangent = object.tangent(triangle, weights);
+    ShadingPoint { position, normal, geometric, outgoing, tangent, sites: object.sites(triangle, weights, position) }
 }

@@ -57,7 +57,7 @@ impl<'a> SgEvaluator<'a> {
     fn specular(&self, point: &ShadingPoint, prepared: &PreparedSpecular) -> Vec3 {
         let occlusion = self.occlusion();
         let cosine = SphericalGaussian::clamped_cosine(point.normal.as_dvec3().to_array());
-        let basis = point.basis();
+        let basis = point.basis_for(prepared);
         let outgoing = (basis.transpose() * point.outgoing).as_dvec3().to_array();
         let mut shine = Vec3::ZERO;
         for lobe in prepared.specular.lobes.iter().flat_map(|lobe| lobe.warp_isotropic(outgoing)) {

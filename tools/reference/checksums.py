@@ -12,6 +12,7 @@ import zlib
 import numpy as np
 
 import container
+import coordinates
 import light
 import materials
 import mesh
@@ -70,6 +71,8 @@ def parts(sections):
     if "bIND" in sections:
         bound, _ = materials.binding(sections["bIND"], len(triangles), materials.decode(sections["mATl"]))
         yield "binding", np.array(bound, "<u2").tobytes()
+    if "tCOR" in sections:
+        yield "texture coordinates", singles(coordinates.decode(sections["tCOR"], positions, triangles))
     if "vISB" in sections:
         bases, weights = visibility.decode(sections["vISB"], positions, triangles)
         yield "visibility bases", singles(bases)

@@ -8,7 +8,7 @@ import zlib
 from entropy import Bit, Damaged, Number, Range
 
 
-KNOWN = ("mETA", "tHMB", "MESH", "VIEW", "CHRT", "DISP", "RFLC", "PLAN", "PAPR", "mATl", "bIND", "vISB", "lIGt")
+KNOWN = ("mETA", "tHMB", "MESH", "VIEW", "CHRT", "DISP", "RFLC", "PLAN", "PAPR", "mATl", "bIND", "tCOR", "vISB", "lIGt")
 
 
 def varint(data, at, shortest=False):

@@ -155,6 +155,18 @@ fn modelled(materials: &[u8]) -> Outcome<Vec<u8>> {
     writer.write_section(Tag::MESH, SectionCodec::Own, &coded.bytes)?;
     writer.write_section(Tag::MATERIALS, SectionCodec::Own, materials)?;
     writer.write_section(Tag::BINDING, SectionCodec::Own, &brdf::encode_binding(&binding)?)?;
+    // Around the upright axis, with a seam where it begins anew, and one where the parts meet.
+    let coordinates = |(triangle, part): (&[u32; 3], &u16)| {
+        let turns = triangle.map(|vertex| {
+            let [x, y, z] = coded.mesh.positions[vertex as usize];
+            [z.atan2(x) / std::f32::consts::TAU, y + f32::from(*part)]
+        });
+        let first = turns[0][0];
+        turns.map(|[u, v]| [u - (u - first).round(), v])
+    };
+    let all: Vec<_> = coded.mesh.triangles.iter().zip(&binding.of_triangle).map(coordinates).collect();
+    let section = tsuya::mesh::encode_coordinates(&all, &coded.mesh, 11)?.0;
+    writer.write_section(Tag::COORDINATES, SectionCodec::Own, &section)?;
     Ok(writer.finish()?)
 }
 

@@ -28,7 +28,7 @@ pub struct Object {
 }
 
 /// Sections in the order in which they stand in a file.
-pub const TAGS: [Tag; 12] = [
+pub const TAGS: [Tag; 13] = [
     Tag::METADATA,
     Tag::THUMBNAIL,
     Tag::MESH,
@@ -39,6 +39,7 @@ pub const TAGS: [Tag; 12] = [
     Tag::WAVELET_TEXTURE,
     Tag::MATERIALS,
     Tag::BINDING,
+    Tag::COORDINATES,
     Tag::VISIBILITY,
     Tag::LIGHT,
 ];
@@ -86,6 +87,7 @@ impl Object {
                 Some((materials, _)) => parts::binding(u, &self.mesh.0, materials)?,
                 None => None,
             },
+            Tag::COORDINATES => parts::coordinates(u, &self.mesh.0)?,
             Tag::VISIBILITY => parts::visibility(u, &self.mesh.0)?,
             _ => parts::light(u)?,
         })
@@ -114,6 +116,7 @@ impl Object {
                 let materials = self.materials.as_ref().map_or(&[][..], |(materials, _)| materials);
                 drop(tsuya::brdf::decode_binding(bytes, mesh.triangles.len(), materials, &budget));
             }
+            Tag::COORDINATES => drop(mesh::decode_coordinates(bytes, mesh, &budget)),
             Tag::VISIBILITY => drop(internals::visibility::decode(bytes, mesh, &budget)),
             _ => drop(lighting::decode(bytes, &budget)),
         }

@@ -279,6 +279,20 @@ pub fn binding(u: &mut Unstructured, mesh: &Mesh, materials: &[NamedMaterial]) -
     Ok(Some(bytes))
 }
 
+/// Section `tCOR` of a mesh.
+pub fn coordinates(u: &mut Unstructured, mesh: &Mesh) -> Result<Option<Vec<u8>>> {
+    let mut all: Vec<mesh::CornerCoordinates> = Vec::new();
+    let is_smooth = u.arbitrary()?;
+    for triangle in &mesh.triangles {
+        let own = |vertex: u32| [mesh.positions[vertex as usize][0], mesh.positions[vertex as usize][1]];
+        all.push(if is_smooth { triangle.map(own) } else { [[number(u)?, number(u)?], own(triangle[1]), [0.5, number(u)?]] });
+    }
+    let Ok((bytes, coded)) = mesh::encode_coordinates(&all, mesh, u.int_in_range(1..=24)?) else { return Ok(None) };
+    let again = mesh::decode_coordinates(&bytes, mesh, &budget()).expect("our own coordinates");
+    assert!(again == coded, "the coordinates come back others");
+    Ok(Some(bytes))
+}
+
 /// Section `lIGt`.
 pub fn light(u: &mut Unstructured) -> Result<Option<Vec<u8>>> {
     let mut light = EnvironmentLobes::default();

@@ -79,6 +79,7 @@ impl Info {
                 "views": views,
                 "materials": materials,
                 "binding": bound,
+                "texture_coordinates": asset.coordinates.is_some(),
             }));
         }
         let mut text = String::new();
@@ -143,6 +144,9 @@ impl Info {
         for (name, triangles) in bound.into_iter().flatten() {
             let form = asset.materials.iter().find(|m| m.name == *name).map_or("", |named| named.material.form());
             let _ = writeln!(text, "made of: {}, {form}, {triangles} triangles", output::line(name));
+        }
+        if asset.coordinates.is_some() {
+            let _ = writeln!(text, "texture coordinates: of all corners");
         }
         if let Some(visibility) = &asset.visibility {
             let (terms, error) = (visibility.terms(), visibility.error());

@@ -3,7 +3,7 @@
 use crate::brdf::material::{self as files, Kind, MODEL_FORMAT, Material};
 use crate::source::limits;
 use crate::values::OutsideArgument;
-use crate::{output, source};
+use crate::{output, source, surroundings};
 use anyhow::{Context, Result};
 use clap::Args;
 use serde_json::json;
@@ -36,6 +36,9 @@ pub struct Make {
     /// Bits of a coordinate of a mesh that is not coded yet, 8 to 24.
     #[arg(long, value_name = "BITS", default_value_t = 14, value_parser = clap::value_parser!(u8).range(8..=24))]
     position_bits: u8,
+    /// Bits of a texture coordinate, 4 to 24. Ward's and Ashikhmin's axes follow the texture coordinates of OBJ.
+    #[arg(long, value_name = "BITS", default_value_t = 12, value_parser = clap::value_parser!(u8).range(4..=24))]
+    texture_bits: u8,
     #[command(flatten)]
     outside: OutsideArgument,
     /// Overwrites an existing file.
@@ -53,6 +56,8 @@ struct Given {
     groups: Vec<String>,
     /// For each triangle of the coded mesh the place of its group.
     group_of: Vec<u32>,
+    /// Its coded texture coordinates.
+    coordinates: Option<Vec<u8>>,
     /// The file that it stands in, and the materials that this has.
     file: Option<(Vec<u8>, Vec<NamedMaterial>)>,
 }
@@ -83,7 +88,8 @@ impl Make {
             None => {
                 let mut metadata = Metadata::default();
                 metadata.0.insert("title".into(), files::name_of(&self.mesh).into());
-                encoder::encode_modelled(&given.mesh, &chosen.materials, &chosen.binding, &metadata)?
+                let coordinates = given.coordinates.as_deref();
+                encoder::encode_modelled(&given.mesh, &chosen.materials, &chosen.binding, coordinates, &metadata)?
             }
         };
         output::write(&self.output, &bytes, self.force)?;
@@ -108,7 +114,15 @@ impl Make {
             [] => Vec::new(),
             _ => coded.triangle_order.iter().map(group_of).collect(),
         };
-        Ok(Given { mesh: coded, groups: groups.names, group_of, file: None })
+        let coordinates = match surroundings::read_coordinates(&self.mesh, &self.outside.access())? {
+            Some(raw) => {
+                let kept: Vec<_> = order.iter().map(|&triangle| raw[triangle as usize]).collect();
+                let own = coded.corner_values(&cleaned, &kept);
+                Some(mesh::encode_coordinates(&own, &coded.mesh, self.texture_bits)?.0)
+            }
+            None => None,
+        };
+        Ok(Given { mesh: coded, groups: groups.names, group_of, coordinates, file: None })
     }
 
     /// Reads the materials and finds the groups that each is for.
@@ -293,5 +307,5 @@ fn read_file(bytes: Vec<u8>) -> tsuya::Result<Given> {
     };
     let mesh = mesh::EncodedMesh { bytes: section, mesh, ..Default::default() };
     drop(file);
-    Ok(Given { mesh, groups, group_of, file: Some((bytes, materials)) })
+    Ok(Given { mesh, groups, group_of, coordinates: None, file: Some((bytes, materials)) })
 }

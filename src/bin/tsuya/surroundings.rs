@@ -29,7 +29,15 @@ const LEVEL_SIDE: usize = 256;
 /// What is shown: an asset, or a mesh of one material.
 pub enum JobAsset {
     Asset(Box<Asset>),
-    Mesh { mesh: Mesh, visibility: Option<Box<Visibility>>, material: Box<JobMaterial>, folder: Folder, file: PathBuf },
+    Mesh {
+        mesh: Mesh,
+        visibility: Option<Box<Visibility>>,
+        /// Texture coordinates, along which the surface's axes lie; where there are any.
+        coordinates: Option<Vec<mesh::CornerCoordinates>>,
+        material: Box<JobMaterial>,
+        folder: Folder,
+        file: PathBuf,
+    },
 }
 
 impl JobAsset {
@@ -43,7 +51,13 @@ impl JobAsset {
     fn render_object<'a>(&'a self, occlusion: Option<&'a Occlusion>) -> Result<RenderObject<'a>> {
         Ok(match self {
             JobAsset::Asset(asset) => RenderObject::of_asset(asset, occlusion)?,
-            JobAsset::Mesh { mesh, .. } => RenderObject::new(mesh, occlusion)?,
+            JobAsset::Mesh { mesh, coordinates, .. } => {
+                let object = RenderObject::new(mesh, occlusion)?;
+                match coordinates {
+                    Some(coordinates) => object.with_coordinates(coordinates)?,
+                    None => object,
+                }
+            }
         })
     }
 
@@ -205,17 +219,26 @@ pub fn subject(job: &Job, folder: &Folder, detail: bool) -> Result<JobAsset> {
         (None, Some(file), Some(material)) => {
             let file = folder.resolve_path(file)?;
             // What `tsuya bake` writes brings its visibility along.
-            let (mesh, visibility) = if source::has_extension(&file, "tsuya") {
+            let (mesh, visibility, coordinates) = if source::has_extension(&file, "tsuya") {
                 let (asset, _) = source::decode(&file, ViewSelection::None)?;
-                (asset.mesh, asset.visibility.map(Box::new))
+                (asset.mesh, asset.visibility.map(Box::new), asset.coordinates)
             } else {
-                (mesh::read(&file, &source::access().allow_outside(folder.allows_outside()))?, None)
+                let access = source::access().allow_outside(folder.allows_outside());
+                let coordinates = read_coordinates(&file, &access)?;
+                (mesh::read(&file, &access)?, None, coordinates)
             };
             let (material, folder) = (Box::new(material.clone()), folder.clone());
-            Ok(JobAsset::Mesh { mesh, visibility, material, folder, file })
+            Ok(JobAsset::Mesh { mesh, visibility, coordinates, material, folder, file })
         }
         _ => Err(Error::parameter("a job has either asset, or mesh and material").into()),
     }
+}
+
+/// The texture coordinates of a mesh file, if it has any.
+pub fn read_coordinates(file: &Path, access: &FileAccess) -> Result<Option<Vec<mesh::CornerCoordinates>>> {
+    let is_obj = source::has_extension(file, "obj");
+    let coordinates = if is_obj { mesh::texture_coordinates(file, access)? } else { Vec::new() };
+    Ok(Some(coordinates).filter(|coordinates| !coordinates.is_empty()))
 }
 
 /// An image in linear values: numbers as they are, not decoded from sRGB, unless it is a colour.

@@ -31,6 +31,20 @@ pub struct EncodedMesh {
     pub vertex_order: Vec<u32>,
 }
 
+impl EncodedMesh {
+    /// Values of the given mesh's corners, one for each triangle's, in the order in which the coded mesh has them.
+    pub fn corner_values<T: Copy>(&self, given: &Mesh, values: &[[T; 3]]) -> Vec<[T; 3]> {
+        let coded = self.mesh.triangles.iter().zip(&self.triangle_order);
+        let turned = |(triangle, &number): (&[u32; 3], &u32)| {
+            let (corners, own) = (given.triangles[number as usize], values[number as usize]);
+            let first = self.vertex_order[triangle[0] as usize];
+            let turn = corners.iter().position(|&vertex| vertex == first).unwrap_or(0);
+            std::array::from_fn(|k| own[(k + turn) % 3])
+        };
+        coded.map(turned).collect()
+    }
+}
+
 /// Codes a mesh. Positions are rounded to the lattice; triangles and vertices come in another order, and the corners of a
 /// triangle may be rotated. Nothing is merged or dropped.
 pub fn encode(mesh: &Mesh, options: &MeshOptions) -> Result<EncodedMesh> {

@@ -84,6 +84,10 @@ pub fn checksums(asset: &Asset) -> String {
         let numbers: Vec<u8> = binding.of_triangle.iter().flat_map(|number| number.to_le_bytes()).collect();
         part(&mut lines, "binding", |v| v.bytes(&numbers));
     }
+    if let Some(coordinates) = &asset.coordinates {
+        let values = coordinates.as_flattened().as_flattened();
+        part(&mut lines, "texture coordinates", |v| v.singles(values.iter().copied()));
+    }
     if let Some(visibility) = &asset.visibility {
         part(&mut lines, "visibility bases", |v| v.singles(visibility.bases().iter().copied()));
         let weights: Vec<u8> = visibility.all_weights().iter().map(|&weight| weight as u8).collect();
