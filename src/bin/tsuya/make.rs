@@ -36,8 +36,8 @@ pub struct Make {
     /// Bits of a coordinate of a mesh that is not coded yet, 8 to 24.
     #[arg(long, value_name = "BITS", default_value_t = 14, value_parser = clap::value_parser!(u8).range(8..=24))]
     position_bits: u8,
-    /// Bits of a texture coordinate, 4 to 24. Ward's and Ashikhmin's axes follow the texture coordinates of OBJ.
-    #[arg(long, value_name = "BITS", default_value_t = 12, value_parser = clap::value_parser!(u8).range(4..=24))]
+    /// Bits of a texture coordinate of OBJ, 4 to 24: anisotropic materials (ward, ashikhmin-shirley) follow them.
+    #[arg(long, value_name = "BITS", default_value_t = 16, value_parser = clap::value_parser!(u8).range(4..=24))]
     texture_bits: u8,
     #[command(flatten)]
     outside: OutsideArgument,
