@@ -199,7 +199,7 @@ pub fn decode_coordinates(bytes: &[u8], mesh: &Mesh, budget: &Budget) -> Result<
     }
     let ends = [lattice.value([0; 2]), lattice.value([lattice.max(); 2])];
     let is_within = ends.iter().flatten().all(|x| x.abs() <= 4.0 * MAX_COORDINATE);
-    if !is_within || !(lattice.step > 0.0) {
+    if !is_within || lattice.step.is_nan() || lattice.step <= 0.0 {
         return Err(wrong("lattice beyond 4000000, or of no step"));
     }
     let triangles = mesh.triangles.len() as u64;

@@ -104,6 +104,7 @@ impl Make {
             return read_file(bytes).with_context(name);
         }
         let (raw, groups) = mesh::parse_with_groups(&self.mesh, &bytes, &self.outside.access())?;
+        let triangles = raw.triangles.len();
         let (cleaned, report, order) = mesh::clean_with_order(raw);
         if !report.is_clean() {
             output::warn(&[format!("{}: {report}", name())]);
@@ -114,7 +115,9 @@ impl Make {
             [] => Vec::new(),
             _ => coded.triangle_order.iter().map(group_of).collect(),
         };
-        let coordinates = match surroundings::read_coordinates(&self.mesh, &self.outside.access())? {
+        let coordinates = surroundings::read_coordinates(&self.mesh, &self.outside.access())?;
+        // What begins as PLY is no OBJ, whatever it is called.
+        let coordinates = match coordinates.filter(|raw| raw.len() == triangles) {
             Some(raw) => {
                 let kept: Vec<_> = order.iter().map(|&triangle| raw[triangle as usize]).collect();
                 let own = coded.corner_values(&cleaned, &kept);

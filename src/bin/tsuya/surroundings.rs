@@ -224,8 +224,10 @@ pub fn subject(job: &Job, folder: &Folder, detail: bool) -> Result<JobAsset> {
                 (asset.mesh, asset.visibility.map(Box::new), asset.coordinates)
             } else {
                 let access = source::access().allow_outside(folder.allows_outside());
-                let coordinates = read_coordinates(&file, &access)?;
-                (mesh::read(&file, &access)?, None, coordinates)
+                let (mesh, coordinates) = (mesh::read(&file, &access)?, read_coordinates(&file, &access)?);
+                let of_mesh = |all: &Vec<mesh::CornerCoordinates>| all.len() == mesh.triangles.len();
+                let coordinates = coordinates.filter(of_mesh);
+                (mesh, None, coordinates)
             };
             let (material, folder) = (Box::new(material.clone()), folder.clone());
             Ok(JobAsset::Mesh { mesh, visibility, coordinates, material, folder, file })
