@@ -2,9 +2,12 @@
 
 use super::materials::NamedMaterial;
 use crate::container::Tag;
+#[cfg(feature = "encode")]
+use crate::container::push_u16;
 use crate::entropy::{BitCoder, BitModel, NumberModel, RangeDecoder, code_end};
 use crate::error::{Error, Result};
 use crate::limits::Budget;
+use byteorder::{ByteOrder, LittleEndian};
 use std::collections::HashSet;
 
 /// First byte of the section. Part of the format.
@@ -82,7 +85,7 @@ pub fn encode_binding(binding: &TriangleBinding) -> Result<Vec<u8>> {
         _ => return Err(Error::parameter("triangles are bound to one of 1 to 65535 materials, or to none")),
     };
     let mut bytes = vec![VERSION];
-    bytes.extend(count.to_le_bytes());
+    push_u16(&mut bytes, count);
     let mut known = HashSet::new();
     for name in names {
         let length = u8::try_from(name.len()).ok().filter(|&length| length > 0 && known.insert(name));
@@ -117,7 +120,7 @@ pub fn decode_binding(
         }
         None => return Err(wrong(0, "empty".into())),
     }
-    let count = bytes.get(1..3).and_then(|two| two.first_chunk()).map_or(0, |two| u16::from_le_bytes(*two));
+    let count = bytes.get(1..3).map_or(0, LittleEndian::read_u16);
     if count == 0 {
         return Err(wrong(1, "triangles are bound to at least one material".into()));
     }

@@ -3,6 +3,8 @@
 
 use super::Mesh;
 use crate::container::Tag;
+#[cfg(feature = "encode")]
+use crate::container::push_f32;
 use crate::entropy::{BitCoder, BitModel, NumberModel, RangeDecoder, code_end};
 use crate::error::{Error, Result};
 use crate::limits::Budget;
@@ -164,7 +166,7 @@ pub fn encode_coordinates(
     let mut corners: Vec<[Point; 3]> =
         coordinates.iter().map(|corners| corners.map(|uv| lattice.nearest(uv))).collect();
     let mut bytes = vec![VERSION, bits];
-    [origin[0], origin[1], step].into_iter().for_each(|value| bytes.extend(value.to_le_bytes()));
+    [origin[0], origin[1], step].into_iter().for_each(|value| push_f32(&mut bytes, value));
     let mut coder = crate::entropy::RangeEncoder::new();
     code(&mut coder, mesh, &mut corners, lattice.max())
         .ok_or_else(|| Error::parameter("texture coordinate outside of its lattice"))?;

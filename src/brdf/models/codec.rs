@@ -9,7 +9,11 @@ use byteorder::{ByteOrder, LittleEndian};
 const NUMBER: usize = size_of::<f64>();
 
 fn numbers_to_bytes(numbers: impl IntoIterator<Item = f64>, bytes: &mut Vec<u8>) {
-    numbers.into_iter().for_each(|number| bytes.extend(number.to_le_bytes()));
+    for number in numbers {
+        let start = bytes.len();
+        bytes.resize(start + NUMBER, 0);
+        LittleEndian::write_f64(&mut bytes[start..], number);
+    }
 }
 
 /// As many numbers as there are bytes for.
