@@ -9,7 +9,8 @@ use tsuya::Mesh;
 use tsuya::PaletteEntry;
 use tsuya::ReflectanceMaps;
 use tsuya::brdf::{
-    ClassicalLobe, ClassicalModel, DsbrdfMaterial, FittedMaterial, Microfacets, NamedMaterial, ShiftedGamma, TriangleBinding,
+    ClassicalLobe, ClassicalModel, DsbrdfMaterial, FittedMaterial, Microfacets, NamedMaterial, ShiftedGamma,
+    TriangleBinding,
 };
 use tsuya::container::Metadata;
 use tsuya::image::Grid;
@@ -285,7 +286,11 @@ pub fn coordinates(u: &mut Unstructured, mesh: &Mesh) -> Result<Option<Vec<u8>>>
     let is_smooth = u.arbitrary()?;
     for triangle in &mesh.triangles {
         let own = |vertex: u32| [mesh.positions[vertex as usize][0], mesh.positions[vertex as usize][1]];
-        all.push(if is_smooth { triangle.map(own) } else { [[number(u)?, number(u)?], own(triangle[1]), [0.5, number(u)?]] });
+        all.push(if is_smooth {
+            triangle.map(own)
+        } else {
+            [[number(u)?, number(u)?], own(triangle[1]), [0.5, number(u)?]]
+        });
     }
     let Ok((bytes, coded)) = mesh::encode_coordinates(&all, mesh, u.int_in_range(1..=24)?) else { return Ok(None) };
     let again = mesh::decode_coordinates(&bytes, mesh, &budget()).expect("our own coordinates");
