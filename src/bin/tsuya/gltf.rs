@@ -156,7 +156,6 @@ impl Export {
         output::print(&text)
     }
 
-    /// The textured mesh, and the fitted reflectance, under each photograph's light.
     /// Exports materials that are bound to the mesh: numbers, not textures, and no stream.
     fn export_modelled(&self, asset: &Asset) -> Result<()> {
         if self.external || self.jpeg.is_some() || self.against.is_some() {
@@ -187,6 +186,7 @@ impl Export {
         ))
     }
 
+    /// The textured mesh, and the fitted reflectance, under each photograph's light.
     fn measure(&self, capture: &Path, fallback: &Fallback) -> Result<Measured> {
         if output::is_stream(&self.file) {
             return Err(Error::parameter("--against needs a file, not standard input").into());

@@ -136,7 +136,11 @@ fn main() -> ExitCode {
     }
     output::clean_up_on_signals();
     let repairs = matches!(cli.command, Command::Repair(_));
-    match on_threads(cli.threads, || cli.command.run()) {
+    let result = on_threads(cli.threads, || cli.command.run());
+    if result.is_err() {
+        output::wait_for_signal();
+    }
+    match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) if is_broken_pipe(&error) => ExitCode::SUCCESS,
         Err(error) => {

@@ -10,7 +10,7 @@ mod terminal;
 pub use files::{Files, check_outputs, write};
 pub use folder::Folder;
 pub use place::is_same_file;
-pub use signals::clean_up_on_signals;
+pub use signals::{clean_up_on_signals, wait_for_signal};
 pub use terminal::{is_plain_text as is_plain, line, without_controls};
 
 use anyhow::Result;

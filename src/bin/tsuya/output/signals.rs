@@ -16,6 +16,11 @@ pub fn clean_up_on_signals() {
     let _ = std::thread::Builder::new().name("signals".into()).spawn(wait);
 }
 
+/// Waits for the program's end where a signal removes what was being made: an error is its doing then, and no exit code of its own.
+pub fn wait_for_signal() {
+    drop(super::staging::making());
+}
+
 /// Elsewhere the next run that writes into the same folder cleans up.
 #[cfg(not(unix))]
 pub fn clean_up_on_signals() {}
