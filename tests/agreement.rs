@@ -1,9 +1,7 @@
 //! Every way of decoding a file gives the same bits, and the error that the file states is the one that they have: for each kind of
 //! capture, both profiles and all decoding modes.
-#![cfg(all(feature = "encode", feature = "parallel"))]
 
-mod support;
-
+use crate::support;
 use tsuya::Asset;
 use tsuya::Photograph;
 use tsuya::capture::Capture;

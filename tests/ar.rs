@@ -1,15 +1,10 @@
 //! Markers, poses and pictures with an object put in: on photographs, and on frames drawn here whose truth is known.
 
-#[path = "support/markers.rs"]
-mod markers;
-#[path = "support/stage.rs"]
-mod stage;
-mod support;
-
-use markers::{ARTOOLKIT, ARUCO_0, Rays, TAG36H11_0, camera, draw, draw_through, pattern_file, posed};
-use stage::stage;
+use crate::markers::{ARTOOLKIT, ARUCO_0, Rays, TAG36H11_0, camera, draw, draw_through, pattern_file, posed};
+use crate::stage::stage;
+use crate::support;
+use crate::support::{shared, text};
 use std::path::Path;
-use support::{shared, text};
 use tsuya::Camera;
 use tsuya::image::{Grid, to_srgb};
 use tsuya::marker::{MarkerDetector, MarkerFamily, MarkerTracker, Rig, estimate_poses};

@@ -1,19 +1,13 @@
 //! Videos through standard input and output, frame by frame, and several objects in one run.
 
-#[path = "support/markers.rs"]
-mod markers;
-#[path = "support/stage.rs"]
-mod stage;
-mod support;
-
-use markers::{ARUCO_0, TAG36H11_0, camera, draw, posed};
-use stage::stage;
+use crate::markers::{ARUCO_0, TAG36H11_0, camera, draw, posed};
+use crate::stage::stage;
+use crate::support::{complaint, json, text};
 use std::io::{BufRead, BufReader, Read, Write};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::sync::mpsc;
 use std::time::{Duration, Instant};
-use support::{complaint, json, text};
 use tsuya::capture::Lens;
 
 const SIZE: [usize; 2] = [640, 480];

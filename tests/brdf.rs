@@ -1,8 +1,6 @@
 //! `tsuya brdf` from end to end.
 
-mod support;
-
-use support::{complaint, json, output, shared, text, tsuya};
+use crate::support::{complaint, json, output, shared, text, tsuya};
 
 /// Pairs of directions at the middles of cells, where a table and what it was made of agree.
 const DIRECTIONS: &str = "wi_x,wi_y,wi_z,wo_x,wo_y,wo_z\n0.3,0.1,0.9,-0.2,0.1,0.9\n0,0,1,0,0,2\n0.6,0,-0.8,0,0,1\n";

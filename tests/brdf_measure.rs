@@ -1,10 +1,8 @@
 //! A simulated goniometer: planned angles, measured values with noise as CSV, fits from those alone, and the next angles.
 
-mod support;
-
+use crate::support::{complaint, json, output, shared, tsuya};
 use std::fmt::Write;
 use std::path::Path;
-use support::{complaint, json, output, shared, tsuya};
 use tsuya::brdf::{
     Brdf, BrdfForm, BrdfSample, FitSettings, MeasuredSamples, MerlTable, PlanMethod, PlannedAngles, Population,
     RglMaterial, fit_measured, fit_planned, goniometer_rows, read_published,

@@ -1,8 +1,6 @@
 //! `tsuya brdf plan`, and fits from a plan's samples.
 
-mod support;
-
-use support::{complaint, json, shared, text, tsuya};
+use crate::support::{complaint, json, shared, text, tsuya};
 
 #[test]
 fn sixteen_samples_make_a_material() {

@@ -1,8 +1,7 @@
 //! Captures with faults and captures of other kinds, from the photographs to the file and back.
 
-mod support;
-
-use support::{encode_default, read, sample, shared, variant};
+use crate::support;
+use crate::support::{encode_default, read, sample, shared, variant};
 use tsuya::Component;
 use tsuya::Error;
 use tsuya::decoder::{DecodeOptions, decode};

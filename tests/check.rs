@@ -1,8 +1,6 @@
 //! The check of captures: what is wrong is named, what is right is not doubted.
 
-mod support;
-
-use support::{bundled, complaint, json, sample, shared, text, tsuya, variant};
+use crate::support::{bundled, complaint, json, sample, shared, text, tsuya, variant};
 use tsuya::Camera;
 use tsuya::capture::{Agreement, Capture, CaptureReadOptions, agreement, read};
 use tsuya::image::Grid;

@@ -1,8 +1,6 @@
 //! Damaged and hostile files.
 
-mod support;
-
-use support::encoded_sample;
+use crate::support::encoded_sample;
 use tsuya::container::{Container, verify};
 use tsuya::decoder::{DecodeOptions, ViewSelection, decode};
 use tsuya::{Error, Limits};

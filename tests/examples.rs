@@ -1,5 +1,4 @@
 //! The examples of `tools/examples`, each run on bundled files.
-#![cfg(feature = "encode")]
 
 #[path = "../tools/examples/decode_views.rs"]
 #[allow(dead_code)]

@@ -1,10 +1,8 @@
 //! The glTF bridge from end to end, on the bundled sample.
 
-mod support;
-
+use crate::support::{complaint, encoded_sample, json as report, sample, text, tsuya};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
-use support::{complaint, encoded_sample, json as report, sample, text, tsuya};
 use tempfile::TempDir;
 use tsuya::gltf::{self, EXTENSION, GltfDocument};
 use tsuya::{Budget, Limits};

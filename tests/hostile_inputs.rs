@@ -1,5 +1,4 @@
 //! Files from outside that ask for too much: each is refused by what is there, before anything follows what is claimed.
-#![cfg(feature = "encode")]
 
 use std::fmt::Write;
 use std::path::{Path, PathBuf};

@@ -1,16 +1,11 @@
 //! Objects that were modelled: made, lit, exported and put into photographs by the program.
-#![cfg(feature = "encode")]
 
-#[path = "support/markers.rs"]
-mod markers;
-#[path = "support/stage.rs"]
-mod stage;
-mod support;
+use crate::stage;
 
+use crate::support::{complaint, json, output, sample, text, tsuya};
 use serde_json::json;
 use std::fmt::Write;
 use std::path::Path;
-use support::{complaint, json, output, sample, text, tsuya};
 use tsuya::brdf::{Brdf, ClassicalLobe, ClassicalModel};
 use tsuya::decoder::{DecodeOptions, decode};
 use tsuya::gltf::GltfDocument;

@@ -1,10 +1,8 @@
 //! What the program writes and prints, whatever happens to it and whatever is in its files.
 
-mod support;
-
+use crate::support::{complaint, json, output, read, text, tsuya, variant};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use support::{complaint, json, output, read, text, tsuya, variant};
 use tsuya::EncodeOptions;
 use tsuya::encoder::encode;
 

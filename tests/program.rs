@@ -1,9 +1,8 @@
 //! The program from end to end, on the bundled sample.
 
-mod support;
-
+use crate::support;
+use crate::support::{complaint, json, output, sample, text, tsuya, variant};
 use serde_json::Value;
-use support::{complaint, json, output, sample, text, tsuya, variant};
 
 /// The names of an object's keys.
 fn keys(value: &Value) -> Vec<&str> {

@@ -1,8 +1,6 @@
 //! The decoder against `tools/reference`, which was written from `spec/` alone: the same pictures, bit for bit.
-#![cfg(feature = "encode")]
 
-mod support;
-
+use crate::support;
 use std::path::Path;
 use std::process::Command;
 use tsuya::decoder::{DecodeOptions, decode};

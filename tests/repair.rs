@@ -1,9 +1,8 @@
 //! What is saved of damaged files.
 
-mod support;
-
+use crate::support;
+use crate::support::{complaint, read, text, tsuya, variant};
 use std::sync::OnceLock;
-use support::{complaint, read, text, tsuya, variant};
 use tsuya::Asset;
 use tsuya::Photograph;
 use tsuya::container::{Container, Section, Tag, verify};

@@ -1,8 +1,7 @@
 //! Captures that do not state their light: a lamp is assumed or fitted, and the object is relit.
 
-mod support;
-
-use support::{bundled, complaint, json, read, text};
+use crate::support;
+use crate::support::{bundled, complaint, json, read, text};
 use tsuya::capture::{Capture, CaptureFrame};
 use tsuya::decoder::{DecodeOptions, decode};
 use tsuya::encoder::{EncodedFile, encode};

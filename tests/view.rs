@@ -1,16 +1,11 @@
 //! `tsuya view` over HTTP: ranges, nothing but its own files, the static site.
 
-mod support;
-
-#[path = "support/viewer.rs"]
-mod viewer;
-
+use crate::support::{complaint, encoded_sample, output, text};
+use crate::viewer::{Answer, Viewer};
 use std::io::{Read, Write};
 use std::path::PathBuf;
 use std::time::{Duration, SystemTime};
-use support::{complaint, encoded_sample, output, text};
 use tempfile::TempDir;
-use viewer::{Answer, Viewer};
 
 /// A folder with a page of two files, and files beside it: names and contents.
 fn folder_of(files: &[(&str, &[u8])]) -> (TempDir, PathBuf) {

@@ -1,5 +1,4 @@
 //! What the tests of the whole share: the sample, captures made of it, the program.
-#![allow(dead_code)]
 
 use assert_cmd::assert::Assert;
 use serde_json::Value;

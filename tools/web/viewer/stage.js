@@ -50,6 +50,17 @@ function setClipping(camera, near, far) {
   camera.projectionMatrixInverse.copy(camera.projectionMatrix).invert();
 }
 
+/** A view of the appearance has come, or can't be decoded. */
+function nextChange(appearance) {
+  return new Promise((resolve) => {
+    const done = () => {
+      for (const type of ["change", "error"]) appearance.removeEventListener(type, done);
+      resolve();
+    };
+    for (const type of ["change", "error"]) appearance.addEventListener(type, done);
+  });
+}
+
 export class Stage {
   constructor(canvas, { onDraw = () => {}, onDrawn = () => {} } = {}) {
     this.canvas = canvas;
@@ -70,13 +81,14 @@ export class Stage {
     this.radius = 1;
     this.share = 1;
     this.moved = -Infinity;
+    this.busy = false;
     new ResizeObserver(() => this.resize()).observe(canvas);
     this.resize();
   }
 
   /** Something changed: draws soon. */
   invalidate() {
-    this.frame ??= requestAnimationFrame((now) => this.draw(now));
+    if (!this.busy) this.frame ??= requestAnimationFrame((now) => this.draw(now));
   }
 
   /** The camera moved: draws in less quality until it rests. */
@@ -191,7 +203,7 @@ export class Stage {
 
   /**
    * Radiance in units of the white board from a captured camera: `width * height * 4` numbers from the upper left, the fourth 1 where the object
-   * is. Draws until all captured views that matter are there.
+   * is. Draws until all captured views that matter are there; the page's own pictures, of another camera, wait.
    */
   async radiance(appearance, view, { width, height } = {}) {
     const camera = capturedCamera(view, this.root.getWorldQuaternion(new Quaternion()), width, height);
@@ -206,15 +218,23 @@ export class Stage {
       this.renderer.setRenderTarget(target);
       this.renderer.clear();
       this.renderer.render(this.scene, camera);
-    };
-    // The page's own pictures, of another camera, may come in between: what is wanted is known right after this one.
-    for (draw(); appearance && !appearance.complete; draw()) {
       this.renderer.setRenderTarget(null);
-      await new Promise((resolve) => setTimeout(resolve, 20));
+    };
+    cancelAnimationFrame(this.frame);
+    this.frame = null;
+    this.busy = true;
+    try {
+      for (draw(); appearance && !appearance.complete; draw()) {
+        while (!appearance.complete) {
+          await nextChange(appearance);
+          appearance.upload(this.renderer);
+        }
+      }
+      this.renderer.readRenderTargetPixels(target, 0, 0, width, height, values);
+    } finally {
+      this.busy = false;
+      target.dispose();
     }
-    this.renderer.readRenderTargetPixels(target, 0, 0, width, height, values);
-    this.renderer.setRenderTarget(null);
-    target.dispose();
     const flipped = new Float32Array(values.length);
     for (let y = 0; y < height; y++) flipped.set(values.subarray(4 * width * y, 4 * width * (y + 1)), 4 * width * (height - 1 - y));
     this.invalidate();
