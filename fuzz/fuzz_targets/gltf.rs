@@ -6,11 +6,14 @@ use tsuya::{Budget, Error, Limits};
 use tsuya_fuzz::scene;
 
 fuzz_target!(|bytes: &[u8]| {
-    let budget = || Budget::new(Limits { memory_bytes: 1 << 26, ..Limits::default() });
+    let small = || Limits { memory_bytes: 1 << 26, ..Limits::default() };
+    let budget = || Budget::new(small());
     let Ok(mut document) = GltfDocument::parse("-", bytes, &budget()) else { return };
     let files = |name: &str| Err(Error::parameter(name));
     let taken = gltf::extract(&document, 0, &files);
     let binding = taken.map_or_else(|_| MaterialBinding::default(), |taken| taken.binding);
+    #[cfg(feature = "encode")]
+    let _ = gltf::document_materials(&document, &files, &tsuya::input::FileAccess::new(small()));
     let _ = gltf::compare_mesh(&document, &[0], &binding, &scene::mesh(), &scene::charts(), &files, &budget());
     let material = gltf::find_material(&document, "", None).unwrap_or(0);
     if let Ok((index, _)) = gltf::inject(&mut document, material, b"another stream", vec![3, 14], None) {

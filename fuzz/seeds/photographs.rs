@@ -154,6 +154,32 @@ fn meshes(seeds: &Seeds) {
     seeds.put("gltf", "appearance.glb", appearance());
     seeds.put("gltf", "mesh.glb", glb(&document, &binary));
     seeds.put("gltf", "mesh.gltf", gltf(true).0);
+    seeds.put("gltf", "materials.glb", materials());
+}
+
+/// A document with materials of every kind that is read, two of them with a picture.
+fn materials() -> Vec<u8> {
+    let mut png = Vec::new();
+    let picture = image::RgbImage::from_fn(3, 2, |x, y| image::Rgb([90 * x as u8, 120, 250 * y as u8]));
+    picture.write_to(&mut std::io::Cursor::new(&mut png), image::ImageFormat::Png).unwrap();
+    let document = serde_json::json!({
+        "asset": { "version": "2.0" },
+        "buffers": [{ "byteLength": png.len() }],
+        "bufferViews": [{ "buffer": 0, "byteLength": png.len() }],
+        "images": [{ "bufferView": 0 }, { "uri": "a.png" }],
+        "textures": [{ "source": 0 }, { "source": 1 }],
+        "meshes": [{ "primitives": [{ "attributes": { "COLOR_0": 0 }, "material": 0 }] }],
+        "materials": [
+            { "name": "a", "pbrMetallicRoughness": { "baseColorFactor": [1, 0.5, 0.2, 1], "metallicFactor": 0.3, "roughnessFactor": 0.4,
+                "baseColorTexture": { "index": 0 }, "metallicRoughnessTexture": { "index": 0 } }, "alphaMode": "BLEND" },
+            { "extensions": { "KHR_materials_ior": { "ior": 1.8 }, "KHR_materials_specular": { "specularFactor": 0.5,
+                "specularColorFactor": [1, 2, 0], "specularColorTexture": { "index": 1 }, "specularTexture": { "index": 0 } } } },
+            { "name": "a", "emissiveFactor": [0, 0, 1], "extensions": { "KHR_materials_sheen": {},
+                "KHR_materials_pbrSpecularGlossiness": { "diffuseFactor": [0.5, 0.5, 0, 1], "specularFactor": [0.2, 0.2, 0.2],
+                "glossinessFactor": 0.6, "diffuseTexture": { "index": 0 }, "specularGlossinessTexture": { "index": 0 } } } },
+        ],
+    });
+    glb(&document.to_string(), &png)
 }
 
 /// A document with the scene's mesh under a turned node, and its buffer, which may stand in the document.

@@ -13,6 +13,8 @@ mod fallback;
 mod geometry;
 mod levels;
 mod look;
+#[cfg(feature = "encode")]
+mod materials;
 mod metallic_roughness;
 mod modelled;
 mod normal_map;
@@ -27,9 +29,11 @@ pub use export::{ExportOptions, ExportedGltf, StreamPlacement, export};
 pub use fallback::{Fallback, bake_fallback};
 pub use levels::prefix_lengths;
 pub use look::render_fallback;
+#[cfg(feature = "encode")]
+pub use materials::{UNSTATED, document_materials};
 pub use metallic_roughness::equivalent_lobe;
 pub use modelled::{export_modelled, metallic_roughness_of};
-pub use stream::{ExtractedStream, extract, find_material, inject, sha256, strip};
+pub use stream::{ExtractedStream, extract, find_material, has_lost_appearance, inject, sha256, strip};
 
 /// Name of the extension.
 pub const EXTENSION: &str = "TSUYA_materials_appearance";

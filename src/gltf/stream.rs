@@ -62,10 +62,15 @@ pub fn extract(document: &GltfDocument, index: usize, files: ExternalFiles<'_>) 
     Ok(ExtractedStream { stream, appearance, materials, binding })
 }
 
+/// Whether a document had an appearance that another program dropped: the `extras` of its materials tell.
+pub fn has_lost_appearance(document: &GltfDocument) -> bool {
+    let trace = |material: &Value| material.get("extras").is_some_and(|extras| extras.get(EXTENSION).is_some());
+    extension(&document.json).is_none() && document.list("materials").iter().any(trace)
+}
+
 /// Error message for a document without an appearance.
 fn no_appearance(document: &GltfDocument) -> String {
-    let trace = document.list("materials").iter().any(|m| m.get("extras").is_some_and(|e| e.get(EXTENSION).is_some()));
-    if trace {
+    if has_lost_appearance(document) {
         format!("the stream of {EXTENSION} was dropped by another program; put it back with `gltf::inject`")
     } else {
         format!("the document has no {EXTENSION}")

@@ -16,6 +16,8 @@ pub use codec::{EncodedMesh, MeshOptions, encode};
 pub use coordinates::encode_coordinates;
 pub use coordinates::{CornerCoordinates, decode_coordinates};
 #[cfg(feature = "encode")]
+pub(crate) use read::material_names;
+#[cfg(feature = "encode")]
 pub use read::{EXTENSIONS, MeshGroups, parse, parse_with_groups, read, texture_coordinates};
 
 use glam::DVec3;

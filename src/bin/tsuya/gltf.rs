@@ -1,6 +1,7 @@
 //! `tsuya gltf`: GLB files that every viewer shows, with the stream inside.
 
 use crate::comparison::compare;
+use crate::make::Make;
 use crate::source::{limits, name, read};
 use crate::values::{CaptureArguments, OutsideArgument, find_view};
 use crate::{Failed, output, pictures, progress};
@@ -10,6 +11,7 @@ use rayon::prelude::*;
 use serde_json::json;
 use std::path::{Path, PathBuf};
 use tsuya::Asset;
+use tsuya::brdf::NamedMaterial;
 use tsuya::container;
 use tsuya::decoder::{DecodeOptions, ViewSelection, decode};
 use tsuya::gltf::{self, ExportOptions, Fallback, GltfDocument, MeshFit, StreamPlacement};
@@ -247,7 +249,8 @@ struct Measured {
     picture: Option<Vec<u8>>,
 }
 
-/// Makes a .tsuya file of a GLB, byte for byte as it was exported, and checks it: whole, undamaged, of this mesh.
+/// Makes a .tsuya file of a GLB: byte for byte the one that was exported, checked (whole, undamaged, of this mesh); of any other document its mesh and
+/// materials, as tsuya make has them.
 #[derive(Args)]
 pub struct Import {
     /// The .glb or .gltf file; - is standard input.
@@ -268,7 +271,13 @@ pub struct Import {
 impl Import {
     fn run(self) -> Result<()> {
         output::check_outputs(&[&self.output], &[&self.file], self.force)?;
-        let document = document(&self.file, self.outside)?;
+        let bytes = read(&self.file)?;
+        let document = parse(&self.file, &bytes, self.outside.allow_outside)?;
+        let has_none = gltf::appearances(&document)?.is_empty() && !gltf::has_lost_appearance(&document);
+        if has_none && self.appearance == 0 {
+            drop(document);
+            return Make::of_document(self.file, self.output, self.outside, self.force).make(bytes);
+        }
         let access = self.outside.access();
         let files = |name: &str| beside_document(&self.file, name, &access);
         let taken = gltf::extract(&document, self.appearance, &files)?;
@@ -414,9 +423,19 @@ fn without_photographs(path: &Path, stream: &[u8]) -> Result<Asset> {
     decode(stream, &lightly()).with_context(|| name(path))
 }
 
+/// The materials of a document that was modelled, from its file's bytes.
+pub fn own_materials(path: &Path, bytes: &[u8], access: &FileAccess) -> Result<Vec<NamedMaterial>> {
+    let document = parse(path, bytes, access.allows_outside())?;
+    Ok(gltf::document_materials(&document, &|name| beside_document(path, name, access), access)?)
+}
+
 fn document(path: &Path, outside: OutsideArgument) -> Result<GltfDocument> {
-    let document = GltfDocument::parse(path, &read(path)?, &Budget::new(limits()))?;
-    Ok(document.allow_outside(outside.allow_outside))
+    parse(path, &read(path)?, outside.allow_outside)
+}
+
+fn parse(path: &Path, bytes: &[u8], allow_outside: bool) -> Result<GltfDocument> {
+    let document = GltfDocument::parse(path, bytes, &Budget::new(limits()))?;
+    Ok(document.allow_outside(allow_outside))
 }
 
 /// What a document's references lead to. It stays charged, so that what is referred to again and again is read no more than memory lasts.

@@ -3,13 +3,15 @@
 use crate::brdf::material::{self as files, Kind, MODEL_FORMAT, Material};
 use crate::source::limits;
 use crate::values::OutsideArgument;
-use crate::{output, source, surroundings};
+use crate::{gltf, output, source, surroundings};
 use anyhow::{Context, Result};
 use clap::Args;
 use serde_json::json;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
-use tsuya::brdf::{FittedBrdf, FittedMaterial, NamedMaterial, TriangleBinding, decode_binding, decode_materials};
+use tsuya::brdf::{
+    FittedBrdf, FittedMaterial, Microfacets, NamedMaterial, TriangleBinding, decode_binding, decode_materials,
+};
 use tsuya::container::{self, Container, Metadata, SIGNATURE, SectionCodec, Tag};
 use tsuya::input::{Folder, escaped};
 use tsuya::relight::JobMaterial;
@@ -18,26 +20,30 @@ use tsuya::{Error, brdf, encoder, mesh};
 /// Bytes of a material's description, at most.
 const MAX_MATERIAL_BYTES: u64 = 16 << 20;
 
+/// Bits of coordinates where nothing is said.
+const POSITION_BITS: u8 = 14;
+const TEXTURE_BITS: u8 = 16;
+
 /// Makes a file of an object that was modelled, not captured: a mesh and what it is made of.
 ///
 /// All that draws takes the file: render, ar, composite (asset), gltf export; bake adds its visibility.
 #[derive(Args)]
 pub struct Make {
-    /// The mesh (PLY, OBJ, GLB); or a .tsuya file with a mesh, of which all else stays.
+    /// The mesh (PLY, OBJ, GLB, glTF); or a .tsuya file with a mesh, of which all else stays.
     mesh: PathBuf,
     /// What the object is made of; several times with NAME=, for the triangles that usemtl (OBJ) or a material (glTF) of this name has, or in place of that
-    /// material of a .tsuya file; without it for all others. A .json file (a material of tsuya render --job, or classical models of tsuya
+    /// material of a .tsuya file; without it for all others. Groups of a .tsuya or glTF file that get none keep their own. A .json file (a material of tsuya render --job, or classical models of tsuya
     /// brdf fit), a .tsuya file with fitted materials, or the text of a job's material: '{"model": "ward", "roughness": 0.2}'.
-    #[arg(long, value_name = "[NAME=]MATERIAL", required = true)]
+    #[arg(long, value_name = "[NAME=]MATERIAL")]
     material: Vec<String>,
     /// The .tsuya file to write; - is standard output.
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
     /// Bits of a coordinate of a mesh that is not coded yet, 8 to 24.
-    #[arg(long, value_name = "BITS", default_value_t = 14, value_parser = clap::value_parser!(u8).range(8..=24))]
+    #[arg(long, value_name = "BITS", default_value_t = POSITION_BITS, value_parser = clap::value_parser!(u8).range(8..=24))]
     position_bits: u8,
     /// Bits of a texture coordinate of OBJ, 4 to 24: anisotropic materials (ward, ashikhmin-shirley) follow them.
-    #[arg(long, value_name = "BITS", default_value_t = 16, value_parser = clap::value_parser!(u8).range(4..=24))]
+    #[arg(long, value_name = "BITS", default_value_t = TEXTURE_BITS, value_parser = clap::value_parser!(u8).range(4..=24))]
     texture_bits: u8,
     #[command(flatten)]
     outside: OutsideArgument,
@@ -58,8 +64,12 @@ struct Given {
     group_of: Vec<u32>,
     /// Its coded texture coordinates.
     coordinates: Option<Vec<u8>>,
-    /// The file that it stands in, and the materials that this has.
-    file: Option<(Vec<u8>, Vec<NamedMaterial>)>,
+    /// The file that it stands in.
+    file: Option<Vec<u8>>,
+    /// Its own materials.
+    own: Vec<NamedMaterial>,
+    /// What triangles without a material have, where the format says it.
+    unstated: Option<Microfacets>,
 }
 
 /// Materials by the groups that take them.
@@ -69,16 +79,36 @@ struct Chosen {
 }
 
 impl Make {
+    /// Makes a file of a glTF document with its own materials.
+    pub fn of_document(mesh: PathBuf, output: PathBuf, outside: OutsideArgument, force: bool) -> Self {
+        Make {
+            mesh,
+            material: Vec::new(),
+            output,
+            position_bits: POSITION_BITS,
+            texture_bits: TEXTURE_BITS,
+            outside,
+            force,
+            json: false,
+        }
+    }
+
     pub fn run(self) -> Result<()> {
         output::check_outputs(&[&self.output], &[], self.force)?;
-        let given = self.read_mesh()?;
+        let bytes = source::read(&self.mesh)?;
+        self.make(bytes)
+    }
+
+    /// The same, of the mesh's file as it was read.
+    pub fn make(self, bytes: Vec<u8>) -> Result<()> {
+        let given = self.read_mesh(bytes)?;
         if given.file.is_none() {
             // A .tsuya file keeps all that it has and may be written in its place; a mesh would be lost.
             output::check_outputs(&[&self.output], &[&self.mesh], self.force)?;
         }
         let chosen = self.choose(&given)?;
         let bytes = match &given.file {
-            Some((old, _)) => {
+            Some(old) => {
                 let sections = [
                     (Tag::MATERIALS, SectionCodec::Own, brdf::encode_materials(&chosen.materials)?),
                     (Tag::BINDING, SectionCodec::Own, brdf::encode_binding(&chosen.binding)?),
@@ -97,13 +127,16 @@ impl Make {
         if output::is_stream(&self.output) { Ok(()) } else { self.report(&given, &chosen, bytes.len()) }
     }
 
-    fn read_mesh(&self) -> Result<Given> {
+    fn read_mesh(&self, bytes: Vec<u8>) -> Result<Given> {
         let name = || source::name(&self.mesh);
-        let bytes = source::read(&self.mesh)?;
         if bytes.starts_with(&SIGNATURE) {
             return read_file(bytes).with_context(name);
         }
-        let (raw, groups) = mesh::parse_with_groups(&self.mesh, &bytes, &self.outside.access())?;
+        let access = self.outside.access();
+        let (raw, groups) = mesh::parse_with_groups(&self.mesh, &bytes, &access)?;
+        let is_gltf = bytes.starts_with(b"glTF") || source::has_extension(&self.mesh, "gltf");
+        let own = if is_gltf { gltf::own_materials(&self.mesh, &bytes, &access)? } else { Vec::new() };
+        output::warn(&access.remarks());
         let triangles = raw.triangles.len();
         let (cleaned, report, order) = mesh::clean_with_order(raw);
         if !report.is_clean() {
@@ -115,7 +148,7 @@ impl Make {
             [] => Vec::new(),
             _ => coded.triangle_order.iter().map(group_of).collect(),
         };
-        let coordinates = surroundings::read_coordinates(&self.mesh, &self.outside.access())?;
+        let coordinates = surroundings::read_coordinates(&self.mesh, &access)?;
         // What begins as PLY is no OBJ, whatever it is called.
         let coordinates = match coordinates.filter(|raw| raw.len() == triangles) {
             Some(raw) => {
@@ -125,7 +158,8 @@ impl Make {
             }
             None => None,
         };
-        Ok(Given { mesh: coded, groups: groups.names, group_of, coordinates, file: None })
+        let unstated = is_gltf.then_some(tsuya::gltf::UNSTATED);
+        Ok(Given { mesh: coded, groups: groups.names, group_of, coordinates, file: None, own, unstated })
     }
 
     /// Reads the materials and finds the groups that each is for.
@@ -148,17 +182,21 @@ impl Make {
             }
         }
         // Groups of a file that are not named keep their material, unless there is one for all others.
-        let old = given.file.as_ref().map_or(&[][..], |(_, old)| old);
         if others.is_none() {
             for (group, found) in given.groups.iter().zip(&mut of_group) {
-                let held = || old.iter().find(|named| named.name == *group).cloned();
+                let held = || given.own.iter().find(|named| named.name == *group).cloned();
                 *found = found.take().or_else(held);
             }
+            others = given.unstated.map(|material| ("default".into(), FittedMaterial::MetallicRoughness(material)));
         }
         let without: Vec<String> = (given.groups.iter().zip(&of_group))
             .filter(|(_, found)| found.is_none())
             .map(|(group, _)| escaped(group))
             .collect();
+        if others.is_none() && given.groups.is_empty() {
+            let message = "has no materials of its own: --material MATERIAL gives it one";
+            return Err(Error::parameter(format!("{} {message}", source::name(&self.mesh))).into());
+        }
         if others.is_none() && !without.is_empty() {
             let message = "gives one of them one, --material MATERIAL all of them";
             return Err(Error::parameter(format!(
@@ -167,9 +205,9 @@ impl Make {
             ))
             .into());
         }
-        // What no triangle was bound to stays in the file.
-        let is_kept = |named: &&NamedMaterial| !given.groups.contains(&named.name);
-        let mut materials: Vec<NamedMaterial> = old.iter().filter(is_kept).cloned().collect();
+        // What no triangle was bound to stays in a .tsuya file.
+        let is_kept = |named: &&NamedMaterial| given.file.is_some() && !given.groups.contains(&named.name);
+        let mut materials: Vec<NamedMaterial> = given.own.iter().filter(is_kept).cloned().collect();
         let mut names = Vec::new();
         let mut add = |named: NamedMaterial| -> u16 {
             match materials.iter_mut().find(|known| known.name == named.name) {
@@ -310,5 +348,6 @@ fn read_file(bytes: Vec<u8>) -> tsuya::Result<Given> {
     };
     let mesh = mesh::EncodedMesh { bytes: section, mesh, ..Default::default() };
     drop(file);
-    Ok(Given { mesh, groups, group_of, coordinates: None, file: Some((bytes, materials)) })
+    let file = Some(bytes);
+    Ok(Given { mesh, groups, group_of, coordinates: None, file, own: materials, unstated: None })
 }

@@ -133,7 +133,11 @@ pub(crate) fn read_radiance_image(
     space: &ColorSpace,
     size: Option<(u32, u32)>,
 ) -> Result<RadianceImage, ImageFault> {
-    with_raw(path, access, size, |raw| {
+    with_raw(path, access, size, |raw| RadianceImage::of(path, access, space, raw))
+}
+
+impl RadianceImage {
+    fn of(path: &Path, access: &FileAccess, space: &ColorSpace, raw: &RawImage) -> Self {
         let applied = AppliedColour::new(path, access, raw, space);
         let colour = raw.map(|p| {
             let rgb = [p[0], p[1], p[2]];
@@ -147,7 +151,7 @@ pub(crate) fn read_radiance_image(
             clipped: raw.clipped().map(|clipped| orientation.apply(clipped)),
             orientation,
         }
-    })
+    }
 }
 
 /// The way from a file's values to linear ones.
@@ -212,6 +216,17 @@ pub fn read_radiance(path: &Path, access: &FileAccess) -> Result<RgbImage> {
 /// colours.
 pub fn read_linear_image(path: &Path, access: &FileAccess, color_space: &str) -> Result<RgbImage> {
     Ok(read_radiance_image(path, access, &ColorSpace::from_name(color_space)?, None)?.colour)
+}
+
+/// As [`read_linear_image`], of bytes that stand in the file of this name.
+pub(crate) fn parse_linear_image(
+    path: &Path,
+    bytes: &[u8],
+    access: &FileAccess,
+    color_space: &str,
+) -> Result<RgbImage> {
+    let space = ColorSpace::from_name(color_space)?;
+    Ok(decode(path, bytes, access, None, |raw| RadianceImage::of(path, access, &space, raw).colour)?)
 }
 
 /// A picture of 8 bits a colour, upright, and the orientation that it was stored in.

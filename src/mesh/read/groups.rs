@@ -1,9 +1,26 @@
 //! Groups of a mesh's triangles by the names of their materials.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 /// Name of the group of triangles without a material, where others have one.
 const UNNAMED: &str = "default";
+
+/// Names of a glTF document's materials, each different from those before it: the number is added to a name that is taken, and stands for one that is
+/// missing. Groups of triangles are called so.
+pub(crate) fn material_names<'a>(stated: impl Iterator<Item = Option<&'a str>>) -> Vec<String> {
+    let mut taken = HashSet::new();
+    let distinct = |(number, stated): (usize, Option<&str>)| {
+        let mut name = match stated.filter(|name| !name.is_empty()) {
+            Some(name) => name.to_owned(),
+            None => format!("material {number}"),
+        };
+        while !taken.insert(name.clone()) {
+            name = format!("{name} ({number})");
+        }
+        name
+    };
+    stated.enumerate().map(distinct).collect()
+}
 
 /// Groups of triangles, each of one material's name.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -34,15 +51,6 @@ impl GroupRuns {
         self.names.push(name.to_owned());
         self.places.insert(name.to_owned(), place);
         place
-    }
-
-    /// Adds a name for material `number` that none before has.
-    pub(super) fn add_distinct(&mut self, name: Option<&str>, number: usize) -> usize {
-        match name.filter(|name| !name.is_empty()) {
-            Some(name) if !self.places.contains_key(name) => self.place(name),
-            Some(name) => self.place(&format!("{name} ({number})")),
-            None => self.place(&format!("material {number}")),
-        }
     }
 
     /// Triangles from here on are of a group.

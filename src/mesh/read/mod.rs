@@ -6,6 +6,7 @@ mod obj;
 mod ply;
 
 pub use groups::MeshGroups;
+pub(crate) use groups::material_names;
 pub use obj::texture_coordinates;
 
 use super::{Mesh, is_within_range};

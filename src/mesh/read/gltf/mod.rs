@@ -5,6 +5,7 @@ mod document;
 mod meshopt;
 mod skin;
 
+use super::groups::material_names;
 use super::{PreciseMesh, charge};
 use crate::error::{Error, Result};
 use crate::input::FileAccess;
@@ -37,8 +38,8 @@ pub(super) fn read(path: &Path, bytes: &[u8], access: &FileAccess) -> Result<Pre
     charge(path, access, &mesh, total.vertices, total.triangles)?;
     let mut transforms = vec![None; document.nodes().count()];
     nodes.iter().for_each(|(node, to_world)| transforms[node.index()] = Some(*to_world));
-    let names = file.material_names.iter().enumerate();
-    let groups: Vec<usize> = names.map(|(number, name)| mesh.groups.add_distinct(name.as_deref(), number)).collect();
+    let names = material_names(file.material_names.iter().map(Option::as_deref));
+    let groups: Vec<usize> = names.iter().map(|name| mesh.groups.place(name)).collect();
     // A skin may be that of many nodes.
     let mut skins: BTreeMap<usize, Skinning> = BTreeMap::new();
     for (node, to_world) in &nodes {
