@@ -344,6 +344,20 @@ fn sphere_glb(folder: &Path, edit: impl FnOnce(&mut GltfDocument)) -> String {
     glb
 }
 
+/// Adds a PNG of two pixels to a document, and returns its bufferView.
+fn add_picture(document: &mut GltfDocument) -> usize {
+    let mut png = Vec::new();
+    let picture = image::RgbImage::from_raw(2, 1, vec![255, 0, 128, 255, 255, 0]).unwrap();
+    picture.write_to(&mut std::io::Cursor::new(&mut png), image::ImageFormat::Png).unwrap();
+    let binary = document.binary.as_mut().unwrap();
+    let (offset, length) = (binary.len(), png.len());
+    binary.extend(png);
+    document.json["buffers"][0]["byteLength"] = json!(offset + length);
+    let views = document.json["bufferViews"].as_array_mut().unwrap();
+    views.push(json!({"buffer": 0, "byteOffset": offset, "byteLength": length}));
+    views.len() - 1
+}
+
 /// Its materials, by the names that triangles are bound to.
 fn materials_of(path: &str) -> Vec<(String, FittedMaterial)> {
     let asset = read(Path::new(path));
@@ -376,17 +390,8 @@ fn documents_of_others_bring_their_materials() {
 
     // Textures become their mean, extensions what they say, and what is left out is said.
     let glb = sphere_glb(folder.path(), |document| {
-        let mut png = Vec::new();
-        let texture = image::RgbImage::from_raw(2, 1, vec![255, 0, 128, 255, 255, 0]).unwrap();
-        texture.write_to(&mut std::io::Cursor::new(&mut png), image::ImageFormat::Png).unwrap();
-        let binary = document.binary.as_mut().unwrap();
-        let (offset, length) = (binary.len(), png.len());
-        binary.extend(png);
+        let view = add_picture(document);
         let json = &mut document.json;
-        json["buffers"][0]["byteLength"] = json!(offset + length);
-        let views = json["bufferViews"].as_array_mut().unwrap();
-        let view = views.len();
-        views.push(json!({"buffer": 0, "byteOffset": offset, "byteLength": length}));
         json.insert("images".into(), json!([{"bufferView": view, "mimeType": "image/png"}, {"uri": "../a.png"}]));
         json.insert("textures".into(), json!([{"source": 0}, {"source": 1}]));
         json["materials"] = json!([
@@ -434,6 +439,27 @@ fn documents_of_others_bring_their_materials() {
         "{metal:?}"
     );
     assert_eq!(factors(2), tsuya::gltf::UNSTATED);
+
+    // The same bytes are not read again and again: the last picture is read after ten others that are none, but not after five thousand.
+    for (count, green) in [(10, 0.5), (5000, 1.0)] {
+        let glb = sphere_glb(folder.path(), |document| {
+            let view = add_picture(document);
+            let json = &mut document.json;
+            let image = |k| json!({"bufferView": if k == count { view } else { 0 }});
+            json.insert("images".into(), (0..=count).map(image).collect());
+            json.insert("textures".into(), (0..=count).map(|k| json!({"source": k})).collect());
+            let textured = |k| json!({"pbrMetallicRoughness": {"baseColorTexture": {"index": k}}});
+            json["materials"] = (0..=count).map(textured).collect();
+            json["meshes"][0]["primitives"][0]["material"] = json!(count);
+        });
+        tsuya(&["gltf", "import", &glb, "-o", &imported, "--force"]).code(0);
+        let (name, material) = &materials_of(&imported)[0];
+        assert_eq!(*name, format!("material {count}"));
+        assert!(
+            matches!(material, FittedMaterial::MetallicRoughness(it) if (it.base_colour[1] - green).abs() < 1e-9),
+            "{material:?}"
+        );
+    }
 
     // Faults are named with their place, and nothing is written.
     let glb = sphere_glb(folder.path(), |document| {

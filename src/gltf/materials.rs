@@ -5,7 +5,7 @@ use super::metallic_roughness::material;
 use crate::brdf::models::DIELECTRIC;
 use crate::brdf::{FittedMaterial, Microfacets, NamedMaterial};
 use crate::error::{Error, Result};
-use crate::image::parse_linear_image;
+use crate::image::{parse_linear_image, parse_size};
 use crate::input::{FileAccess, escaped};
 use crate::mesh::material_names;
 use serde_json::Value;
@@ -26,6 +26,9 @@ const IOR: &str = "KHR_materials_ior";
 const GLOSSINESS: &str = "KHR_materials_pbrSpecularGlossiness";
 /// Largest index of refraction, and factor of a dielectric's reflection.
 const MAX_FACTOR: f64 = 1e6;
+/// Pixels of a document's pictures in all, each counted as [`LEAST_PIXELS`] at least: entries may name the same bytes again and again.
+const MAX_PIXELS: u64 = 1 << 32;
+const LEAST_PIXELS: u64 = 1 << 20;
 
 /// Returns a document's materials under the names that [`parse_with_groups`](crate::mesh::parse_with_groups) gives the groups of its triangles.
 ///
@@ -43,7 +46,7 @@ pub fn document_materials(
 ) -> Result<Vec<NamedMaterial>> {
     let all = document.list("materials");
     let names = material_names(all.iter().map(|material| material.get("name").and_then(Value::as_str)));
-    let mut means = TextureMeans { document, files, access, known: BTreeMap::new() };
+    let mut means = TextureMeans { document, files, access, known: BTreeMap::new(), left: MAX_PIXELS };
     let read = |(number, (json, name)): (usize, (&Value, String))| {
         let source = Source { document, access, number, name: &name };
         let microfacets = source.microfacets(json, &mut means)?;
@@ -190,6 +193,8 @@ struct TextureMeans<'a> {
     access: &'a FileAccess,
     /// By the picture's number and whether it is a colour: the mean, or why there is none.
     known: BTreeMap<(usize, bool), std::result::Result<[f64; 3], String>>,
+    /// Pixels that may still be read.
+    left: u64,
 }
 
 impl TextureMeans<'_> {
@@ -213,7 +218,7 @@ impl TextureMeans<'_> {
         Ok(mean)
     }
 
-    fn read(&self, image: &Value, is_colour: bool) -> Result<[f64; 3]> {
+    fn read(&mut self, image: &Value, is_colour: bool) -> Result<[f64; 3]> {
         let bytes = match (image["bufferView"].as_u64(), image["uri"].as_str()) {
             (Some(view), _) => self.document.view(view, self.files)?,
             (None, Some(uri)) => Cow::Owned((self.files)(&self.document.check_uri(uri)?)?),
@@ -221,15 +226,22 @@ impl TextureMeans<'_> {
         };
         let name = self.document.name();
         let path = Path::new(&name);
+        self.spend(LEAST_PIXELS)?;
+        let (width, height) = parse_size(path, &bytes, self.access)?;
+        self.spend((u64::from(width) * u64::from(height)).saturating_sub(LEAST_PIXELS))?;
         let space = if is_colour { "srgb" } else { "linear" };
         let image = parse_linear_image(path, &bytes, self.access, space)?;
-        // It stays charged: many entries may name the same bytes.
-        self.access.charge(path, "texture", size_of_val(&image.data[..]) as u64)?;
         let sum = image.data.iter().fold([0.0; 3], |sum, p| std::array::from_fn(|c| sum[c] + f64::from(p[c])));
         let mean = sum.map(|x| x / image.data.len() as f64);
         if mean.iter().any(|x| !x.is_finite()) {
             return Err(self.document.wrong("glTF: the image has values that are no numbers"));
         }
         Ok(mean.map(|x| x.clamp(0.0, 1.0)))
+    }
+
+    fn spend(&mut self, pixels: u64) -> Result<()> {
+        let message = || format!("glTF: the images have more than {MAX_PIXELS} pixels in all");
+        self.left = self.left.checked_sub(pixels).ok_or_else(|| self.document.wrong(message()))?;
+        Ok(())
     }
 }

@@ -7,9 +7,9 @@ pub(crate) mod read;
 
 pub use orientation::ImageOrientation;
 #[cfg(feature = "encode")]
-pub(crate) use read::parse_linear_image;
-#[cfg(feature = "encode")]
 pub use read::{ColorSpace, read_linear_image, read_radiance};
+#[cfg(feature = "encode")]
+pub(crate) use read::{parse_linear_image, parse_size};
 
 /// A grid of `width * height` values in rows.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]

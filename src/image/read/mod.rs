@@ -6,7 +6,7 @@ use crate::input::FileAccess;
 use crate::limits::Reservation;
 use glam::{Mat3, Vec3};
 use std::borrow::Cow;
-use std::io::{BufRead, BufReader, Read};
+use std::io::{BufRead, BufReader, Cursor, Read, Seek};
 use std::path::Path;
 
 mod colour;
@@ -273,8 +273,16 @@ const MAX_HEADER_BYTES: u64 = 16 << 20;
 /// Returns width and height of an image in pixels; reads no more of the file than its header.
 pub(crate) fn read_size(path: &Path, access: &FileAccess) -> Result<(u32, u32)> {
     let (file, bytes) = crate::input::open(path)?;
+    header_size(path, BufReader::new(file), bytes, access)
+}
+
+/// As [`read_size`], of bytes that stand in the file of this name.
+pub(crate) fn parse_size(path: &Path, bytes: &[u8], access: &FileAccess) -> Result<(u32, u32)> {
+    header_size(path, Cursor::new(bytes), bytes.len() as u64, access)
+}
+
+fn header_size(path: &Path, mut file: impl BufRead + Seek, bytes: u64, access: &FileAccess) -> Result<(u32, u32)> {
     let _held = access.reserve(path, "picture header", bytes.min(MAX_HEADER_BYTES))?;
-    let mut file = BufReader::new(file);
     let is_exr = openexr::is_exr(file.fill_buf().map_err(|e| Error::io(path, e))?);
     let size = if is_exr { openexr::size(file.take(MAX_HEADER_BYTES)) } else { raster::size(file, MAX_HEADER_BYTES) };
     size.map_err(|message| Error::input(path, message))
