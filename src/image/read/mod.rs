@@ -6,7 +6,7 @@ use crate::input::FileAccess;
 use crate::limits::Reservation;
 use glam::{Mat3, Vec3};
 use std::borrow::Cow;
-use std::io::{BufRead, BufReader, Cursor, Read, Seek};
+use std::io::{BufRead, BufReader, Cursor, Seek};
 use std::path::Path;
 
 mod colour;
