@@ -97,11 +97,15 @@ impl ShadingParameters<'_> {
     }
 
     /// Share of light from all around that is reflected at all, nearly: only where the highlights' factors are reflectances do they count.
-    #[cfg(feature = "encode")]
     pub(super) fn hemispherical(&self) -> Vec3 {
+        let diffuse = self.hemispherical_diffuse();
+        if self.is_layered { (diffuse + self.highlights.scale()).min(Vec3::ONE) } else { diffuse }
+    }
+
+    /// The diffuse part of [`Self::hemispherical`].
+    pub(super) fn hemispherical_diffuse(&self) -> Vec3 {
         let albedo = Vec3::from_array(self.albedo);
-        let layered = || albedo * (MEAN_TRANSMISSION * MEAN_TRANSMISSION) + self.highlights.scale();
-        if self.is_layered { layered().min(Vec3::ONE) } else { albedo }
+        if self.is_layered { albedo * (MEAN_TRANSMISSION * MEAN_TRANSMISSION) } else { albedo }
     }
 
     /// Share of a single direction's light, by its cosine to the normal, that reaches what reflects diffusely.

@@ -30,7 +30,8 @@ pub fn add_detail(
     if asset.photographs.iter().all(Option::is_none) {
         return Ok(());
     }
-    let layers = |residual: bool| RenderLayers { specular: combined.is_some(), residual, ..RenderLayers::default() };
+    let shown = RenderLayers { specular: combined.is_some(), interreflection: false, ..RenderLayers::default() };
+    let layers = |residual: bool| RenderLayers { residual, ..shown };
     let options = |residual: bool| RenderOptions { layers: layers(residual), ..RenderOptions::default() };
     let model = renderer.render(camera, &options(false))?;
     let whole = renderer.render(camera, &options(true))?;

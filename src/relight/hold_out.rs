@@ -1,6 +1,6 @@
 //! Views that were left out of a file, rendered and compared with their photographs.
 
-use super::{AssetRenderer, RenderLighting, RenderOptions};
+use super::{AssetRenderer, RenderLayers, RenderLighting, RenderOptions};
 use crate::asset::Asset;
 use crate::error::Result;
 use crate::metrics::PhotographError;
@@ -35,7 +35,7 @@ pub fn hold_out(asset: &Asset, views: &[View], originals: &[Photograph]) -> Resu
         let base = RenderOptions { lighting: lighting.clone(), ..RenderOptions::default() };
         let nearest = RenderOptions { views: 1, ..base.clone() };
         let mut model = base.clone();
-        model.layers.residual = false;
+        model.layers = RenderLayers { residual: false, interreflection: false, ..model.layers };
         let compare = |renderer: &AssetRenderer, options: &RenderOptions| {
             compare(renderer, &view.camera, options, asset, original)
         };

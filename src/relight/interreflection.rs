@@ -3,8 +3,10 @@
 use super::appearance::ShadingModel;
 use super::evaluator::ShadowedLight;
 use super::scene::RenderObject;
+use crate::mesh::Mesh;
 use crate::surface::occluders::Occluders;
-use glam::Vec3;
+use crate::views::PointLight;
+use glam::{DVec3, Vec3};
 use std::borrow::Cow;
 use std::f32::consts::PI;
 
@@ -44,33 +46,72 @@ impl Interreflection {
             });
             (irradiance[vertex] + distant.sum::<Vec3>()) / PI
         });
-        let occluders = Occluders::new(mesh);
-        let rays = (ALL_RAYS / normals.len().max(1)).clamp(RAYS[0], RAYS[1]);
-        let received = crate::parallel::map(normals.len(), |k| {
-            let (position, normal) = (cut.positions[k], normals[k]);
-            let (tangent, bitangent) = normal.any_orthonormal_pair();
-            let (mut sum, mut hits) = (Vec3::ZERO, 0);
-            for ray in 0..rays {
-                // Even over the disc, so that rays stand for equal shares of the irradiance; turned from place to place.
-                let radius = ((ray as f32 + 0.5) / rays as f32).sqrt();
-                let (sine, cosine) = (2.399_963_2 * ray as f32 + 2.618_034 * (k % 4096) as f32).sin_cos();
-                let up = (1.0 - radius * radius).max(0.0).sqrt();
-                let direction = tangent * (radius * cosine) + bitangent * (radius * sine) + normal * up;
-                let Some((triangle, weights)) = occluders.first_hit_from(position, direction.to_array()) else {
-                    continue;
-                };
-                hits += 1;
-                let corners = mesh.triangles[triangle as usize];
-                let weights = weights.map(|w| w as f32);
-                let between =
-                    |value: &dyn Fn(u32) -> Vec3| (0..3).map(|i| value(corners[i]) * weights[i]).sum::<Vec3>();
-                let at = between(&|v| Vec3::from_array(mesh.positions[v as usize]));
-                let reflectance = shading.parameters_at(triangle as usize, weights, at.to_array()).hemispherical();
-                sum += reflectance * between(&|v| sent[v as usize]);
-            }
-            (sum * (PI / rays as f32), if hits > 0 { sum / hits as f32 } else { Vec3::ZERO })
-        });
+        let sender = |triangle: usize, weights: [f32; 3]| {
+            let corners = mesh.triangles[triangle];
+            let between = |value: &dyn Fn(u32) -> Vec3| (0..3).map(|i| value(corners[i]) * weights[i]).sum::<Vec3>();
+            let at = between(&|v| Vec3::from_array(mesh.positions[v as usize]));
+            let reflectance = shading.parameters_at(triangle, weights, at.to_array()).hemispherical();
+            reflectance * between(&|v| sent[v as usize])
+        };
+        let received = gather(&Occluders::new(mesh), &cut.positions, normals, sender);
         let (irradiance, radiance) = received.into_iter().unzip();
         Interreflection { irradiance, radiance }
     }
+}
+
+/// Returns the irradiance of the vertices of a mesh from the object itself under a light at a place. `visibility` is the share of the light that
+/// reaches a point, by the cosine of its angle there.
+pub(super) fn from_point_light(
+    mesh: &Mesh,
+    occluders: &Occluders,
+    normals: &[Vec3],
+    shading: &dyn ShadingModel,
+    light: &PointLight,
+    visibility: impl Fn(DVec3, f64) -> f64 + Sync + Send,
+) -> Vec<Vec3> {
+    let intensity = DVec3::from_array(light.intensity);
+    let sender = |triangle: usize, weights: [f32; 3]| {
+        let corners = mesh.triangles[triangle].map(|vertex| vertex as usize);
+        let between = |value: &dyn Fn(usize) -> Vec3| (0..3).map(|i| value(corners[i]) * weights[i]).sum::<Vec3>();
+        let at = between(&|vertex| Vec3::from_array(mesh.positions[vertex]));
+        let normal = between(&|vertex| normals[vertex]).normalize_or_zero().as_dvec3();
+        let towards = DVec3::from_array(light.position) - at.as_dvec3();
+        let cosine = normal.dot(towards.normalize_or_zero());
+        if cosine <= 0.0 {
+            return Vec3::ZERO;
+        }
+        let reach = cosine * visibility(at.as_dvec3(), cosine) / towards.length_squared();
+        let irradiance = (intensity * reach).as_vec3();
+        shading.parameters_at(triangle, weights, at.to_array()).hemispherical() * irradiance / PI
+    };
+    gather(occluders, &mesh.positions, normals, sender).into_iter().map(|(irradiance, _)| irradiance).collect()
+}
+
+/// Casts rays from places with these normals; returns the irradiance that they bring, and the mean radiance of those that meet the object.
+/// `sender` is the radiance at a place of a triangle, given by the weights of its corners.
+fn gather(
+    occluders: &Occluders,
+    positions: &[[f32; 3]],
+    normals: &[Vec3],
+    sender: impl Fn(usize, [f32; 3]) -> Vec3 + Sync + Send,
+) -> Vec<(Vec3, Vec3)> {
+    let rays = (ALL_RAYS / normals.len().max(1)).clamp(RAYS[0], RAYS[1]);
+    crate::parallel::map(normals.len(), |k| {
+        let (position, normal) = (positions[k], normals[k]);
+        let (tangent, bitangent) = normal.any_orthonormal_pair();
+        let (mut sum, mut hits) = (Vec3::ZERO, 0);
+        for ray in 0..rays {
+            // Even over the disc, so that rays stand for equal shares of the irradiance; turned from place to place.
+            let radius = ((ray as f32 + 0.5) / rays as f32).sqrt();
+            let (sine, cosine) = (2.399_963_2 * ray as f32 + 2.618_034 * (k % 4096) as f32).sin_cos();
+            let up = (1.0 - radius * radius).max(0.0).sqrt();
+            let direction = tangent * (radius * cosine) + bitangent * (radius * sine) + normal * up;
+            let Some((triangle, weights)) = occluders.first_hit_from(position, direction.to_array()) else {
+                continue;
+            };
+            hits += 1;
+            sum += sender(triangle as usize, weights.map(|w| w as f32));
+        }
+        (sum * (PI / rays as f32), if hits > 0 { sum / hits as f32 } else { Vec3::ZERO })
+    })
 }

@@ -27,6 +27,7 @@ mod job_material;
 mod material;
 mod models;
 mod multisample;
+mod object_light;
 mod occlusion;
 mod octahedral_map;
 mod point_lighting;
@@ -95,11 +96,13 @@ pub struct RenderLayers {
     pub model: bool,
     /// Residual: photograph minus model.
     pub residual: bool,
+    /// Light that the object sends to itself, under lights whose shadows are shown: one bounce, by rays, which takes feature `encode`.
+    pub interreflection: bool,
 }
 
 impl Default for RenderLayers {
     fn default() -> Self {
-        RenderLayers { diffuse: true, specular: true, model: true, residual: true }
+        RenderLayers { diffuse: true, specular: true, model: true, residual: true, interreflection: true }
     }
 }
 

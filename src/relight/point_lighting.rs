@@ -3,6 +3,7 @@
 //! Equations 13 to 16 of Miyazaki 2007, with each captured photograph as a sample of light and view together.
 
 use super::RenderOptions;
+use super::object_light::ObjectLight;
 use super::prepared_asset::{PreparedAsset, SurfacePoint};
 use super::residual::{CapturedReading, CapturedSample, CapturedView, nearest_first};
 use super::shadow::ShadowMap;
@@ -88,6 +89,8 @@ struct LitView<'r, 'a> {
 struct AskedLight {
     light: PointLight,
     shadow: Option<ShadowMap>,
+    /// What it makes the object send to itself, where that is shown.
+    from_object: Option<ObjectLight>,
     /// For each component the views, by their place among all, that it takes its residual from, and the distance at which that ends.
     near: Vec<(Vec<usize>, f64)>,
 }
@@ -138,6 +141,8 @@ impl<'r, 'a> PointLighting<'r, 'a> {
             .iter()
             .map(|&(k, light)| Directions::new(middle, light.position, asset.views[k].camera.centre()))
             .collect();
+        // It falls into shadows, so that it is not shown without them.
+        let shows_own = options.shadows && options.layers.interreflection;
         let mut lights: Vec<AskedLight> = lights
             .iter()
             .map(|light| {
@@ -151,9 +156,12 @@ impl<'r, 'a> PointLighting<'r, 'a> {
                     (order.into_iter().map(|(_, k)| k).collect(), farthest.clamp(2.0 * SAME, reach_of(part).farthest))
                 };
                 let shadow = || ShadowMap::new(renderer.surface(), light.position);
+                let shadow = options.shadows.then(shadow).flatten();
+                let from_object = || ObjectLight::new(renderer, light, shadow.as_ref());
                 AskedLight {
                     light: *light,
-                    shadow: options.shadows.then(shadow).flatten(),
+                    from_object: shows_own.then(from_object).flatten(),
+                    shadow,
                     near: asset.components.iter().map(near).collect(),
                 }
             })
@@ -200,24 +208,24 @@ impl<'r, 'a> PointLighting<'r, 'a> {
         let point = DVec3::from_array(surface.point);
         let readings: Vec<Option<LitReading>> = self.views.iter().map(|view| view.read(surface)).collect();
         let mut sum = [[0f32; 3]; 2];
-        for AskedLight { light, shadow, near } in &self.lights {
+        for AskedLight { light, shadow, from_object, near } in &self.lights {
             let geometry = ReflectionGeometry::new(surface.point, surface.normal, camera.centre(), light);
             let visibility = |map: &ShadowMap| map.visibility(surface.point, geometry.cos_light as f64) as f32;
             let directions = Directions::new(point, light.position, camera.centre());
             let reach = shadow.as_ref().map_or(1.0, visibility);
             let lit = lit_share(surface, &directions, reach);
             let asked = LitPoint { directions, irradiance: geometry.irradiance, lit };
+            let from_object =
+                from_object.as_ref().map(|own| own.reflected(renderer, camera, surface, lit)).unwrap_or_default();
             for (component, part) in parts.iter().enumerate() {
                 let Some((part, is_whole)) = *part else { continue };
                 let model = renderer.model(part, surface, Some(&geometry)).map(|x| x * reach);
-                let shown = match is_whole {
-                    true => {
-                        let (views, farthest) = &near[component];
-                        let near = views.iter().filter_map(|&view| readings[view].as_ref());
-                        asked.radiance(model, near, component, part, *farthest)
-                    }
-                    false => model,
+                let near = match is_whole {
+                    true => &near[component],
+                    false => &(Vec::new(), SAME),
                 };
+                let read = near.0.iter().filter_map(|&view| readings[view].as_ref());
+                let shown = asked.radiance([model, from_object.of(part)], read, component, part, near.1);
                 for c in 0..3 {
                     sum[component][c] += if options.layers.model { shown[c] } else { shown[c] - model[c] };
                 }
@@ -255,10 +263,10 @@ struct LitPoint {
 
 impl LitPoint {
     /// Radiance of a component whose model is `model`: what photographs near in light and view lead to, and the model, averaged in the
-    /// (signed) square-root signal. A photograph of this light and camera stands alone.
+    /// (signed) square-root signal, and what it reflects of light `from_object`. A photograph of this light and camera stands alone.
     fn radiance<'p>(
         &self,
-        model: [f32; 3],
+        [model, from_object]: [[f32; 3]; 2],
         near: impl Iterator<Item = &'p LitReading>,
         component: usize,
         part: Component,
@@ -268,9 +276,11 @@ impl LitPoint {
         let own = 1.0 / reach.model;
         let mut total = own * own;
         let mut sum = model.map(|x| total * (x.max(0.0) as f64).sqrt());
+        let mut nearest = 0f32;
         for captured in near {
             let distance = self.directions.distance(&captured.directions, part);
             let nearness = 1.0 - (distance / NEARLY_SAME).min(1.0) as f32;
+            nearest = nearest.max(nearness);
             let floor = [(0.5 * self.lit / DARK).min(1.0).max(nearness) * reach.floor, reach.floor];
             let led_to = |c: usize| self.led_to(captured, component, c, model[c], floor);
             if distance < SAME {
@@ -285,7 +295,9 @@ impl LitPoint {
             }
             total += weight;
         }
-        sum.map(|x| (x / total * (x / total).abs()) as f32)
+        // Photographs under such a light show what the object sends to itself.
+        let unshown = 1.0 - nearest;
+        std::array::from_fn(|c| (sum[c] / total * (sum[c] / total).abs()) as f32 + unshown * from_object[c])
     }
 
     /// The radiance that a photograph leads to under this light: it has to the model here the ratio, both over the floor, that it has to

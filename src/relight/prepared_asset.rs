@@ -4,6 +4,7 @@ use super::capture_lights::CaptureLights;
 use super::file_light::FileLight;
 use super::residual::CapturedView;
 use super::shadow::ShadowMap;
+use super::textures::AssetShading;
 use crate::asset::Asset;
 use crate::error::{Error, Result};
 use crate::image::Grid;
@@ -11,9 +12,13 @@ use crate::mesh::Mesh;
 use crate::reflectance::{ReflectionGeometry, maps};
 use crate::surface::atlas::{atlas_position, sample_colour, smooth_normal};
 use crate::surface::displacement::DisplacedMesh;
+#[cfg(feature = "encode")]
+use crate::surface::occluders::Occluders;
 use crate::surface::raster::{Raster, rasterise, vertex_normals};
 use crate::views::{Camera, Component};
 use glam::DVec3;
+#[cfg(feature = "encode")]
+use glam::Vec3;
 use std::sync::OnceLock;
 
 /// An asset whose parts belong together. Captured views are prepared when first needed.
@@ -23,6 +28,9 @@ pub(super) struct PreparedAsset<'a> {
     pub(super) lights: CaptureLights,
     captured: Vec<OnceLock<Option<CapturedView<'a>>>>,
     file_light: FileLight,
+    shading: OnceLock<Option<AssetShading<'a>>>,
+    #[cfg(feature = "encode")]
+    occluders: OnceLock<Occluders>,
 }
 
 /// A surface point that a pixel sees.
@@ -31,6 +39,10 @@ pub(super) struct SurfacePoint {
     pub(super) normal: [f64; 3],
     /// Atlas position, where there is an atlas.
     at: Option<[f64; 2]>,
+    /// Triangle of the mesh, weights of its corners there and the place on it.
+    pub(super) base: usize,
+    pub(super) weights: [f64; 3],
+    pub(super) on_mesh: [f64; 3],
 }
 
 impl<'a> PreparedAsset<'a> {
@@ -72,6 +84,9 @@ impl<'a> PreparedAsset<'a> {
             lights: CaptureLights::new(asset),
             captured: asset.views.iter().map(|_| OnceLock::new()).collect(),
             file_light: FileLight::default(),
+            shading: OnceLock::new(),
+            #[cfg(feature = "encode")]
+            occluders: OnceLock::new(),
         })
     }
 
@@ -182,12 +197,12 @@ impl<'a> PreparedAsset<'a> {
         // The atlas lies on the mesh, not on its finer surface.
         let corners = self.asset.mesh.triangles[base];
         let corner = |k: usize| DVec3::from_array(self.asset.mesh.positions[corners[k] as usize].map(f64::from));
-        let on_mesh = match fine {
+        let on_mesh: DVec3 = match fine {
             Some(_) => (0..3).map(|k| base_weights[k] * corner(k)).sum(),
             None => DVec3::from_array(point),
         };
         let at = charts.map(|charts| atlas_position(charts, base, on_mesh));
-        SurfacePoint { point, normal: normal.to_array(), at }
+        SurfacePoint { point, normal: normal.to_array(), at, base, weights: base_weights, on_mesh: on_mesh.to_array() }
     }
 
     pub(super) fn model(
@@ -207,5 +222,23 @@ impl<'a> PreparedAsset<'a> {
             (Some(maps), Some(at)) => maps::evaluate(maps, component, at, geometry),
             _ => [0.0; 3],
         }
+    }
+
+    /// The object's reflectance as that of any lit surface; none where it has none.
+    pub(super) fn shading(&self) -> Option<&AssetShading<'a>> {
+        // Its highlights count by their factors only, not by what stands for their shapes.
+        self.shading.get_or_init(|| AssetShading::new(self.asset, 1).ok()).as_ref()
+    }
+
+    /// Normals of the mesh's vertices.
+    #[cfg(feature = "encode")]
+    pub(super) fn mesh_normals(&self) -> Vec<Vec3> {
+        self.normals.iter().map(|&normal| DVec3::from_array(normal).as_vec3()).collect()
+    }
+
+    /// The mesh, made ready for rays.
+    #[cfg(feature = "encode")]
+    pub(super) fn occluders(&self) -> &Occluders {
+        self.occluders.get_or_init(|| Occluders::new(&self.asset.mesh))
     }
 }

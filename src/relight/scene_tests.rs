@@ -142,7 +142,7 @@ fn places_between_the_vertices_give_large_triangles_their_shadows() {
 }
 
 /// The lower half of a ball of radius 1, open at the top.
-fn bowl() -> Mesh {
+pub(super) fn bowl() -> Mesh {
     let (rings, sectors) = (24, 48);
     let mut mesh = Mesh { positions: vec![[0.0, -1.0, 0.0]], triangles: Vec::new() };
     for ring in 1..=rings {

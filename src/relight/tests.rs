@@ -1,11 +1,17 @@
 //! Figures of images of the sample.
 
 use super::hold_out;
+use super::scene_tests::bowl;
 use super::test_capture::{fit_reflectance, load};
 use super::*;
 use crate::error::Error;
+use crate::image::Grid;
 use crate::metrics::PhotographError;
+use crate::reflectance::maps::ReflectanceMaps;
+use crate::surface::atlas::layout;
+use crate::surface::raster::rasterise;
 use crate::views::{Component, Photograph, View};
+use std::f32::consts::PI;
 
 /// Takes every sixth view out.
 fn leave_out(asset: &mut Asset) -> (Vec<View>, Vec<Photograph>) {
@@ -97,6 +103,44 @@ fn under(renderer: &AssetRenderer, camera: &Camera, light: PointLight) -> ViewRe
     renderer.render(camera, &options).unwrap()
 }
 
+/// Half a ball sends to all of its points the same light: a quarter of what comes in through its opening, times the albedo, whatever part of it the lamp
+/// reaches.
+#[test]
+fn the_dark_side_of_a_bowl_is_lit_by_the_other() {
+    const ALBEDO: f32 = 0.8;
+    let mesh = bowl();
+    let charts = layout(&mesh, 20.0).unwrap();
+    let diffuse = Grid {
+        width: charts.width as usize,
+        height: charts.height as usize,
+        data: vec![[ALBEDO / PI; 3]; charts.width as usize * charts.height as usize],
+    };
+    let maps = ReflectanceMaps { relightable: true, diffuse, ..ReflectanceMaps::default() };
+    let (charts, components, white) = (Some(charts), vec![Component::Combined], [1.0; 3]);
+    let asset = Asset { mesh, charts, reflectance: Some(maps), components, white, ..Asset::default() };
+    let renderer = AssetRenderer::new(&asset).unwrap();
+    // Of irradiance 1, from 45 degrees above the right.
+    let light = PointLight { position: [500.0, 500.0, 0.0], intensity: [500_000.0; 3] };
+    let camera = look_at([0.0, 6.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 1.0], 120.0, 64, 64);
+    let image = |change: &dyn Fn(&mut RenderOptions)| {
+        let mut options = RenderOptions { lighting: RenderLighting::Points(vec![light]), ..RenderOptions::default() };
+        change(&mut options);
+        renderer.render(&camera, &options).unwrap().image
+    };
+    let (all, alone) = (image(&|_| ()), image(&|options| options.layers.interreflection = false));
+    let expected = ALBEDO / PI * ALBEDO * (0.5f32.sqrt() / 4.0);
+    let (mut dark, mut sum) = (0, 0.0);
+    for (pixel, direct) in all.data.iter().zip(&alone.data) {
+        if pixel[0] > 0.0 && direct[0] == 0.0 {
+            (dark, sum) = (dark + 1, sum + pixel[0]);
+            assert!((pixel[0] / expected - 1.0).abs() < 0.2, "{pixel:?}, {expected} expected");
+        }
+    }
+    assert!(dark > 100 && (sum / dark as f32 / expected - 1.0).abs() < 0.03, "{dark} {sum} {expected}");
+    let unshadowed = |options: &mut RenderOptions| options.shadows = false;
+    assert!(image(&unshadowed).data.iter().zip(&alone.data).all(|(a, b)| a[0] >= b[0]));
+}
+
 #[test]
 fn captured_lamps_given_by_their_places_give_their_photographs_back() {
     for name in ["dome", "sample-spot"] {
@@ -131,19 +175,30 @@ fn captured_lamps_given_by_their_places_give_their_photographs_back() {
 fn lamps_that_were_left_out_gain_from_those_around_them() {
     let Some(all) = load("dome") else { return };
     let (mut whole, mut model) = (PhotographError::default(), PhotographError::default());
-    let lamp = |view: &View| view.light.unwrap().position;
+    let lamp = |view: &View| view.light.unwrap();
     for left_out in [1, 3, 11] {
         let mut asset = all.clone();
-        let place = lamp(&asset.views[left_out]);
+        let place = lamp(&asset.views[left_out]).position;
         let (mut views, mut originals) = (Vec::new(), Vec::new());
-        for k in (0..asset.views.len()).rev().filter(|&k| lamp(&all.views[k]) == place) {
+        for k in (0..asset.views.len()).rev().filter(|&k| lamp(&all.views[k]).position == place) {
             views.push(asset.views.remove(k));
             originals.extend(asset.photographs.remove(k));
         }
         fit_reflectance(&mut asset, 0.75);
-        let held = hold_out(&asset, &views, &originals).unwrap();
-        whole.merge(&held.interpolated);
-        model.merge(&held.model);
+        let renderer = AssetRenderer::new(&asset).unwrap();
+        for (view, original) in views.iter().zip(&originals) {
+            for (residual, error) in [(true, &mut whole), (false, &mut model)] {
+                // The dome was drawn without light from the object to itself.
+                let layers = RenderLayers { residual, interreflection: false, ..RenderLayers::default() };
+                let lighting = RenderLighting::Points(vec![lamp(view)]);
+                let options = RenderOptions { layers, lighting, ..RenderOptions::default() };
+                let rendered = renderer.render(&view.camera, &options).unwrap();
+                let decoded = Photograph { mask: original.mask.clone(), images: rendered.components };
+                let covered = rasterise(&asset.mesh, &view.camera).coverage();
+                let of_view = PhotographError::compare(original, &decoded, &asset.components, &covered, asset.white);
+                error.merge(&of_view);
+            }
+        }
     }
     let (whole, model) = (whole.psnr(), model.psnr());
     let gains = [whole.diffuse, whole.specular, whole.sum].into_iter().zip([model.diffuse, model.specular, model.sum]);

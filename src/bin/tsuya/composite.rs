@@ -9,7 +9,7 @@ use std::path::PathBuf;
 use tsuya::Error;
 use tsuya::image::{RgbImage, read_radiance};
 use tsuya::metrics::to_display;
-use tsuya::relight::{Ground, PreparedEnvironment, PreparedEnvironmentOptions, composite, ground_shadow};
+use tsuya::relight::{Ground, PreparedEnvironment, PreparedEnvironmentOptions, RenderLayers, composite, ground_shadow};
 
 /// Puts an object into a photograph whose camera and surroundings are known.
 ///
@@ -78,7 +78,7 @@ impl Composite {
             evaluator: job.evaluator,
             shadows: job.shadows,
             samples: job.samples.unwrap_or(2),
-            detail: true,
+            layers: RenderLayers::default(),
         };
         let gain = self.exposure.exp2() as f32;
         surroundings::pictures(&subject, &light, &[camera], quality, |_, relit| {

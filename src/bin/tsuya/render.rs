@@ -130,6 +130,8 @@ enum Layer {
     Model,
     /// What the photographs have beyond the model.
     Residual,
+    /// Light that the object sends to itself.
+    Interreflection,
 }
 
 impl Render {
@@ -139,10 +141,8 @@ impl Render {
             return Err(Error::parameter("--fov goes from 1 to 170 degrees").into());
         }
         let layers = self.layers();
-        if (self.job.is_some() || self.surround.env.is_some())
-            && layers != (RenderLayers { residual: layers.residual, ..RenderLayers::default() })
-        {
-            let message = "under an environment both reflections are shown: --layers can only be model, to leave the residual out";
+        if (self.job.is_some() || self.surround.env.is_some()) && !(layers.diffuse && layers.specular && layers.model) {
+            let message = "under an environment both reflections are shown by the model: --layers only adds residual and interreflection to it";
             return Err(Error::parameter(message).into());
         }
         if let Some(job) = &self.job {
@@ -230,7 +230,7 @@ impl Render {
             evaluator: self.evaluator(JobEvaluator::Filtered),
             shadows: !self.no_shadows,
             samples: self.samples.unwrap_or(2),
-            detail: self.layers().residual,
+            layers: self.layers(),
         }
     }
 
@@ -241,10 +241,10 @@ impl Render {
             evaluator: self.evaluator(job.evaluator),
             shadows: job.shadows && !self.no_shadows,
             samples: self.samples.or(job.samples).unwrap_or(2),
-            detail: self.layers().residual,
+            layers: self.layers(),
         };
         let _busy = progress::busy("rendering");
-        let subject = surroundings::subject(&job, &folder, quality.detail)?;
+        let subject = surroundings::subject(&job, &folder, quality.layers.residual)?;
         let light = surroundings::light(&job.environment, &folder)?;
         surroundings::pictures(&subject, &light, &[job.camera()?], quality, |_, relit| {
             output::write(&self.output, &self.picture(&relit.image, [1.0; 3], is_exr)?, self.force)
@@ -299,12 +299,13 @@ impl Render {
         let has = |layer| self.layers.contains(&layer);
         // Naming only reflections shows them whole, naming only parts shows them of both reflections.
         let reflections = has(Layer::Diffuse) || has(Layer::Specular);
-        let parts = has(Layer::Model) || has(Layer::Residual);
+        let parts = [Layer::Model, Layer::Residual, Layer::Interreflection].into_iter().any(has);
         RenderLayers {
             diffuse: has(Layer::Diffuse) || !reflections,
             specular: has(Layer::Specular) || !reflections,
             model: has(Layer::Model) || !parts,
             residual: has(Layer::Residual) || !parts,
+            interreflection: has(Layer::Interreflection) || !parts,
         }
     }
 

@@ -15,8 +15,8 @@ use tsuya::lighting::{self, EnvironmentMap, EnvironmentReadOptions};
 use tsuya::relight::{
     AssetRenderer, AssetShading, EnvironmentOptions, EnvironmentRender, EnvironmentScene, EvaluatorKind, Job,
     JobEnvironment, JobEvaluator, JobMaterial, JobParameter, Occlusion, PreparedEnvironment,
-    PreparedEnvironmentOptions, ReferenceOptions, RenderObject, ShadingModel, Texture, TexturedShading, Textures,
-    UniformMaterial, add_detail, reference,
+    PreparedEnvironmentOptions, ReferenceOptions, RenderLayers, RenderObject, ShadingModel, Texture, TexturedShading,
+    Textures, UniformMaterial, add_detail, reference,
 };
 use tsuya::visibility::{BakeOptions, Visibility, bake};
 use tsuya::{Error, mesh};
@@ -85,7 +85,8 @@ pub struct EnvironmentSettings {
     pub evaluator: JobEvaluator,
     pub shadows: bool,
     pub samples: u32,
-    pub detail: bool,
+    /// Of which the residual stands for detail.
+    pub layers: RenderLayers,
 }
 
 /// Light from all around.
@@ -146,7 +147,7 @@ pub fn pictures(
     };
     let look = subject.shading_model(options.taps)?;
     let asset = match subject {
-        JobAsset::Asset(asset) if quality.detail && !asset.is_modelled() => Some(&**asset),
+        JobAsset::Asset(asset) if quality.layers.residual && !asset.is_modelled() => Some(&**asset),
         _ => None,
     };
     let renderer = asset.map(AssetRenderer::new).transpose()?;
@@ -178,7 +179,7 @@ pub fn pictures(
     let scene = EnvironmentScene::new(&object, Arc::new(prepared), light.map(Arc::new), options)?;
     // Of modelled objects a job's material draws the same picture.
     let is_captured = matches!(subject, JobAsset::Asset(asset) if !asset.is_modelled());
-    let scene = if is_captured { scene.with_interreflection(&*look) } else { scene };
+    let scene = if is_captured && quality.layers.interreflection { scene.with_interreflection(&*look) } else { scene };
     for (k, camera) in cameras.iter().enumerate() {
         finish(k, scene.render(camera, &*look)?)?;
     }
