@@ -5,9 +5,13 @@ use super::prepared_asset::{PreparedAsset, SurfacePoint};
 use super::shadow::ShadowMap;
 use crate::views::{Camera, Component, PointLight};
 use glam::{DVec3, Vec3};
+use std::sync::Arc;
 
 /// Share of it that the diffuse layer, fitted to photographs that hold such light, too, has where the lamp lights a place.
 const HELD_BY_DIFFUSE: f32 = 0.5;
+/// Lamps under which it is kept for further images, at most.
+#[cfg(feature = "encode")]
+const MAX_KEPT: usize = 4;
 
 /// What an object sends to itself under one lamp.
 pub(super) struct ObjectLight {
@@ -16,20 +20,29 @@ pub(super) struct ObjectLight {
 }
 
 impl ObjectLight {
-    /// `None` of an object without reflectance.
+    /// Finds it among that of the last lamps, or casts the rays; `None` of an object without reflectance.
     #[cfg(feature = "encode")]
-    pub(super) fn new(renderer: &PreparedAsset, light: &PointLight, map: Option<&ShadowMap>) -> Option<Self> {
+    pub(super) fn under(renderer: &PreparedAsset, light: &PointLight, map: Option<&ShadowMap>) -> Option<Arc<Self>> {
+        let last = || renderer.object_light.lock().ok();
+        let found = last()?.iter().find(|(known, _)| known == light).map(|(_, own)| own.clone());
+        if found.is_some() {
+            return found;
+        }
         let visibility = |at: DVec3, cosine: f64| map.map_or(1.0, |map| map.visibility(at.to_array(), cosine));
         let (mesh, normals, occluders) = (&renderer.asset.mesh, renderer.mesh_normals(), renderer.occluders());
         let shading = renderer.shading()?;
         let irradiance =
             super::interreflection::from_point_light(mesh, occluders, &normals, shading, light, visibility);
-        Some(ObjectLight { irradiance })
+        let own = Arc::new(ObjectLight { irradiance });
+        let mut last = last()?;
+        last.truncate(MAX_KEPT - 1);
+        last.insert(0, (*light, own.clone()));
+        Some(own)
     }
 
     /// `None`: rays are cast where feature `encode` is.
     #[cfg(not(feature = "encode"))]
-    pub(super) fn new(_: &PreparedAsset, _: &PointLight, _: Option<&ShadowMap>) -> Option<Self> {
+    pub(super) fn under(_: &PreparedAsset, _: &PointLight, _: Option<&ShadowMap>) -> Option<Arc<Self>> {
         None
     }
 

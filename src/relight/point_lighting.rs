@@ -10,6 +10,7 @@ use super::shadow::ShadowMap;
 use crate::reflectance::ReflectionGeometry;
 use crate::views::{Camera, Component, PointLight};
 use glam::DVec3;
+use std::sync::Arc;
 
 /// Photographs that a light takes its residual from, for each part of reflection, at most.
 const PHOTOGRAPHS: usize = 24;
@@ -90,7 +91,7 @@ struct AskedLight {
     light: PointLight,
     shadow: Option<ShadowMap>,
     /// What it makes the object send to itself, where that is shown.
-    from_object: Option<ObjectLight>,
+    from_object: Option<Arc<ObjectLight>>,
     /// For each component the views, by their place among all, that it takes its residual from, and the distance at which that ends.
     near: Vec<(Vec<usize>, f64)>,
 }
@@ -157,7 +158,7 @@ impl<'r, 'a> PointLighting<'r, 'a> {
                 };
                 let shadow = || ShadowMap::new(renderer.surface(), light.position);
                 let shadow = options.shadows.then(shadow).flatten();
-                let from_object = || ObjectLight::new(renderer, light, shadow.as_ref());
+                let from_object = || ObjectLight::under(renderer, light, shadow.as_ref());
                 AskedLight {
                     light: *light,
                     from_object: shows_own.then(from_object).flatten(),

@@ -2,6 +2,8 @@
 
 use super::capture_lights::CaptureLights;
 use super::file_light::FileLight;
+#[cfg(feature = "encode")]
+use super::object_light::ObjectLight;
 use super::residual::CapturedView;
 use super::shadow::ShadowMap;
 use super::textures::AssetShading;
@@ -15,11 +17,15 @@ use crate::surface::displacement::DisplacedMesh;
 #[cfg(feature = "encode")]
 use crate::surface::occluders::Occluders;
 use crate::surface::raster::{Raster, rasterise, vertex_normals};
+#[cfg(feature = "encode")]
+use crate::views::PointLight;
 use crate::views::{Camera, Component};
 use glam::DVec3;
 #[cfg(feature = "encode")]
 use glam::Vec3;
 use std::sync::OnceLock;
+#[cfg(feature = "encode")]
+use std::sync::{Arc, Mutex};
 
 /// An asset whose parts belong together. Captured views are prepared when first needed.
 pub(super) struct PreparedAsset<'a> {
@@ -31,6 +37,9 @@ pub(super) struct PreparedAsset<'a> {
     shading: OnceLock<Option<AssetShading<'a>>>,
     #[cfg(feature = "encode")]
     occluders: OnceLock<Occluders>,
+    /// What the object sends to itself under the last lamps.
+    #[cfg(feature = "encode")]
+    pub(super) object_light: Mutex<Vec<(PointLight, Arc<ObjectLight>)>>,
 }
 
 /// A surface point that a pixel sees.
@@ -87,6 +96,8 @@ impl<'a> PreparedAsset<'a> {
             shading: OnceLock::new(),
             #[cfg(feature = "encode")]
             occluders: OnceLock::new(),
+            #[cfg(feature = "encode")]
+            object_light: Mutex::default(),
         })
     }
 
