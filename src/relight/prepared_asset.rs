@@ -238,7 +238,7 @@ impl<'a> PreparedAsset<'a> {
     /// The object's reflectance as that of any lit surface; none where it has none.
     pub(super) fn shading(&self) -> Option<&AssetShading<'a>> {
         // Its highlights count by their factors only, not by what stands for their shapes.
-        self.shading.get_or_init(|| AssetShading::new(self.asset, 1).ok()).as_ref()
+        made_once(&self.shading, || AssetShading::new(self.asset, 1).ok()).as_ref()
     }
 
     /// Normals of the mesh's vertices.
@@ -250,6 +250,15 @@ impl<'a> PreparedAsset<'a> {
     /// The mesh, made ready for rays.
     #[cfg(feature = "encode")]
     pub(super) fn occluders(&self) -> &Occluders {
-        self.occluders.get_or_init(|| Occluders::new(&self.asset.mesh))
+        made_once(&self.occluders, || Occluders::new(&self.asset.mesh))
     }
+}
+
+/// The value of a cell, made before it is locked: what is made on several threads may take up other work that asks for it, too.
+fn made_once<T>(cell: &OnceLock<T>, make: impl FnOnce() -> T) -> &T {
+    if let Some(value) = cell.get() {
+        return value;
+    }
+    let made = make();
+    cell.get_or_init(|| made)
 }
