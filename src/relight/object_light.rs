@@ -16,33 +16,32 @@ const MAX_KEPT: usize = 4;
 /// What an object sends to itself under one lamp.
 pub(super) struct ObjectLight {
     /// Irradiance of the mesh's vertices.
-    irradiance: Vec<Vec3>,
+    irradiance: Arc<[Vec3]>,
 }
 
 impl ObjectLight {
     /// Finds it among that of the last lamps, or casts the rays; `None` of an object without reflectance.
     #[cfg(feature = "encode")]
-    pub(super) fn under(renderer: &PreparedAsset, light: &PointLight, map: Option<&ShadowMap>) -> Option<Arc<Self>> {
+    pub(super) fn under(renderer: &PreparedAsset, light: &PointLight, map: Option<&ShadowMap>) -> Option<Self> {
         let last = || renderer.object_light.lock().ok();
         let found = last()?.iter().find(|(known, _)| known == light).map(|(_, own)| own.clone());
-        if found.is_some() {
-            return found;
+        if let Some(irradiance) = found {
+            return Some(ObjectLight { irradiance });
         }
         let visibility = |at: DVec3, cosine: f64| map.map_or(1.0, |map| map.visibility(at.to_array(), cosine));
         let (mesh, normals, occluders) = (&renderer.asset.mesh, renderer.mesh_normals(), renderer.occluders());
         let shading = renderer.shading()?;
-        let irradiance =
-            super::interreflection::from_point_light(mesh, occluders, &normals, shading, light, visibility);
-        let own = Arc::new(ObjectLight { irradiance });
+        let irradiance: Arc<[Vec3]> =
+            super::interreflection::from_point_light(mesh, occluders, &normals, shading, light, visibility).into();
         let mut last = last()?;
         last.truncate(MAX_KEPT - 1);
-        last.insert(0, (*light, own.clone()));
-        Some(own)
+        last.insert(0, (*light, irradiance.clone()));
+        Some(ObjectLight { irradiance })
     }
 
     /// `None`: rays are cast where feature `encode` is.
     #[cfg(not(feature = "encode"))]
-    pub(super) fn under(_: &PreparedAsset, _: &PointLight, _: Option<&ShadowMap>) -> Option<Arc<Self>> {
+    pub(super) fn under(_: &PreparedAsset, _: &PointLight, _: Option<&ShadowMap>) -> Option<Self> {
         None
     }
 

@@ -10,7 +10,6 @@ use super::shadow::ShadowMap;
 use crate::reflectance::ReflectionGeometry;
 use crate::views::{Camera, Component, PointLight};
 use glam::DVec3;
-use std::sync::Arc;
 
 /// Photographs that a light takes its residual from, for each part of reflection, at most.
 const PHOTOGRAPHS: usize = 24;
@@ -91,7 +90,7 @@ struct AskedLight {
     light: PointLight,
     shadow: Option<ShadowMap>,
     /// What it makes the object send to itself, where that is shown.
-    from_object: Option<Arc<ObjectLight>>,
+    from_object: Option<ObjectLight>,
     /// For each component the views, by their place among all, that it takes its residual from, and the distance at which that ends.
     near: Vec<(Vec<usize>, f64)>,
 }

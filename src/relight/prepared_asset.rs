@@ -2,8 +2,6 @@
 
 use super::capture_lights::CaptureLights;
 use super::file_light::FileLight;
-#[cfg(feature = "encode")]
-use super::object_light::ObjectLight;
 use super::residual::CapturedView;
 use super::shadow::ShadowMap;
 use super::textures::AssetShading;
@@ -37,9 +35,9 @@ pub(super) struct PreparedAsset<'a> {
     shading: OnceLock<Option<AssetShading<'a>>>,
     #[cfg(feature = "encode")]
     occluders: OnceLock<Occluders>,
-    /// What the object sends to itself under the last lamps.
+    /// Irradiance of the mesh's vertices from the object itself under the last lamps.
     #[cfg(feature = "encode")]
-    pub(super) object_light: Mutex<Vec<(PointLight, Arc<ObjectLight>)>>,
+    pub(super) object_light: Mutex<Vec<(PointLight, Arc<[Vec3]>)>>,
 }
 
 /// A surface point that a pixel sees.
