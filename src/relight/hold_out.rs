@@ -49,7 +49,8 @@ pub fn hold_out(asset: &Asset, views: &[View], originals: &[Photograph]) -> Resu
     Ok(result)
 }
 
-fn compare(
+/// Compares the image of a camera with its photograph, where the mesh is.
+pub(super) fn compare(
     renderer: &AssetRenderer,
     camera: &Camera,
     options: &RenderOptions,

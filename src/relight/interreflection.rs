@@ -2,7 +2,7 @@
 
 use super::appearance::ShadingModel;
 use super::evaluator::ShadowedLight;
-use super::scene::RenderObject;
+use super::scene::{RenderObject, between};
 use crate::mesh::Mesh;
 use crate::surface::occluders::Occluders;
 use crate::views::PointLight;
@@ -46,14 +46,8 @@ impl Interreflection {
             });
             (irradiance[vertex] + distant.sum::<Vec3>()) / PI
         });
-        let sender = |triangle: usize, weights: [f32; 3]| {
-            let corners = mesh.triangles[triangle];
-            let between = |value: &dyn Fn(u32) -> Vec3| (0..3).map(|i| value(corners[i]) * weights[i]).sum::<Vec3>();
-            let at = between(&|v| Vec3::from_array(mesh.positions[v as usize]));
-            let reflectance = shading.parameters_at(triangle, weights, at.to_array()).hemispherical();
-            reflectance * between(&|v| sent[v as usize])
-        };
-        let received = gather(&Occluders::new(mesh), &cut.positions, normals, sender);
+        let sent = |corners: ([u32; 3], Vec3), _: Vec3| between(corners, &sent);
+        let received = gather(mesh, &Occluders::new(mesh), &cut.positions, normals, shading, sent);
         let (irradiance, radiance) = received.into_iter().unzip();
         Interreflection { irradiance, radiance }
     }
@@ -70,30 +64,29 @@ pub(super) fn from_point_light(
     visibility: impl Fn(DVec3, f64) -> f64 + Sync + Send,
 ) -> Vec<Vec3> {
     let intensity = DVec3::from_array(light.intensity);
-    let sender = |triangle: usize, weights: [f32; 3]| {
-        let corners = mesh.triangles[triangle].map(|vertex| vertex as usize);
-        let between = |value: &dyn Fn(usize) -> Vec3| (0..3).map(|i| value(corners[i]) * weights[i]).sum::<Vec3>();
-        let at = between(&|vertex| Vec3::from_array(mesh.positions[vertex]));
-        let normal = between(&|vertex| normals[vertex]).normalize_or_zero().as_dvec3();
+    let sent = |corners: ([u32; 3], Vec3), at: Vec3| {
+        let normal = between(corners, normals).normalize_or_zero().as_dvec3();
         let towards = DVec3::from_array(light.position) - at.as_dvec3();
         let cosine = normal.dot(towards.normalize_or_zero());
         if cosine <= 0.0 {
             return Vec3::ZERO;
         }
         let reach = cosine * visibility(at.as_dvec3(), cosine) / towards.length_squared();
-        let irradiance = (intensity * reach).as_vec3();
-        shading.parameters_at(triangle, weights, at.to_array()).hemispherical() * irradiance / PI
+        (intensity * reach).as_vec3() / PI
     };
-    gather(occluders, &mesh.positions, normals, sender).into_iter().map(|(irradiance, _)| irradiance).collect()
+    let received = gather(mesh, occluders, &mesh.positions, normals, shading, sent);
+    received.into_iter().map(|(irradiance, _)| irradiance).collect()
 }
 
 /// Casts rays from places with these normals; returns the irradiance that they bring, and the mean radiance of those that meet the object.
-/// `sender` is the radiance at a place of a triangle, given by the weights of its corners.
+/// `sent` is the radiance of white at a place between three vertices of these weights.
 fn gather(
+    mesh: &Mesh,
     occluders: &Occluders,
     positions: &[[f32; 3]],
     normals: &[Vec3],
-    sender: impl Fn(usize, [f32; 3]) -> Vec3 + Sync + Send,
+    shading: &dyn ShadingModel,
+    sent: impl Fn(([u32; 3], Vec3), Vec3) -> Vec3 + Sync + Send,
 ) -> Vec<(Vec3, Vec3)> {
     let rays = (ALL_RAYS / normals.len().max(1)).clamp(RAYS[0], RAYS[1]);
     crate::parallel::map(normals.len(), |k| {
@@ -110,7 +103,13 @@ fn gather(
                 continue;
             };
             hits += 1;
-            sum += sender(triangle as usize, weights.map(|w| w as f32));
+            let (triangle, weights) = (triangle as usize, weights.map(|w| w as f32));
+            let corners = mesh.triangles[triangle];
+            let at = (0..3).map(|i| Vec3::from_array(mesh.positions[corners[i] as usize]) * weights[i]).sum::<Vec3>();
+            let sent = sent((corners, weights.into()), at);
+            if sent != Vec3::ZERO {
+                sum += shading.parameters_at(triangle, weights, at.to_array()).hemispherical() * sent;
+            }
         }
         (sum * (PI / rays as f32), if hits > 0 { sum / hits as f32 } else { Vec3::ZERO })
     })

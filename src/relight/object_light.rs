@@ -2,6 +2,7 @@
 
 use super::appearance::ShadingModel;
 use super::prepared_asset::{PreparedAsset, SurfacePoint};
+use super::scene::between;
 use super::shadow::ShadowMap;
 use crate::views::{Camera, Component, PointLight};
 use glam::{DVec3, Vec3};
@@ -56,12 +57,11 @@ impl ObjectLight {
     ) -> ReflectedObjectLight {
         let Some(shading) = renderer.shading() else { return ReflectedObjectLight::default() };
         let weights = surface.weights.map(|weight| weight as f32);
-        let corners = renderer.asset.mesh.triangles[surface.base];
-        let irradiance: Vec3 = (0..3).map(|k| self.irradiance[corners[k] as usize] * weights[k]).sum();
+        let irradiance = between((renderer.asset.mesh.triangles[surface.base], weights.into()), &self.irradiance);
         let towards = DVec3::from_array(camera.centre()) - DVec3::from_array(surface.point);
         let cos_view = towards.normalize_or_zero().dot(DVec3::from_array(surface.normal)) as f32;
         let parameters = shading.parameters_at(surface.base, weights, surface.on_mesh.map(|x| x as f32));
-        let specular = parameters.hemispherical() - parameters.hemispherical_diffuse();
+        let specular = (parameters.hemispherical() - parameters.hemispherical_diffuse()).max(Vec3::ZERO);
         ReflectedObjectLight {
             diffuse: parameters.diffuse(irradiance, Vec3::ZERO, cos_view) * (1.0 - HELD_BY_DIFFUSE * lit),
             specular: specular * irradiance * ((1.0 - lit) / std::f32::consts::PI),

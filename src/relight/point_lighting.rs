@@ -220,12 +220,9 @@ impl<'r, 'a> PointLighting<'r, 'a> {
             for (component, part) in parts.iter().enumerate() {
                 let Some((part, is_whole)) = *part else { continue };
                 let model = renderer.model(part, surface, Some(&geometry)).map(|x| x * reach);
-                let near = match is_whole {
-                    true => &near[component],
-                    false => &(Vec::new(), SAME),
-                };
-                let read = near.0.iter().filter_map(|&view| readings[view].as_ref());
-                let shown = asked.radiance([model, from_object.of(part)], read, component, part, near.1);
+                let (views, farthest) = &near[component];
+                let near = views.iter().filter(|_| is_whole).filter_map(|&view| readings[view].as_ref());
+                let shown = asked.radiance([model, from_object.of(part)], near, component, part, *farthest);
                 for c in 0..3 {
                     sum[component][c] += if options.layers.model { shown[c] } else { shown[c] - model[c] };
                 }

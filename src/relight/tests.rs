@@ -9,7 +9,6 @@ use crate::image::Grid;
 use crate::metrics::PhotographError;
 use crate::reflectance::maps::ReflectanceMaps;
 use crate::surface::atlas::layout;
-use crate::surface::raster::rasterise;
 use crate::views::{Component, Photograph, View};
 use std::f32::consts::PI;
 
@@ -192,11 +191,7 @@ fn lamps_that_were_left_out_gain_from_those_around_them() {
                 let layers = RenderLayers { residual, interreflection: false, ..RenderLayers::default() };
                 let lighting = RenderLighting::Points(vec![lamp(view)]);
                 let options = RenderOptions { layers, lighting, ..RenderOptions::default() };
-                let rendered = renderer.render(&view.camera, &options).unwrap();
-                let decoded = Photograph { mask: original.mask.clone(), images: rendered.components };
-                let covered = rasterise(&asset.mesh, &view.camera).coverage();
-                let of_view = PhotographError::compare(original, &decoded, &asset.components, &covered, asset.white);
-                error.merge(&of_view);
+                error.merge(&hold_out::compare(&renderer, &view.camera, &options, &asset, original).unwrap());
             }
         }
     }
