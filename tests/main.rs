@@ -13,6 +13,7 @@ mod captures;
 mod check;
 mod container_description;
 mod damage;
+mod document_materials;
 mod door;
 mod examples;
 mod gltf;
