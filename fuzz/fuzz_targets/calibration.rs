@@ -1,11 +1,10 @@
 //! Any bytes as a camera's calibration, as a rig of markers, and as a marker's pattern.
-#![no_main]
-use libfuzzer_sys::fuzz_target;
+
 use tsuya::capture;
 use tsuya::marker::{MarkerPattern, Rig};
 use tsuya_fuzz::folder;
 
-fuzz_target!(|bytes: &[u8]| {
+pub fn fuzz(bytes: &[u8]) {
     let path = folder::file("calibration.yaml", bytes);
     if let Ok(calibration) = capture::read_calibration(&path, &folder::access()) {
         let camera = &calibration.camera;
@@ -27,4 +26,4 @@ fuzz_target!(|bytes: &[u8]| {
     {
         let _ = Rig::parse(text, &folder::access());
     }
-});
+}

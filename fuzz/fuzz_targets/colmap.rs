@@ -1,10 +1,9 @@
 //! Any bytes as a COLMAP model, binary or text: the first byte says which, the next two how long the file of cameras is.
-#![no_main]
-use libfuzzer_sys::fuzz_target;
-use tsuya::capture::{CaptureReadOptions, describe, read};
-use tsuya_fuzz::{folder, pictures};
 
-fuzz_target!(init: pictures::put_capture(), |bytes: &[u8]| {
+use tsuya::capture::{CaptureReadOptions, describe, read};
+use tsuya_fuzz::folder;
+
+pub fn fuzz(bytes: &[u8]) {
     let Some((&[kind, low, high], rest)) = bytes.split_first_chunk::<3>() else { return };
     let (cameras, images) = rest.split_at(rest.len().min(u16::from_le_bytes([low, high]) as usize));
     let kinds = ["txt", "bin"];
@@ -23,4 +22,4 @@ fuzz_target!(init: pictures::put_capture(), |bytes: &[u8]| {
     {
         let _ = read(folder::path(), &CaptureReadOptions { limits: folder::limits(), ..CaptureReadOptions::default() });
     }
-});
+}

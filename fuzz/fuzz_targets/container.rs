@@ -1,10 +1,9 @@
 //! Any bytes as a file: by directory, as a stream, as a prefix, and verified.
-#![no_main]
-use libfuzzer_sys::fuzz_target;
+
 use tsuya::container::{Container, Tag, read_prefix, read_stream, verify};
 use tsuya::{Limits, container, internals};
 
-fuzz_target!(|bytes: &[u8]| {
+pub fn fuzz(bytes: &[u8]) {
     let limits = Limits { memory_bytes: 1 << 24, views: 64, image_side: 1024, mesh_elements: 1 << 12 };
     let verified = verify(bytes, limits);
     let streamed = read_stream(bytes, limits);
@@ -25,4 +24,4 @@ fuzz_target!(|bytes: &[u8]| {
             _ => {}
         }
     }
-});
+}

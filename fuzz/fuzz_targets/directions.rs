@@ -1,6 +1,5 @@
 //! Any bytes as rows of directions, and as measured values.
-#![no_main]
-use libfuzzer_sys::fuzz_target;
+
 use std::path::Path;
 use tsuya::brdf::{MeasuredSamples, parse_directions};
 use tsuya::input::FileAccess;
@@ -10,7 +9,7 @@ fn check_unit(direction: [f64; 3]) {
     assert!((square - 1.0).abs() < 1e-9, "{direction:?}");
 }
 
-fuzz_target!(|bytes: &[u8]| {
+pub fn fuzz(bytes: &[u8]) {
     let Ok(text) = std::str::from_utf8(bytes) else { return };
     if let Ok(pairs) = parse_directions(text, Path::new("-")) {
         pairs.iter().flat_map(|&(incoming, outgoing)| [incoming, outgoing]).for_each(check_unit);
@@ -24,4 +23,4 @@ fuzz_target!(|bytes: &[u8]| {
             assert!(sample.value.iter().chain(&sample.deviation).all(|x| x.is_finite() && *x >= 0.0), "{sample:?}");
         }
     }
-});
+}

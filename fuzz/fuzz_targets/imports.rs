@@ -1,12 +1,11 @@
 //! Any bytes as the cameras of Metashape, RealityCapture (table or sidecar), Meshroom or OpenMVG: the first byte says which.
-#![no_main]
-use libfuzzer_sys::fuzz_target;
+
 use tsuya::capture::{CaptureReadOptions, describe, read};
-use tsuya_fuzz::{folder, pictures};
+use tsuya_fuzz::folder;
 
 const NAMES: [&str; 5] = ["cameras.xml", "cameras.csv", "a.xmp", "cameras.sfm", "sfm_data.json"];
 
-fuzz_target!(init: pictures::put_capture(), |bytes: &[u8]| {
+pub fn fuzz(bytes: &[u8]) {
     let Some((&kind, content)) = bytes.split_first() else { return };
     let path = folder::file(NAMES[kind as usize % NAMES.len()], content);
     if let Ok(description) = describe(&path, &folder::access())
@@ -15,4 +14,4 @@ fuzz_target!(init: pictures::put_capture(), |bytes: &[u8]| {
         let _ = read(&path, &CaptureReadOptions { limits: folder::limits(), ..CaptureReadOptions::default() });
     }
     let _ = std::fs::remove_file(path);
-});
+}

@@ -1,6 +1,5 @@
 //! Any bytes as a rendering job, and as a list of published fits.
-#![no_main]
-use libfuzzer_sys::fuzz_target;
+
 use tsuya::brdf::{Brdf, ClassicalModel, read_published};
 use tsuya::relight::Job;
 use tsuya_fuzz::folder;
@@ -8,7 +7,7 @@ use tsuya_fuzz::folder;
 /// Two directions of the upper half.
 const DIRECTIONS: [[f64; 3]; 2] = [[0.6, 0.0, 0.8], [-0.28, 0.0, 0.96]];
 
-fuzz_target!(|bytes: &[u8]| {
+pub fn fuzz(bytes: &[u8]) {
     if let Ok(job) = serde_json::from_slice::<Job>(bytes) {
         if let Ok(camera) = job.camera() {
             assert!(camera.rotation.iter().flatten().chain(&camera.focal).all(|x| x.is_finite()));
@@ -28,7 +27,7 @@ fuzz_target!(|bytes: &[u8]| {
     if let Ok(fits) = read_published(folder::file("fits.txt", bytes), &folder::access()) {
         fits.iter().for_each(|fit| check(&fit.model));
     }
-});
+}
 
 fn check(model: &ClassicalModel) {
     if model.check().is_ok() {

@@ -1,9 +1,8 @@
 //! Any bytes as section `lIGt`.
-#![no_main]
-use libfuzzer_sys::fuzz_target;
+
 use tsuya::{Budget, Limits, lighting};
 
-fuzz_target!(|bytes: &[u8]| {
+pub fn fuzz(bytes: &[u8]) {
     let budget = Budget::new(Limits { memory_bytes: 1 << 24, ..Limits::default() });
     if let Ok(light) = lighting::decode(bytes, &budget) {
         for level in &light.prefiltered {
@@ -13,4 +12,4 @@ fuzz_target!(|bytes: &[u8]| {
             assert!(light.prefiltered_radiance([0.48, -0.6, 0.64], sharpness).iter().all(|x| x.is_finite()));
         }
     }
-});
+}

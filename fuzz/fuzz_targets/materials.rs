@@ -1,13 +1,12 @@
 //! Any bytes as section `mATl`, and as section `bIND` of a file of some materials.
-#![no_main]
-use libfuzzer_sys::fuzz_target;
+
 use tsuya::brdf::{self, Brdf, ClassicalLobe, ClassicalModel, FittedMaterial, NamedMaterial};
 use tsuya::{Budget, Limits};
 
 /// Triangles of a mesh whose materials the bytes may be.
 const TRIANGLES: usize = 500;
 
-fuzz_target!(|bytes: &[u8]| {
+pub fn fuzz(bytes: &[u8]) {
     let budget = Budget::new(Limits { memory_bytes: 1 << 24, ..Limits::default() });
     let model = ClassicalModel { diffuse: [0.5; 3], specular: [0.0; 3], lobe: ClassicalLobe::Lambert };
     let named = |name: &str| NamedMaterial { name: name.into(), material: FittedMaterial::Classical(model.clone()) };
@@ -26,4 +25,4 @@ fuzz_target!(|bytes: &[u8]| {
         let again = brdf::encode_materials(&all).expect("materials that were read");
         assert!(brdf::decode_materials(&again, &budget).expect("our own materials") == all);
     }
-});
+}

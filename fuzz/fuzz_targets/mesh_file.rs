@@ -1,10 +1,9 @@
 //! Any bytes as a mesh file of the kind that the first byte says, cleaned and coded.
-#![no_main]
-use libfuzzer_sys::fuzz_target;
+
 use tsuya::mesh;
 use tsuya_fuzz::{folder, values};
 
-fuzz_target!(|bytes: &[u8]| {
+pub fn fuzz(bytes: &[u8]) {
     let Some((&kind, bytes)) = bytes.split_first() else { return };
     let extension = mesh::EXTENSIONS[kind as usize % mesh::EXTENSIONS.len()];
     let path = folder::file(&format!("mesh.{extension}"), bytes);
@@ -22,4 +21,4 @@ fuzz_target!(|bytes: &[u8]| {
     {
         assert!(mesh::decode(&coded.bytes, &values::budget()).expect("our own mesh") == coded.mesh);
     }
-});
+}

@@ -1,11 +1,10 @@
 //! Any bytes as section `PAPR` of a small object.
-#![no_main]
-use libfuzzer_sys::fuzz_target;
+
 use tsuya::{Budget, Limits};
 use tsuya::{Component, internals};
 use tsuya_fuzz::scene;
 
-fuzz_target!(|bytes: &[u8]| {
+pub fn fuzz(bytes: &[u8]) {
     let Some((&count, bytes)) = bytes.split_first() else { return };
     let components = [[Component::Diffuse, Component::Specular], [Component::Combined; 2]][count as usize % 2];
     let components = &components[..2 - count as usize % 2];
@@ -17,4 +16,4 @@ fuzz_target!(|bytes: &[u8]| {
             assert_eq!(decoded.photograph(index, view, hit).images.len(), components.len());
         }
     }
-});
+}

@@ -1,13 +1,12 @@
 //! Any bytes as a photograph, as a picture of an environment, and as a video of YUV4MPEG2.
-#![no_main]
-use libfuzzer_sys::fuzz_target;
+
 use std::path::Path;
 use tsuya::ar::{Y4mFrame, Y4mReader, Y4mWriter};
 use tsuya::image::read_radiance;
 use tsuya::lighting::{EnvironmentReadOptions, read_environment};
 use tsuya_fuzz::folder;
 
-fuzz_target!(|bytes: &[u8]| {
+pub fn fuzz(bytes: &[u8]) {
     if bytes.starts_with(b"YUV4MPEG2") {
         return video(bytes);
     }
@@ -25,7 +24,7 @@ fuzz_target!(|bytes: &[u8]| {
             assert!(environment.image().data.as_flattened().iter().all(|x| x.is_finite() && *x >= 0.0));
         }
     }
-});
+}
 
 /// Frames come back as they were, and with what is changed in them.
 fn video(bytes: &[u8]) {

@@ -1,9 +1,8 @@
 //! Any bytes as a sampling plan; a material is made of values at its angles.
-#![no_main]
-use libfuzzer_sys::fuzz_target;
+
 use tsuya::brdf::MeasurementPlan;
 
-fuzz_target!(|bytes: &[u8]| {
+pub fn fuzz(bytes: &[u8]) {
     let Ok(plan) = MeasurementPlan::from_json(bytes) else { return };
     let again = MeasurementPlan::from_json(plan.to_json().expect("a plan").as_bytes()).expect("our own plan");
     assert!(again == plan);
@@ -13,4 +12,4 @@ fuzz_target!(|bytes: &[u8]| {
             assert!(samples.iter().flat_map(|sample| sample.value).all(|x| x >= 0.0));
         }
     }
-});
+}

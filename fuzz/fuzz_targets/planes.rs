@@ -1,6 +1,5 @@
 //! Any bytes as section `PLAN` of a small object, checksums put right; and any bytes as the streams of a sound head.
-#![no_main]
-use libfuzzer_sys::fuzz_target;
+
 use tsuya::internals::{
     self,
     predictive::{PREFIX_BYTES, PlaneHeader},
@@ -8,7 +7,7 @@ use tsuya::internals::{
 use tsuya::{Budget, Limits};
 use tsuya_fuzz::scene;
 
-fuzz_target!(|bytes: &[u8]| {
+pub fn fuzz(bytes: &[u8]) {
     let Some((&kind, bytes)) = bytes.split_first() else { return };
     let components = 1 + kind as usize % 2;
     let limits = Limits { memory_bytes: 1 << 26, views: 64, image_side: 1024, mesh_elements: 1 << 12 };
@@ -49,4 +48,4 @@ fuzz_target!(|bytes: &[u8]| {
         let pixels = view.camera.width as usize * view.camera.height as usize;
         assert!(photograph.images.len() == components && photograph.mask.data.len() == pixels);
     }
-});
+}

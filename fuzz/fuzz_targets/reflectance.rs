@@ -1,12 +1,11 @@
 //! Any bytes as section `RFLC` of a small atlas.
-#![no_main]
-use libfuzzer_sys::fuzz_target;
+
 use tsuya::Component;
 use tsuya::internals::{self, reflectance::ReflectionGeometry};
 use tsuya::{Budget, Limits};
 use tsuya_fuzz::scene;
 
-fuzz_target!(|bytes: &[u8]| {
+pub fn fuzz(bytes: &[u8]) {
     let budget = Budget::new(Limits { memory_bytes: 1 << 24, ..Limits::default() });
     if let Ok(maps) = internals::reflectance::decode(bytes, &scene::mesh(), &scene::charts(), &budget) {
         assert!(maps.diffuse.data.iter().chain(&maps.specular.data).flatten().all(|x| x.is_finite() && *x >= 0.0));
@@ -23,4 +22,4 @@ fuzz_target!(|bytes: &[u8]| {
         let plain = maps.without_palette();
         assert!(plain.sigma.data.iter().all(|x| (0.0..=0.81).contains(x)));
     }
-});
+}

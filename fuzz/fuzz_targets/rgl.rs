@@ -1,9 +1,8 @@
 //! Any bytes as an RGL material.
-#![no_main]
-use libfuzzer_sys::fuzz_target;
+
 use tsuya::brdf::{Brdf, RglMaterial};
 
-fuzz_target!(|bytes: &[u8]| {
+pub fn fuzz(bytes: &[u8]) {
     if let Ok(material) = RglMaterial::from_bytes(bytes, "fuzz.bsdf") {
         let directions = [[0.6, 0.0, 0.8], [0.0, 0.6, 0.8], [0.0, 0.0, 1.0], [-0.6, 0.0, 0.8], [0.0, -1.0, 1e-9]];
         for incoming in directions {
@@ -13,4 +12,4 @@ fuzz_target!(|bytes: &[u8]| {
             }
         }
     }
-});
+}

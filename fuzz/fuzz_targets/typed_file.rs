@@ -1,7 +1,6 @@
 //! Any file of any sections decodes in every way alike; then its sections are damaged, checksums put right, and it is decoded again.
-#![no_main]
-use libfuzzer_sys::arbitrary::{Result, Unstructured};
-use libfuzzer_sys::fuzz_target;
+
+use arbitrary::{Result, Unstructured};
 use tsuya::Error;
 use tsuya::container::Tag;
 use tsuya_fuzz::compare::decode_in_every_way;
@@ -9,9 +8,9 @@ use tsuya_fuzz::damage::{FileDamage, RawSection};
 use tsuya_fuzz::repair::assemble;
 use tsuya_fuzz::values::{LIMITS, Object, TAGS, codec};
 
-fuzz_target!(|bytes: &[u8]| {
+pub fn fuzz(bytes: &[u8]) {
     let _ = run(&mut Unstructured::new(bytes));
-});
+}
 
 fn run(u: &mut Unstructured) -> Result<()> {
     // A few of the sections at a time, photographs of one profile.

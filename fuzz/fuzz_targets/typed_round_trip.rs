@@ -1,7 +1,6 @@
 //! Any small picture set is coded, and decodes to what the encoder said.
-#![no_main]
-use libfuzzer_sys::arbitrary::{self, Arbitrary, Unstructured};
-use libfuzzer_sys::fuzz_target;
+
+use arbitrary::{self, Arbitrary, Unstructured};
 use tsuya::DecodeSpeed;
 use tsuya::internals::MaskedPhotographs;
 use tsuya::internals::predictive::{PREFIX_BYTES, PlaneEncoder, PlaneHeader, PlaneQuality};
@@ -28,7 +27,7 @@ struct Input {
     pixels: Vec<f32>,
 }
 
-fuzz_target!(|bytes: &[u8]| {
+pub fn fuzz(bytes: &[u8]) {
     let Ok(input) = Input::arbitrary(&mut Unstructured::new(bytes)) else { return };
     let (width, height) = (1 + input.width as usize % 48, 1 + input.height as usize % 48);
     let mut mesh = scene::mesh();
@@ -74,4 +73,4 @@ fuzz_target!(|bytes: &[u8]| {
             assert!(a.data.iter().flatten().zip(b.data.iter().flatten()).all(|(a, b)| a.to_bits() == b.to_bits()));
         }
     }
-});
+}

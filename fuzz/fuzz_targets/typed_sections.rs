@@ -1,13 +1,12 @@
 //! Any value of any section is written and comes back; then its bytes are damaged and read.
-#![no_main]
-use libfuzzer_sys::arbitrary::{Result, Unstructured};
-use libfuzzer_sys::fuzz_target;
+
+use arbitrary::{Result, Unstructured};
 use tsuya_fuzz::damage::Damage;
 use tsuya_fuzz::values::{Object, TAGS, planes_header};
 
-fuzz_target!(|bytes: &[u8]| {
+pub fn fuzz(bytes: &[u8]) {
     let _ = run(&mut Unstructured::new(bytes));
-});
+}
 
 fn run(u: &mut Unstructured) -> Result<()> {
     let tag = TAGS[u.int_in_range(0..=TAGS.len() - 1)?];

@@ -1,10 +1,9 @@
 //! Any bytes as a section of views.
-#![no_main]
-use libfuzzer_sys::fuzz_target;
+
 use tsuya::internals;
 use tsuya::{Budget, Limits};
 
-fuzz_target!(|bytes: &[u8]| {
+pub fn fuzz(bytes: &[u8]) {
     let limits = Limits { memory_bytes: 1 << 22, views: 256, image_side: 1024, ..Limits::default() };
     if let Ok(section) = internals::views::decode(bytes, &Budget::new(limits)) {
         for view in &section.views {
@@ -13,4 +12,4 @@ fuzz_target!(|bytes: &[u8]| {
             assert!(camera.width <= 1024 && camera.height <= 1024);
         }
     }
-});
+}

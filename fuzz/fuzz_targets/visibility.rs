@@ -1,10 +1,9 @@
 //! Any bytes as section `vISB` of an octahedron.
-#![no_main]
-use libfuzzer_sys::fuzz_target;
+
 use tsuya::{Budget, Limits, internals};
 use tsuya_fuzz::scene;
 
-fuzz_target!(|bytes: &[u8]| {
+pub fn fuzz(bytes: &[u8]) {
     let budget = Budget::new(Limits { memory_bytes: 1 << 24, ..Limits::default() });
     if let Ok(visibility) = internals::visibility::decode(bytes, &scene::mesh(), &budget) {
         assert_eq!(visibility.places().vertices(), 6);
@@ -12,4 +11,4 @@ fuzz_target!(|bytes: &[u8]| {
             assert!(visibility.signed_distance(place, [0.48, -0.6, 0.64]).abs() <= 3.15);
         }
     }
-});
+}

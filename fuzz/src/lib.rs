@@ -6,5 +6,4 @@ pub mod folder;
 pub mod pictures;
 pub mod repair;
 pub mod scene;
-#[cfg(feature = "encode")]
 pub mod values;

@@ -398,6 +398,21 @@ pub(super) fn supersampled(camera: &Camera, samples: u32) -> Camera {
     camera.scaled([camera.width * samples, camera.height * samples], [samples as f64; 2])
 }
 
+/// Cosine to the camera, about, that shading normals have at least.
+const LEAST_COSINE: f32 = 0.05;
+
+/// Turns a shading normal towards the camera where it looks away from it and its triangle, by the order of its corners, does not: normals between
+/// vertices do so along the rims of coarse and of rough surfaces.
+#[inline]
+pub(super) fn turned_to_view(normal: Vec3, geometric: Vec3, outgoing: Vec3) -> Vec3 {
+    let missing = LEAST_COSINE - normal.dot(outgoing);
+    if missing > 0.0 && geometric.dot(outgoing) > 0.0 {
+        (normal + missing * outgoing).normalize_or(normal)
+    } else {
+        normal
+    }
+}
+
 fn surface_point(object: &RenderObject, raster: &VisibilityBuffer, index: usize, centre: Vec3) -> ShadingPoint {
     let triangle = raster.triangle[index] as usize;
     let corners = object.mesh.triangles[triangle];
@@ -409,6 +424,7 @@ fn surface_point(object: &RenderObject, raster: &VisibilityBuffer, index: usize,
     let normal = (normal[0] * weights.x + normal[1] * weights.y + normal[2] * weights.z).normalize_or(Vec3::Z);
     let outgoing = (centre - position).normalize_or(Vec3::Z);
     let geometric = (q - p).cross(r - p).normalize_or(normal);
+    let normal = turned_to_view(normal, geometric, outgoing);
     let geometric = if geometric.dot(outgoing) < 0.0 { -geometric } else { geometric };
     let tangent = object.tangent(triangle, weights);
     ShadingPoint { position, normal, geometric, outgoing, tangent, sites: object.sites(triangle, weights, position) }
