@@ -50,6 +50,17 @@ impl VisibilityBuffer {
         });
     }
 
+    /// Puts what `other` shows of another mesh behind what this one shows, from the same camera: where nothing is hit. Its triangles are
+    /// numbered from `first` on.
+    pub(super) fn put_behind(&mut self, other: &VisibilityBuffer, first: u32) {
+        for index in (0..self.triangle.len()).filter(|&index| other.is_covered(index)) {
+            if !self.is_covered(index) {
+                self.triangle[index] = first + other.triangle[index];
+                self.weights[index] = other.weights[index];
+            }
+        }
+    }
+
     fn project(&mut self, mesh: &Mesh, camera: &Camera) {
         let depth = |p: &[f32; 3]| camera.to_camera(p.map(f64::from))[2];
         let farthest = mesh.positions.iter().map(depth).fold(0.0, f64::max);

@@ -204,10 +204,7 @@ impl<'a> RenderObject<'a> {
     /// The point of the mesh under a point of a triangle that is drawn, the places around it, and the samples around it.
     #[inline]
     pub(super) fn sites(&self, triangle: usize, weights: Vec3, position: Vec3) -> Sites {
-        let Some((surface, base)) = self.surface else {
-            let around = self.around(triangle, self.mesh.triangles[triangle], weights);
-            return Sites { on_mesh: MeshPoint { triangle, weights, position }, places: around, samples: around };
-        };
+        let Some((surface, base)) = self.surface else { return self.sites_on_mesh(triangle, weights, position) };
         let samples = (self.mesh.triangles[triangle], weights);
         let (triangle, weights) = surface.coarser(triangle, weights.to_array().map(f64::from));
         let weights = Vec3::from_array(weights.map(|w| w as f32));
@@ -219,6 +216,20 @@ impl<'a> RenderObject<'a> {
             places: self.around(triangle, corners, weights),
             samples,
         }
+    }
+
+    /// What [`Self::sites`] returns, at a point of a triangle of the mesh that the surface lies on.
+    pub(super) fn sites_on_mesh(&self, triangle: usize, weights: Vec3, position: Vec3) -> Sites {
+        let corners = self.base().triangles[triangle];
+        let places = self.around(triangle, corners, weights);
+        let samples = match self.surface {
+            Some((surface, _)) => {
+                let (fine, weights) = surface.finer(triangle, weights.to_array().map(f64::from));
+                (self.mesh.triangles[fine], Vec3::from_array(weights.map(|w| w as f32)))
+            }
+            None => places,
+        };
+        Sites { on_mesh: MeshPoint { triangle, weights, position }, places, samples }
     }
 }
 
@@ -340,13 +351,19 @@ pub(super) struct SampledView {
 }
 
 impl SampledView {
-    /// Draws the object with `samples` samples of a pixel along each side.
+    /// Draws the object with `samples` samples of a pixel along each side: its surface, and behind it the mesh that the surface lies on, where only
+    /// that is met. What photographs say of silhouettes is in the mesh.
     pub(super) fn new(object: &RenderObject, camera: &Camera, samples: u32) -> Result<Self> {
         let fine = supersampled(camera, samples);
         check_work(object.mesh, &fine)?;
         let centre = Vec3::from_array(camera.centre().map(|x| x as f32));
         let mut raster = VisibilityBuffer::default();
         raster.draw(object.mesh, &fine);
+        if let Some((_, base)) = object.surface {
+            let mut behind = VisibilityBuffer::default();
+            behind.draw(base, &fine);
+            raster.put_behind(&behind, object.mesh.triangles.len() as u32);
+        }
         Ok(SampledView { raster, centre, samples: samples as usize })
     }
 
@@ -415,17 +432,23 @@ pub(super) fn turned_to_view(normal: Vec3, geometric: Vec3, outgoing: Vec3) -> V
 
 fn surface_point(object: &RenderObject, raster: &VisibilityBuffer, index: usize, centre: Vec3) -> ShadingPoint {
     let triangle = raster.triangle[index] as usize;
-    let corners = object.mesh.triangles[triangle];
+    // Triangles of the mesh that a surface lies on come after those of the surface.
+    let behind = triangle.checked_sub(object.mesh.triangles.len());
+    let (mesh, triangle) = behind.map_or((object.mesh, triangle), |triangle| (object.base(), triangle));
+    let corners = mesh.triangles[triangle];
     let [b, c] = raster.weights[index];
     let weights = Vec3::new(1.0 - b - c, b, c);
-    let [p, q, r] = corners.map(|v| Vec3::from_array(object.mesh.positions[v as usize]));
+    let [p, q, r] = corners.map(|v| Vec3::from_array(mesh.positions[v as usize]));
     let position = p * weights.x + q * weights.y + r * weights.z;
-    let normal = corners.map(|v| object.normals[v as usize]);
-    let normal = (normal[0] * weights.x + normal[1] * weights.y + normal[2] * weights.z).normalize_or(Vec3::Z);
+    let (sites, tangent) = match behind {
+        None => (object.sites(triangle, weights, position), object.tangent(triangle, weights)),
+        Some(_) => (object.sites_on_mesh(triangle, weights, position), Vec3::ZERO),
+    };
+    let around = if behind.is_none() { (corners, weights) } else { sites.samples };
+    let normal = between(around, &object.normals).normalize_or(Vec3::Z);
     let outgoing = (centre - position).normalize_or(Vec3::Z);
     let geometric = (q - p).cross(r - p).normalize_or(normal);
     let normal = turned_to_view(normal, geometric, outgoing);
     let geometric = if geometric.dot(outgoing) < 0.0 { -geometric } else { geometric };
-    let tangent = object.tangent(triangle, weights);
-    ShadingPoint { position, normal, geometric, outgoing, tangent, sites: object.sites(triangle, weights, position) }
+    ShadingPoint { position, normal, geometric, outgoing, tangent, sites }
 }

@@ -203,17 +203,31 @@ fn a_surface_is_drawn_in_place_of_its_mesh() {
     let surround = Arc::new(PreparedEnvironment::new(&environment, &PreparedEnvironmentOptions::default()));
     let camera = look_at([1.0, 3.0, 6.0], [0.0, 0.8, 0.0], [0.0, 1.0, 0.0], 90.0, 96, 72);
     let look = UniformMaterial::new(material(GLOSSY), 24);
-    let image = |object: &RenderObject, shadows: bool| {
+    let render = |object: &RenderObject, shadows: bool| {
         let options = EnvironmentOptions { shadows, ..EnvironmentOptions::default() };
         let scene = EnvironmentScene::new(object, surround.clone(), None, options).unwrap();
-        scene.render(&camera, &look).unwrap().image
+        scene.render(&camera, &look).unwrap()
     };
     let drawn = RenderObject::with_surface(&mesh, &surface, Some(&occlusion)).unwrap();
-    // Without shadows it is no more than a finer mesh.
-    assert_eq!(image(&drawn, false), image(&RenderObject::new(surface.mesh(), None).unwrap(), false));
+    // Without shadows it is no more than a finer mesh, and behind it the coarse one where that stands out.
+    let plain = |mesh: &Mesh| render(&RenderObject::new(mesh, None).unwrap(), false);
+    let (both, fine, coarse) = (render(&drawn, false), plain(surface.mesh()), plain(&mesh));
+    let mut standing_out = 0;
+    for (k, &covered) in both.coverage.data.iter().enumerate() {
+        let image = both.image.data[k];
+        if covered == fine.coverage.data[k] {
+            assert_eq!(image, fine.image.data[k]);
+        } else {
+            standing_out += 1;
+            assert!(image.iter().all(|&x| x > 0.05 * covered), "{image:?}");
+        }
+        assert!(covered >= fine.coverage.data[k].max(coarse.coverage.data[k]));
+    }
+    assert!(standing_out > 20, "{standing_out} pixels");
+    let image = |object: &RenderObject| render(object, true).image;
     let exact = reference(&drawn, &environment, &camera, &look, &ReferenceOptions::default()).unwrap().image;
     let flat = RenderObject::new(&mesh, Some(&occlusion)).unwrap();
-    let (with, without) = (psnr(&image(&drawn, true), &exact), psnr(&image(&flat, true), &exact));
+    let (with, without) = (psnr(&image(&drawn), &exact), psnr(&image(&flat), &exact));
     println!("against brute force: {with} with the surface, {without} with its mesh");
     assert!(with > 33.0 && with > without + 6.0, "{with} {without}");
     let other = ball_over_plate(4);
