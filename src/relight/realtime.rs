@@ -9,7 +9,7 @@ use super::environment::EnvironmentScene;
 use super::evaluator::ShadowedLight;
 use super::filtered::evaluate_brdf;
 use super::multisample::VisibilityBuffer;
-use super::scene::{ShadingPoint, supersampled, turned_to_view};
+use super::scene::{ShadingPoint, supersampled};
 use crate::error::Result;
 use crate::image::{Grid, RgbImage};
 use crate::parallel::{for_each_chunk, for_each_chunk_pair};
@@ -238,7 +238,6 @@ impl RealtimeScene<'_> {
         let normal = (p.normal * weights.x + q.normal * b + r.normal * c).normalize_or(Vec3::Z);
         let outgoing = (centre - position).normalize_or(Vec3::Z);
         let geometric = self.faces[triangle].normal;
-        let normal = turned_to_view(normal, geometric, outgoing);
         let turned = geometric.dot(outgoing) < 0.0;
         let geometric = if turned { -geometric } else { geometric };
         let sites = self.scene.object.sites(triangle, weights, position);

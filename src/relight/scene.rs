@@ -415,20 +415,8 @@ pub(super) fn supersampled(camera: &Camera, samples: u32) -> Camera {
     camera.scaled([camera.width * samples, camera.height * samples], [samples as f64; 2])
 }
 
-/// Cosine to the camera, about, that shading normals have at least.
+/// Cosine to the camera, about, that normals of the mesh behind a surface have at least: the surface may look away there.
 const LEAST_COSINE: f32 = 0.05;
-
-/// Turns a shading normal towards the camera where it looks away from it and its triangle, by the order of its corners, does not: normals between
-/// vertices do so along the rims of coarse and of rough surfaces.
-#[inline]
-pub(super) fn turned_to_view(normal: Vec3, geometric: Vec3, outgoing: Vec3) -> Vec3 {
-    let missing = LEAST_COSINE - normal.dot(outgoing);
-    if missing > 0.0 && geometric.dot(outgoing) > 0.0 {
-        (normal + missing * outgoing).normalize_or(normal)
-    } else {
-        normal
-    }
-}
 
 fn surface_point(object: &RenderObject, raster: &VisibilityBuffer, index: usize, centre: Vec3) -> ShadingPoint {
     let triangle = raster.triangle[index] as usize;
@@ -440,15 +428,20 @@ fn surface_point(object: &RenderObject, raster: &VisibilityBuffer, index: usize,
     let weights = Vec3::new(1.0 - b - c, b, c);
     let [p, q, r] = corners.map(|v| Vec3::from_array(mesh.positions[v as usize]));
     let position = p * weights.x + q * weights.y + r * weights.z;
-    let (sites, tangent) = match behind {
-        None => (object.sites(triangle, weights, position), object.tangent(triangle, weights)),
-        Some(_) => (object.sites_on_mesh(triangle, weights, position), Vec3::ZERO),
-    };
-    let around = if behind.is_none() { (corners, weights) } else { sites.samples };
-    let normal = between(around, &object.normals).normalize_or(Vec3::Z);
     let outgoing = (centre - position).normalize_or(Vec3::Z);
+    let (sites, tangent, normal) = match behind {
+        None => {
+            let normal = between((corners, weights), &object.normals).normalize_or(Vec3::Z);
+            (object.sites(triangle, weights, position), object.tangent(triangle, weights), normal)
+        }
+        Some(_) => {
+            let sites = object.sites_on_mesh(triangle, weights, position);
+            let normal = between(sites.samples, &object.normals).normalize_or(Vec3::Z);
+            let missing = (LEAST_COSINE - normal.dot(outgoing)).max(0.0);
+            (sites, Vec3::ZERO, (normal + missing * outgoing).normalize_or(Vec3::Z))
+        }
+    };
     let geometric = (q - p).cross(r - p).normalize_or(normal);
-    let normal = turned_to_view(normal, geometric, outgoing);
     let geometric = if geometric.dot(outgoing) < 0.0 { -geometric } else { geometric };
     ShadingPoint { position, normal, geometric, outgoing, tangent, sites }
 }

@@ -1,6 +1,6 @@
 //! `tsuya render`: images from any camera, under any point lights or an environment.
 
-use crate::surroundings::{self, EnvironmentSettings, JobAsset, JobLight};
+use crate::surroundings::{self, EnvironmentSettings, JobAsset};
 use crate::values::{Numbers, OutsideArgument, find_view, numbers, size, triple};
 use crate::{output, pictures, progress, source};
 use anyhow::Result;
@@ -149,18 +149,13 @@ impl Render {
             return self.run_job(job, is_exr);
         }
         let file = self.file.as_deref().unwrap_or(Path::new("-"));
-        // What is wrong with the light is said before anything long is done.
-        let environment = match self.surround.env.as_deref() {
-            Some(path) => Some((path, self.environment(path)?)),
-            None => None,
-        };
         let asset = {
             let _busy = progress::busy("decoding");
             let selection = if layers.residual { ViewSelection::All } else { ViewSelection::None };
             source::decode(file, selection)?.0
         };
-        if let Some((path, light)) = &environment {
-            return self.run_environment(asset, (path, light), is_exr);
+        if let Some(environment) = &self.surround.env {
+            return self.run_environment(asset, environment, is_exr);
         }
         if asset.is_modelled() {
             return self.run_modelled(asset, file, is_exr);
@@ -249,28 +244,24 @@ impl Render {
             layers: self.layers(),
         };
         let _busy = progress::busy("rendering");
-        let light = surroundings::light(&job.environment, &folder)?;
         let subject = surroundings::subject(&job, &folder, quality.layers.residual)?;
+        let light = surroundings::light(&job.environment, &folder)?;
         surroundings::pictures(&subject, &light, &[job.camera()?], quality, |_, relit| {
             output::write(&self.output, &self.picture(&relit.image, [1.0; 3], is_exr)?, self.force)
         })
     }
 
-    /// The light of `--env`.
-    fn environment(&self, file: &Path) -> Result<JobLight> {
-        let EnvironmentArguments { env_scale: scale, env_rotation: rotation_y_deg, .. } = self.surround;
-        let environment = JobEnvironment { file: file.to_owned(), scale, rotation_y_deg };
-        surroundings::light(&environment, &Folder::new("", file, true))
-    }
-
-    fn run_environment(&self, asset: Asset, (path, light): (&Path, &JobLight), is_exr: bool) -> Result<()> {
+    fn run_environment(&self, asset: Asset, file: &Path, is_exr: bool) -> Result<()> {
         let cameras = self.cameras(&asset)?;
         let paths = self.paths(cameras.len());
-        self.check(&paths, path)?;
+        self.check(&paths, file)?;
         let quality = self.settings();
+        let EnvironmentArguments { env_scale: scale, env_rotation: rotation_y_deg, .. } = self.surround;
+        let environment = JobEnvironment { file: file.to_owned(), scale, rotation_y_deg };
         let _busy = progress::busy("rendering");
+        let light = surroundings::light(&environment, &Folder::new("", file, true))?;
         let mut files = output::Files::new(self.force);
-        surroundings::pictures(&JobAsset::Asset(Box::new(asset)), light, &cameras, quality, |k, relit| {
+        surroundings::pictures(&JobAsset::Asset(Box::new(asset)), &light, &cameras, quality, |k, relit| {
             files.add(&paths[k], &self.picture(&relit.image, [1.0; 3], is_exr)?)
         })?;
         files.commit()
