@@ -19,6 +19,29 @@ use std::path::Path;
 /// Extensions of the formats that [`read`] supports, lower case.
 pub const EXTENSIONS: [&str; 4] = ["ply", "obj", "glb", "gltf"];
 
+/// Format of a mesh file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum MeshFormat {
+    Ply,
+    Obj,
+    /// As a document, or as a binary file.
+    Gltf,
+}
+
+impl MeshFormat {
+    /// The format that a file's content shows, or where it shows none its name.
+    fn of(path: &Path, bytes: &[u8]) -> Option<Self> {
+        let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
+        match &*extension {
+            _ if bytes.starts_with(b"ply") => Some(MeshFormat::Ply),
+            _ if bytes.starts_with(b"glTF") => Some(MeshFormat::Gltf),
+            "gltf" => Some(MeshFormat::Gltf),
+            "obj" => Some(MeshFormat::Obj),
+            _ => None,
+        }
+    }
+}
+
 /// A mesh as its file has it: positions that single precision may not hold, such as those of a national grid.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(crate) struct PreciseMesh {
@@ -90,15 +113,11 @@ fn parse_precise(path: &Path, bytes: &[u8], access: &FileAccess) -> Result<Preci
     if bytes.is_empty() {
         return Err(Error::input(path, "the mesh file is empty (0 bytes)"));
     }
-    let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
-    let mesh = if bytes.starts_with(b"ply") {
-        ply::read(path, bytes, access)
-    } else if bytes.starts_with(b"glTF") || extension == "gltf" {
-        gltf::read(path, bytes, access)
-    } else if extension == "obj" {
-        obj::read(path, bytes, access)
-    } else {
-        Err(Error::input(path, "not a mesh that tsuya reads: it should be PLY, OBJ, GLB or glTF"))
+    let mesh = match MeshFormat::of(path, bytes) {
+        Some(MeshFormat::Ply) => ply::read(path, bytes, access),
+        Some(MeshFormat::Gltf) => gltf::read(path, bytes, access),
+        Some(MeshFormat::Obj) => obj::read(path, bytes, access),
+        None => Err(Error::input(path, "not a mesh that tsuya reads: it should be PLY, OBJ, GLB or glTF")),
     }?;
     check(path, &mesh)?;
     Ok(mesh)

@@ -1,6 +1,6 @@
 //! Wavefront OBJ. Materials are not followed; their names make groups of triangles.
 
-use super::{GroupRuns, PreciseMesh, charge};
+use super::{GroupRuns, MeshFormat, PreciseMesh, charge};
 use crate::error::{Error, Result};
 use crate::input::FileAccess;
 use crate::limits::Reservation;
@@ -198,6 +198,9 @@ fn groups(text: &[u8]) -> (GroupRuns, usize) {
 pub fn texture_coordinates(path: impl AsRef<Path>, access: &FileAccess) -> Result<Vec<[[f32; 2]; 3]>> {
     let path = path.as_ref();
     let bytes = access.read_bytes(path, "mesh file", u64::MAX)?;
+    if MeshFormat::of(path, &bytes) != Some(MeshFormat::Obj) {
+        return Ok(Vec::new());
+    }
     let _copy = access.reserve(path, "OBJ file", bytes.len() as u64)?;
     let bytes = plain_text(&bytes);
     let _parsed = hold_parsed(path, &bytes, access)?;

@@ -352,3 +352,16 @@ fn flipped_bytes_never_panic() {
         }
     }
 }
+
+#[test]
+fn texture_coordinates_are_those_of_obj_files() {
+    let folder = tempfile::tempdir().unwrap();
+    let obj = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n";
+    // By its content a PLY, with text behind its faces that reads as OBJ.
+    let both = format!("{ASCII_PLY}\n{obj}");
+    for (name, text, count) in [("a.obj", obj, 1), ("b.obj", &both, 0), ("c.ply", &both, 0)] {
+        let path = folder.path().join(name);
+        std::fs::write(&path, text).unwrap();
+        assert_eq!(texture_coordinates(&path, &FileAccess::default()).unwrap().len(), count, "{name}");
+    }
+}
