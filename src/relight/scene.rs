@@ -360,6 +360,8 @@ impl SampledView {
         let mut raster = VisibilityBuffer::default();
         raster.draw(object.mesh, &fine);
         if let Some((_, base)) = object.surface {
+            // Displaced, the surface may fill less of the picture than its mesh.
+            check_work(base, &fine)?;
             let mut behind = VisibilityBuffer::default();
             behind.draw(base, &fine);
             raster.put_behind(&behind, object.mesh.triangles.len() as u32);
@@ -429,19 +431,19 @@ fn surface_point(object: &RenderObject, raster: &VisibilityBuffer, index: usize,
     let [p, q, r] = corners.map(|v| Vec3::from_array(mesh.positions[v as usize]));
     let position = p * weights.x + q * weights.y + r * weights.z;
     let outgoing = (centre - position).normalize_or(Vec3::Z);
-    let (sites, tangent, normal) = match behind {
-        None => {
-            let normal = between((corners, weights), &object.normals).normalize_or(Vec3::Z);
-            (object.sites(triangle, weights, position), object.tangent(triangle, weights), normal)
-        }
+    let interpolated = |around| between(around, &object.normals).normalize_or(Vec3::Z);
+    let (sites, normal) = match behind {
+        None => (object.sites(triangle, weights, position), interpolated((corners, weights))),
         Some(_) => {
             let sites = object.sites_on_mesh(triangle, weights, position);
-            let normal = between(sites.samples, &object.normals).normalize_or(Vec3::Z);
+            let normal = interpolated(sites.samples);
             let missing = (LEAST_COSINE - normal.dot(outgoing)).max(0.0);
-            (sites, Vec3::ZERO, (normal + missing * outgoing).normalize_or(Vec3::Z))
+            (sites, (normal + missing * outgoing).normalize_or(Vec3::Z))
         }
     };
     let geometric = (q - p).cross(r - p).normalize_or(normal);
     let geometric = if geometric.dot(outgoing) < 0.0 { -geometric } else { geometric };
+    // None on surfaces, nor on the mesh behind one.
+    let tangent = object.tangent(triangle, weights);
     ShadingPoint { position, normal, geometric, outgoing, tangent, sites }
 }
