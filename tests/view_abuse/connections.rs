@@ -83,6 +83,26 @@ pub fn flood(viewer: &Viewer) -> Kept {
     Vec::new()
 }
 
+/// More connections than may be open, all of which ask without end and read at once what they get. Goes on for a second after it returns.
+pub fn eager_pipelines(viewer: &Viewer) -> Kept {
+    let requests =
+        format!("GET /shown/big.tsuya HTTP/1.1\r\nHost: {}\r\nRange: bytes=0-9\r\n\r\n", viewer.address).repeat(20);
+    let kept = many(viewer, 150, "");
+    let mut streams: Vec<TcpStream> = kept.iter().map(|stream| stream.try_clone().unwrap()).collect();
+    streams.iter().for_each(|stream| stream.set_nonblocking(true).unwrap());
+    std::thread::spawn(move || {
+        let (began, mut answers) = (Instant::now(), vec![0; 64 << 10]);
+        while began.elapsed() < Duration::from_millis(1300) {
+            for stream in &mut streams {
+                let _ = stream.write(requests.as_bytes());
+                let _ = stream.read(&mut answers);
+            }
+        }
+    });
+    std::thread::sleep(Duration::from_millis(300));
+    kept
+}
+
 pub fn pipelined_requests(viewer: &Viewer) -> Kept {
     let request = format!("GET / HTTP/1.1\r\nHost: {}\r\n\r\n", viewer.address).repeat(1000);
     let mut stream = viewer.connect();

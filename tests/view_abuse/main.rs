@@ -80,5 +80,6 @@ const ABUSES: &[(&str, Abuse)] = &[
     ("200 readers of a byte at a time", connections::trickling_readers),
     ("200 writers of a byte at a time", connections::trickling_writers),
     ("pipelines that nobody reads", connections::unread_pipelines),
+    ("pipelines without end that are read", connections::eager_pipelines),
     ("connections opened all along", connections::flood),
 ];

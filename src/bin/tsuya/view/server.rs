@@ -104,7 +104,7 @@ async fn accept(listener: TcpListener, answers: Rc<Answers>) {
                 }
             }
             Some(Err(_)) => {
-                connections.end_oldest().await;
+                connections.end_one().await;
                 tokio::time::sleep(REFUSED_PAUSE).await;
             }
         }
