@@ -125,7 +125,7 @@ fn report(
 }
 
 fn default_capture() -> PathBuf {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
     let data = std::env::var_os("TSUYA_DATA").map_or_else(|| root.join("../shared/data"), PathBuf::from);
     let ring = data.join("captures/bunny-ring");
     if ring.is_dir() { ring } else { root.join("tests/data/sample-spot") }

@@ -1,4 +1,4 @@
-//! How long the sample capture takes: `cargo bench`. Encode, decode all views or one, render, verify; bake visibility, fit light.
+//! How long the sample capture takes: `cargo bench -p tsuya-bench --bench speed`. Encode, decode all views or one, render, verify; bake visibility, fit light.
 
 #![allow(missing_docs)]
 
@@ -16,7 +16,7 @@ use tsuya::visibility::{BakeOptions, bake};
 use tsuya::{Limits, lighting};
 
 fn speed(criterion: &mut Criterion) {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/sample-spot");
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/data/sample-spot");
     let Ok(captured) = capture::read(&path, &CaptureReadOptions::default()) else { return };
     let options = EncodeOptions::default();
     let Ok(encoded) = encode(captured.clone(), &options) else { return };

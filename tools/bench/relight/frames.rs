@@ -1,4 +1,4 @@
-//! Relighting in figures: `TSUYA_DATA=DATA cargo bench --features internals --bench relight -- [bake] [light] [frames] [ar]`. DATA holds meshes/ and envmaps/;
+//! Relighting in figures: `TSUYA_DATA=DATA cargo bench -p tsuya-bench --bench relight -- [bake] [light] [frames] [ar]`. DATA holds meshes/ and envmaps/;
 //! all parts without any name.
 //!
 //! - bake: visibility of the bunny with about as many vertices as the published meshes, and finer ones.

@@ -62,7 +62,7 @@ for (const decoding of ["0", "1", "2"]) {
         return { times, pixels };
       });
       const native = JSON.parse(
-        run("cargo", ["run", "--release", "--quiet", "--manifest-path", join(web, "wasm/Cargo.toml"), "--example", "native", "--", file], {
+        run("cargo", ["run", "--profile", "web", "--quiet", "--manifest-path", join(web, "wasm/Cargo.toml"), "--example", "native", "--", file], {
           env: { ...process.env, CARGO_TARGET_DIR: join(process.env.CARGO_TARGET_DIR ?? join(root, "target"), "web") },
         }),
       );
