@@ -204,6 +204,9 @@ fn views_between_are_interpolated_and_one_view_is_read_alone() {
     assert!(refused(&["--env", "sky.hdr", "--layers", "diffuse"]).contains("both reflections"));
     assert!(refused(&["--env", "sky.hdr", "--nearest"]).contains("--nearest"));
     assert!(refused(&["--evaluator", "sg"]).contains("--env"));
+    // What is wrong with an environment is said before the object is decoded.
+    let no_light = ["render", "none.tsuya", "-o", "no.png", "--env", "none.hdr"];
+    assert!(complaint(2, &no_light).contains("none.hdr"));
 }
 
 #[test]

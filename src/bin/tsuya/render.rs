@@ -1,6 +1,6 @@
 //! `tsuya render`: images from any camera, under any point lights or an environment.
 
-use crate::surroundings::{self, EnvironmentSettings, JobAsset};
+use crate::surroundings::{self, EnvironmentSettings, JobAsset, JobLight};
 use crate::values::{Numbers, OutsideArgument, find_view, numbers, size, triple};
 use crate::{output, pictures, progress, source};
 use anyhow::Result;
@@ -149,13 +149,15 @@ impl Render {
             return self.run_job(job, is_exr);
         }
         let file = self.file.as_deref().unwrap_or(Path::new("-"));
+        // Read before the object is decoded, which takes longer.
+        let environment = self.surround.env.as_deref().map(|path| self.environment(path)).transpose()?;
         let asset = {
             let _busy = progress::busy("decoding");
             let selection = if layers.residual { ViewSelection::All } else { ViewSelection::None };
             source::decode(file, selection)?.0
         };
-        if let Some(environment) = &self.surround.env {
-            return self.run_environment(asset, environment, is_exr);
+        if let Some(light) = &environment {
+            return self.run_environment(asset, light, is_exr);
         }
         if asset.is_modelled() {
             return self.run_modelled(asset, file, is_exr);
@@ -169,7 +171,7 @@ impl Render {
             samples: self.samples.unwrap_or(if is_captured { 1 } else { 2 }),
         };
         let cameras = self.cameras(&asset)?;
-        let paths = self.paths(cameras.len());
+        let paths = self.paths();
         self.check(&paths, file)?;
         let _busy = progress::busy("rendering");
         let renderer = AssetRenderer::new(&asset)?;
@@ -192,7 +194,7 @@ impl Render {
             RenderLighting::Capture(_) => asset.views.iter().find_map(|view| view.light).into_iter().collect(),
         };
         let cameras = self.cameras(&asset)?;
-        let paths = self.paths(cameras.len());
+        let paths = self.paths();
         self.check(&paths, file)?;
         let _busy = progress::busy("rendering");
         let mut files = output::Files::new(self.force);
@@ -244,24 +246,26 @@ impl Render {
             layers: self.layers(),
         };
         let _busy = progress::busy("rendering");
-        let subject = surroundings::subject(&job, &folder, quality.layers.residual)?;
+        // The object last, which takes longest.
         let light = surroundings::light(&job.environment, &folder)?;
+        let subject = surroundings::subject(&job, &folder, quality.layers.residual)?;
         surroundings::pictures(&subject, &light, &[job.camera()?], quality, |_, relit| {
             output::write(&self.output, &self.picture(&relit.image, [1.0; 3], is_exr)?, self.force)
         })
     }
 
-    fn run_environment(&self, asset: Asset, file: &Path, is_exr: bool) -> Result<()> {
-        let cameras = self.cameras(&asset)?;
-        let paths = self.paths(cameras.len());
-        self.check(&paths, file)?;
-        let quality = self.settings();
+    fn environment(&self, file: &Path) -> Result<JobLight> {
+        self.check(&self.paths(), file)?;
         let EnvironmentArguments { env_scale: scale, env_rotation: rotation_y_deg, .. } = self.surround;
         let environment = JobEnvironment { file: file.to_owned(), scale, rotation_y_deg };
+        surroundings::light(&environment, &Folder::new("", file, true))
+    }
+
+    fn run_environment(&self, asset: Asset, light: &JobLight, is_exr: bool) -> Result<()> {
+        let (cameras, paths) = (self.cameras(&asset)?, self.paths());
         let _busy = progress::busy("rendering");
-        let light = surroundings::light(&environment, &Folder::new("", file, true))?;
         let mut files = output::Files::new(self.force);
-        surroundings::pictures(&JobAsset::Asset(Box::new(asset)), &light, &cameras, quality, |k, relit| {
+        surroundings::pictures(&JobAsset::Asset(Box::new(asset)), light, &cameras, self.settings(), |k, relit| {
             files.add(&paths[k], &self.picture(&relit.image, [1.0; 3], is_exr)?)
         })?;
         files.commit()
@@ -288,9 +292,10 @@ impl Render {
         output::check_outputs(&paths.iter().map(|path| &**path).collect::<Vec<_>>(), &inputs, self.force)
     }
 
-    fn paths(&self, count: usize) -> Vec<PathBuf> {
+    /// The images, one for each camera.
+    fn paths(&self) -> Vec<PathBuf> {
         match self.place.orbit {
-            Some(_) => (0..count).map(|k| numbered(&self.output, k)).collect(),
+            Some(count) => (0..count.into()).map(|k| numbered(&self.output, k)).collect(),
             None => vec![self.output.clone()],
         }
     }
