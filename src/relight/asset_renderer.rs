@@ -1,12 +1,13 @@
 //! Renders one asset, keeping what images share.
 
+use super::antialiasing::{SampledRows, edges};
 use super::point_lighting::PointLighting;
 use super::prepared_asset::PreparedAsset;
-use super::view_scene::{RenderedPixel, SceneLighting, ViewScene};
+use super::view_scene::{SceneLighting, ViewScene};
 use super::{RenderLighting, RenderOptions, ViewRender};
 use crate::asset::Asset;
 use crate::error::{Error, Result};
-use crate::image::{Grid, Mask, RgbImage};
+use crate::image::{Grid, RgbImage};
 use crate::views::{Camera, View};
 
 /// Samples of the largest image.
@@ -41,45 +42,12 @@ impl<'a> AssetRenderer<'a> {
     /// [`Error::Parameter`] for an image without samples or of more than 2^28, a camera that is not finite, a light that no view
     /// shows; [`Error::Unsupported`] for point lights where those of the capture are unknown.
     pub fn render(&self, camera: &Camera, options: &RenderOptions) -> Result<ViewRender> {
-        match options.samples {
-            1 => self.render_middles(camera, options),
-            2..=MAX_SAMPLES => self.render_means(camera, options),
-            _ => Err(Error::parameter(format!("a pixel has 1 to {MAX_SAMPLES} samples along each side"))),
+        let (prepared, samples) = (&self.prepared, options.samples);
+        if !(1..=MAX_SAMPLES).contains(&samples) {
+            return Err(Error::parameter(format!("a pixel has 1 to {MAX_SAMPLES} samples along each side")));
         }
-    }
-
-    /// The means of the samples in each pixel.
-    fn render_means(&self, camera: &Camera, options: &RenderOptions) -> Result<ViewRender> {
-        let fine = [camera.width, camera.height].map(|side| side.saturating_mul(options.samples));
-        let fine = self.render_middles(&camera.resized(fine), options)?;
-        let (width, height, n) = (camera.width as usize, camera.height as usize, options.samples as usize);
-        let within = |k: usize| {
-            let first = k / width * n * width * n + k % width * n;
-            (0..n * n).map(move |sample| first + sample / n * width * n + sample % n)
-        };
-        let mean = |image: &RgbImage| {
-            let of_pixel = |k: usize| {
-                let sum = within(k).fold([0f32; 3], |sum, at| std::array::from_fn(|c| sum[c] + image.data[at][c]));
-                sum.map(|x| x / (n * n) as f32)
-            };
-            Grid { width, height, data: (0..width * height).map(of_pixel).collect() }
-        };
-        let any = |mask: &Mask| {
-            let of_pixel = |k: usize| within(k).any(|at| mask.data[at]);
-            Grid { width, height, data: (0..width * height).map(of_pixel).collect() }
-        };
-        Ok(ViewRender {
-            image: mean(&fine.image),
-            components: fine.components.iter().map(mean).collect(),
-            hit: any(&fine.hit),
-            coverage: any(&fine.coverage),
-        })
-    }
-
-    /// What the rays through the middles of the pixels meet.
-    fn render_middles(&self, camera: &Camera, options: &RenderOptions) -> Result<ViewRender> {
-        let prepared = &self.prepared;
-        if camera.width == 0 || camera.height == 0 || camera.width as u64 * camera.height as u64 > MAX_PIXELS {
+        let sides = [camera.width, camera.height].map(|side| u64::from(side) * u64::from(samples));
+        if sides.contains(&0) || sides[0].saturating_mul(sides[1]) > MAX_PIXELS {
             return Err(Error::parameter("the image has no pixels or too many"));
         }
         let numbers = camera.focal.iter().chain(&camera.principal).chain(camera.rotation.iter().flatten());
@@ -87,20 +55,29 @@ impl<'a> AssetRenderer<'a> {
             return Err(Error::parameter("the camera has a number that is not finite, or no focal length"));
         }
         let lighting = self.lighting(camera, options)?;
-        let scene = ViewScene { renderer: prepared, options, camera, raster: prepared.draw(camera), lighting };
+        let scene = |rows: &SampledRows| ViewScene::new(prepared, options, rows.camera, &lighting);
         let (width, height) = (camera.width as usize, camera.height as usize);
-        let mut pixels = vec![RenderedPixel { components: [[0.0; 3]; 2], hit: false, coverage: false }; width * height];
+        let rows = SampledRows::whole(camera, samples);
+        let whole = scene(&rows);
+        let mut pixels = vec![PixelMean::NONE; width * height];
         crate::parallel::for_each_chunk(&mut pixels, width, |y, row| {
-            row.iter_mut().enumerate().for_each(|(x, pixel)| *pixel = scene.pixel(y * width + x));
+            row.iter_mut().enumerate().for_each(|(x, pixel)| *pixel = PixelMean::of(&whole, &rows, y * width + x));
         });
-        let plane = |value: &dyn Fn(&RenderedPixel) -> [f32; 3]| -> RgbImage {
+        drop(whole);
+        let hits: Vec<u32> = pixels.iter().map(|pixel| pixel.hits).collect();
+        for (rows, edges) in edges(camera, samples, &hits) {
+            let scene = scene(&rows);
+            let means = crate::parallel::map(edges.len(), |k| PixelMean::of(&scene, &rows, edges[k]));
+            edges.into_iter().zip(means).for_each(|(pixel, mean)| pixels[pixel] = mean);
+        }
+        let plane = |value: &dyn Fn(&PixelMean) -> [f32; 3]| -> RgbImage {
             Grid { width, height, data: pixels.iter().map(value).collect() }
         };
-        let mask = |value: fn(&RenderedPixel) -> bool| Grid { width, height, data: pixels.iter().map(value).collect() };
+        let mask = |value: fn(&PixelMean) -> bool| Grid { width, height, data: pixels.iter().map(value).collect() };
         Ok(ViewRender {
-            image: plane(&|p| std::array::from_fn(|c| p.components[0][c].max(0.0) + p.components[1][c].max(0.0))),
+            image: plane(&|p| p.image),
             components: (0..prepared.asset.components.len()).map(|k| plane(&|p| p.components[k])).collect(),
-            hit: mask(|p| p.hit),
+            hit: mask(|p| p.hits > 0),
             coverage: mask(|p| p.coverage),
         })
     }
@@ -142,5 +119,35 @@ impl<'a> AssetRenderer<'a> {
                 Ok(SceneLighting::Points(PointLighting::new(prepared, camera, lights, options)))
             }
         }
+    }
+}
+
+/// The means of a pixel's samples.
+#[derive(Clone, Copy)]
+struct PixelMean {
+    /// Of the sums of the components, each not below 0.
+    image: [f32; 3],
+    components: [[f32; 3]; 2],
+    /// Whether any sample shows the object where masks let it stand.
+    coverage: bool,
+    /// Samples that show the object.
+    hits: u32,
+}
+
+impl PixelMean {
+    const NONE: Self = PixelMean { image: [0.0; 3], components: [[0.0; 3]; 2], coverage: false, hits: 0 };
+
+    fn of(scene: &ViewScene, rows: &SampledRows, pixel: usize) -> Self {
+        let (mut mean, share) = (Self::NONE, rows.share());
+        for sample in rows.samples_of(pixel).map(|sample| scene.pixel(sample)).filter(|sample| sample.hit) {
+            let [a, b] = sample.components;
+            mean.hits += 1;
+            mean.coverage |= sample.coverage;
+            for c in 0..3 {
+                mean.image[c] += (a[c].max(0.0) + b[c].max(0.0)) * share;
+                (0..2).for_each(|k| mean.components[k][c] += sample.components[k][c] * share);
+            }
+        }
+        mean
     }
 }

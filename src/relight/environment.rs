@@ -4,9 +4,8 @@ use super::appearance::ShadingModel;
 use super::environment_light::PreparedEnvironment;
 use super::evaluator::Evaluator;
 use super::filtered::FilteredEvaluator;
-use super::scene::{
-    EnvironmentOptions, EnvironmentRender, EvaluatorKind, RenderObject, SampledView, ShadingPoint, shade_samples,
-};
+use super::sampled_view::render_samples;
+use super::scene::{EnvironmentOptions, EnvironmentRender, EvaluatorKind, RenderObject, ShadingPoint};
 use super::spherical_gaussian::SgEvaluator;
 use crate::error::{Error, Result};
 use crate::lighting::EnvironmentLobes;
@@ -70,9 +69,8 @@ impl<'a> EnvironmentScene<'a> {
     ///
     /// [`Error::Limits`] where drawing the mesh at this size is too much work.
     pub fn render(&self, camera: &Camera, shading: &dyn ShadingModel) -> Result<EnvironmentRender> {
-        let view = SampledView::new(self.object, camera, self.options.samples)?;
-        Ok(shade_samples(self.object, &view, |point: &ShadingPoint, _| {
+        render_samples(self.object, camera, self.options.samples, |point: &ShadingPoint, _| {
             self.evaluator.radiance(point, &point.reflectance(shading))
-        }))
+        })
     }
 }

@@ -3,6 +3,7 @@
 //! An image is the reflectance model, evaluated, plus the residual (photograph minus model), interpolated between the nearest
 //! captured views and lights (Miyazaki 2007, equations 12 to 16).
 
+mod antialiasing;
 mod appearance;
 mod asset_renderer;
 mod bound_materials;
@@ -37,6 +38,7 @@ mod realtime;
 #[cfg(feature = "encode")]
 mod reference;
 mod residual;
+mod sampled_view;
 mod scene;
 mod shadow;
 mod spherical_gaussian;
@@ -118,8 +120,8 @@ pub struct RenderOptions {
     pub views: usize,
     /// Whether the object shadows itself under [`RenderLighting::Points`].
     pub shadows: bool,
-    /// Samples of a pixel along each side, 1 to 8: time and memory follow its square. With 1 a pixel is what the ray through its middle
-    /// meets, and a captured camera gives its photograph.
+    /// Samples of a pixel along each side, 1 to 8: time and memory follow its square. From 2 on, pixels at the object's outline have twice as
+    /// many along each side. With 1 a pixel is what the ray through its middle meets, and a captured camera gives its photograph.
     pub samples: u32,
 }
 

@@ -4,7 +4,8 @@ use super::appearance::ShadingModel;
 use super::filtered::evaluate_brdf;
 use super::occlusion::visibility_ramp;
 use super::octahedral_map::to_square;
-use super::scene::{EnvironmentRender, RenderObject, SampledView, ShadingPoint, shade_samples};
+use super::sampled_view::render_samples;
+use super::scene::{EnvironmentRender, RenderObject, ShadingPoint};
 use super::shadow::ShadowMap;
 use crate::error::{Error, Result};
 use crate::views::{Camera, PointLight};
@@ -18,7 +19,7 @@ const SHARPNESS: f32 = 1000.0;
 pub struct PointLightOptions {
     /// Whether the object shadows itself.
     pub shadows: bool,
-    /// Samples of a pixel along each side, 1 to 8.
+    /// Samples of a pixel along each side, 1 to 8; from 2 on, twice as many along each side at the object's outline.
     pub samples: u32,
 }
 
@@ -65,8 +66,7 @@ pub fn render_point_lights(
             (true, None) => Shadows::None,
         };
     let lights: Vec<(PointLight, Shadows)> = lights.iter().map(|light| (*light, shadows(light))).collect();
-    let view = SampledView::new(object, camera, options.samples)?;
-    Ok(shade_samples(object, &view, |point: &ShadingPoint, _| {
+    render_samples(object, camera, options.samples, |point: &ShadingPoint, _| {
         let parameters = point.reflectance(shading);
         let basis = point.basis().transpose();
         let outgoing = basis * point.outgoing;
@@ -100,5 +100,5 @@ pub fn render_point_lights(
             }
         }
         [parameters.diffuse(Vec3::ZERO, directed, point.normal.dot(point.outgoing)), shine]
-    }))
+    })
 }

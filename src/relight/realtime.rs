@@ -4,12 +4,13 @@
 //! prefiltered maps is summed at one of four pixels and interpolated between like normals; the diffuse light of spherical Gaussians is summed
 //! at the samples of the surface and interpolated between them; samples of a pixel are shaded together where they show one piece of surface.
 
+use super::antialiasing::supersampled;
 use super::appearance::{ShadingModel, ShadingParameters};
 use super::environment::EnvironmentScene;
 use super::evaluator::ShadowedLight;
 use super::filtered::evaluate_brdf;
 use super::multisample::VisibilityBuffer;
-use super::scene::{ShadingPoint, supersampled};
+use super::scene::ShadingPoint;
 use crate::error::Result;
 use crate::image::{Grid, RgbImage};
 use crate::parallel::{for_each_chunk, for_each_chunk_pair};

@@ -3,7 +3,8 @@
 
 use super::appearance::{PreparedSpecular, ShadingModel, ShadingParameters};
 use super::filtered::evaluate_brdf;
-use super::scene::{EnvironmentRender, RenderObject, SampledView, ShadingPoint, shade_samples};
+use super::sampled_view::render_samples;
+use super::scene::{EnvironmentRender, RenderObject, ShadingPoint};
 use crate::error::{Error, Result};
 use crate::lighting::EnvironmentMap;
 use crate::surface::occluders::Occluders;
@@ -13,7 +14,7 @@ use glam::Vec3;
 /// Options of [`reference()`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ReferenceOptions {
-    /// Samples of a pixel along each side.
+    /// Samples of a pixel along each side; from 2 on, twice as many along each side at the object's outline.
     pub samples: u32,
     /// Rays drawn from the light for each sample; half as many are drawn from the specular lobe.
     pub rays: usize,
@@ -44,8 +45,7 @@ pub fn reference(
     }
     let occluders = options.shadows.then(|| Occluders::new(object.mesh));
     let light = LightSampler::new(environment);
-    let drawn = SampledView::new(object, camera, options.samples)?;
-    Ok(shade_samples(object, &drawn, |point, number| {
+    render_samples(object, camera, options.samples, |point: &ShadingPoint, number| {
         let appearance = point.reflectance(look);
         let free = |direction: Vec3| {
             // Opaque from within: what shines on the far side of the triangle is blocked by the object itself.
@@ -53,7 +53,7 @@ pub fn reference(
                 && occluders.as_ref().is_none_or(|o| o.is_free(point.position.to_array(), direction.to_array()))
         };
         radiance(point, &appearance, &light, options, number as u64, &free)
-    }))
+    })
 }
 
 fn radiance(

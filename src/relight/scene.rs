@@ -1,7 +1,6 @@
 //! An object under light from all around: what every evaluator shares.
 
 use super::appearance::{PreparedSpecular, ShadingModel, ShadingParameters};
-use super::multisample::VisibilityBuffer;
 use super::occlusion::Occlusion;
 use super::tangents::corner_tangents;
 use crate::asset::Asset;
@@ -9,8 +8,7 @@ use crate::error::{Error, Result};
 use crate::image::{Grid, RgbImage};
 use crate::mesh::{CornerCoordinates, Mesh};
 use crate::surface::displacement::DisplacedMesh;
-use crate::surface::raster::{check_work, vertex_normals};
-use crate::views::Camera;
+use crate::surface::raster::vertex_normals;
 use glam::{Mat3, Vec3};
 
 /// Method of summing an environment's light.
@@ -31,7 +29,7 @@ pub struct EnvironmentOptions {
     pub evaluator: EvaluatorKind,
     /// Whether the object shadows itself. Needs an [`Occlusion`].
     pub shadows: bool,
-    /// Samples of a pixel along each side.
+    /// Samples of a pixel along each side; from 2 on, still images take twice as many along each side at the object's outline.
     pub samples: u32,
     /// Samples of the specular lobe, 1 or more, [`EvaluatorKind::Filtered`] only.
     pub taps: usize,
@@ -48,7 +46,7 @@ pub struct RenderObject<'a> {
     /// What is drawn.
     pub(super) mesh: &'a Mesh,
     /// The surface that is drawn, and the mesh that it lies on.
-    surface: Option<(&'a DisplacedMesh, &'a Mesh)>,
+    pub(super) surface: Option<(&'a DisplacedMesh, &'a Mesh)>,
     /// Unit normals of the samples at which irradiance is summed, those of the vertices first.
     pub(super) normals: Vec<Vec3>,
     /// Unit normals of the places whose visibility is known; empty where the samples are the places.
@@ -341,109 +339,4 @@ pub struct EnvironmentRender {
     pub diffuse: RgbImage,
     /// Share of each pixel that shows the object.
     pub coverage: Grid<f32>,
-}
-
-/// A mesh drawn with all samples of an image.
-pub(super) struct SampledView {
-    raster: VisibilityBuffer,
-    centre: Vec3,
-    samples: usize,
-}
-
-impl SampledView {
-    /// Draws the object with `samples` samples of a pixel along each side: its surface, and behind it the mesh that the surface lies on, where only
-    /// that is met. What photographs say of silhouettes is in the mesh.
-    pub(super) fn new(object: &RenderObject, camera: &Camera, samples: u32) -> Result<Self> {
-        let fine = supersampled(camera, samples);
-        check_work(object.mesh, &fine)?;
-        let centre = Vec3::from_array(camera.centre().map(|x| x as f32));
-        let mut raster = VisibilityBuffer::default();
-        raster.draw(object.mesh, &fine);
-        if let Some((_, base)) = object.surface {
-            // Displaced, the surface may fill less of the picture than its mesh.
-            check_work(base, &fine)?;
-            let mut behind = VisibilityBuffer::default();
-            behind.draw(base, &fine);
-            raster.put_behind(&behind, object.mesh.triangles.len() as u32);
-        }
-        Ok(SampledView { raster, centre, samples: samples as usize })
-    }
-
-    fn point(&self, object: &RenderObject, index: usize) -> ShadingPoint {
-        surface_point(object, &self.raster, index, self.centre)
-    }
-}
-
-/// Draws the object, shading each sample; the number that `shade` gets differs from sample to sample.
-pub(super) fn shade_samples(
-    object: &RenderObject,
-    drawn: &SampledView,
-    shade: impl Fn(&ShadingPoint, usize) -> [Vec3; 2] + Sync + Send,
-) -> EnvironmentRender {
-    let (raster, n) = (&drawn.raster, drawn.samples);
-    let (width, height) = (raster.width / n, raster.height / n);
-    let rows = crate::parallel::map(height, |y| {
-        let mut row = vec![([0f32; 3], [0f32; 3], 0f32); width];
-        for (x, pixel) in row.iter_mut().enumerate() {
-            let (mut sum, mut hits) = ([Vec3::ZERO; 2], 0);
-            for k in 0..n * n {
-                let index = (y * n + k / n) * width * n + x * n + k % n;
-                if !raster.is_covered(index) {
-                    continue;
-                }
-                hits += 1;
-                let point = drawn.point(object, index);
-                if point.normal.dot(point.outgoing) > 0.0 {
-                    let parts = shade(&point, index);
-                    sum = [sum[0] + parts[0], sum[1] + parts[1]];
-                }
-            }
-            let share = 1.0 / (n * n) as f32;
-            let [diffuse, specular] = sum.map(|part| part * share);
-            *pixel = ((diffuse + specular).to_array(), diffuse.to_array(), hits as f32 * share);
-        }
-        row
-    });
-    let pixels = rows.concat();
-    EnvironmentRender {
-        image: Grid { width, height, data: pixels.iter().map(|p| p.0).collect() },
-        diffuse: Grid { width, height, data: pixels.iter().map(|p| p.1).collect() },
-        coverage: Grid { width, height, data: pixels.iter().map(|p| p.2).collect() },
-    }
-}
-
-/// Returns the camera with `samples` pixels for each along either side.
-pub(super) fn supersampled(camera: &Camera, samples: u32) -> Camera {
-    camera.scaled([camera.width * samples, camera.height * samples], [samples as f64; 2])
-}
-
-/// Cosine to the camera, about, that normals of the mesh behind a surface have at least: the surface may look away there.
-const LEAST_COSINE: f32 = 0.05;
-
-fn surface_point(object: &RenderObject, raster: &VisibilityBuffer, index: usize, centre: Vec3) -> ShadingPoint {
-    let triangle = raster.triangle[index] as usize;
-    // Triangles of the mesh that a surface lies on come after those of the surface.
-    let behind = triangle.checked_sub(object.mesh.triangles.len());
-    let (mesh, triangle) = behind.map_or((object.mesh, triangle), |triangle| (object.base(), triangle));
-    let corners = mesh.triangles[triangle];
-    let [b, c] = raster.weights[index];
-    let weights = Vec3::new(1.0 - b - c, b, c);
-    let [p, q, r] = corners.map(|v| Vec3::from_array(mesh.positions[v as usize]));
-    let position = p * weights.x + q * weights.y + r * weights.z;
-    let outgoing = (centre - position).normalize_or(Vec3::Z);
-    let interpolated = |around| between(around, &object.normals).normalize_or(Vec3::Z);
-    let (sites, normal) = match behind {
-        None => (object.sites(triangle, weights, position), interpolated((corners, weights))),
-        Some(_) => {
-            let sites = object.sites_on_mesh(triangle, weights, position);
-            let normal = interpolated(sites.samples);
-            let missing = (LEAST_COSINE - normal.dot(outgoing)).max(0.0);
-            (sites, (normal + missing * outgoing).normalize_or(Vec3::Z))
-        }
-    };
-    let geometric = (q - p).cross(r - p).normalize_or(normal);
-    let geometric = if geometric.dot(outgoing) < 0.0 { -geometric } else { geometric };
-    // None on surfaces, nor on the mesh behind one.
-    let tangent = object.tangent(triangle, weights);
-    ShadingPoint { position, normal, geometric, outgoing, tangent, sites }
 }

@@ -1,6 +1,8 @@
 //! Figures of images under an environment: a ball over a plate.
 
 use super::job_material::JobMaterial;
+use super::sampled_view::render_evenly;
+use super::scene::ShadingPoint;
 use super::*;
 use crate::lighting::{self, EnvironmentMap};
 use crate::mesh::Mesh;
@@ -77,6 +79,29 @@ fn an_even_sky_gives_every_point_the_albedo() {
     assert!((exact.image.value_at(20, 20)[0] - 0.5).abs() < 0.01);
 }
 
+/// An image with as many samples of each pixel.
+fn evenly(scene: &EnvironmentScene, camera: &Camera, look: &dyn ShadingModel, samples: u32) -> EnvironmentRender {
+    let radiance = |point: &ShadingPoint, _| scene.evaluator.radiance(point, &point.reflectance(look));
+    render_evenly(scene.object, camera, samples, radiance).unwrap()
+}
+
+#[test]
+fn outlines_are_drawn_with_more_samples() {
+    let mesh = ball_over_plate(4);
+    let object = RenderObject::new(&mesh, None).unwrap();
+    let environment = EnvironmentMap::from_fn(64, |d| [1.0 + d[1] as f32; 3]);
+    let surround = Arc::new(PreparedEnvironment::new(&environment, &PreparedEnvironmentOptions::default()));
+    let options = EnvironmentOptions { shadows: false, ..EnvironmentOptions::default() };
+    let scene = EnvironmentScene::new(&object, surround, None, options).unwrap();
+    let camera = look_at([1.0, 3.0, 6.0], [0.0, 0.8, 0.0], [0.0, 1.0, 0.0], 90.0, 96, 72);
+    let look = UniformMaterial::new(material(r#"{"model": "lambert", "diffuse": 0.5}"#), 1);
+    let [exact, four, two] = [8, 4, 2].map(|samples| evenly(&scene, &camera, &look, samples).image);
+    let still = scene.render(&camera, &look).unwrap().image;
+    // Most of what two samples lack is at the outline, where it has four.
+    let [four, two, still] = [four, two, still].map(|image| psnr(&image, &exact));
+    assert!(still > two + 4.0 && still > four - 1.0, "{two} {still} {four}");
+}
+
 #[test]
 fn evaluators_come_near_brute_force_and_motion_near_them() {
     let mesh = ball_over_plate(16);
@@ -104,11 +129,12 @@ fn evaluators_come_near_brute_force_and_motion_near_them() {
         let single = EnvironmentOptions { samples: 1, ..options };
         let single = EnvironmentScene::new(&object, surround.clone(), Some(light.clone()), single).unwrap();
         let one = single.render(&camera, &look).unwrap();
+        let even = evenly(&scene, &camera, &look, 2);
         let (mut motion, mut fine) = (RealtimeRenderer::new(single), RealtimeRenderer::new(scene));
         let (moving, fine) = (motion.render(&camera, &look).unwrap(), fine.render(&camera, &look).unwrap());
         assert_eq!(moving.coverage, one.coverage);
-        assert!(fine.coverage.data.iter().zip(&still.coverage.data).all(|(a, b)| (a - b).abs() < 1e-6));
-        found.push((psnr(&still.image, &exact), psnr(&moving.image, &one.image), psnr(&fine.image, &still.image)));
+        assert!(fine.coverage.data.iter().zip(&even.coverage.data).all(|(a, b)| (a - b).abs() < 1e-6));
+        found.push((psnr(&still.image, &exact), psnr(&moving.image, &one.image), psnr(&fine.image, &even.image)));
     }
     println!("against brute force, against stills: {found:?}");
     assert!(found[0].0 > 35.0 && found.iter().all(|f| f.1 > 34.0 && f.2 > 34.0), "{found:?}");
@@ -197,15 +223,19 @@ fn a_surface_is_drawn_in_place_of_its_mesh() {
     let surround = Arc::new(PreparedEnvironment::new(&environment, &PreparedEnvironmentOptions::default()));
     let camera = look_at([1.0, 3.0, 6.0], [0.0, 0.8, 0.0], [0.0, 1.0, 0.0], 90.0, 96, 72);
     let look = UniformMaterial::new(material(GLOSSY), 24);
-    let render = |object: &RenderObject, shadows: bool| {
+    fn scene<'a>(
+        object: &'a RenderObject<'a>,
+        surround: &Arc<PreparedEnvironment>,
+        shadows: bool,
+    ) -> EnvironmentScene<'a> {
         let options = EnvironmentOptions { shadows, ..EnvironmentOptions::default() };
-        let scene = EnvironmentScene::new(object, surround.clone(), None, options).unwrap();
-        scene.render(&camera, &look).unwrap()
-    };
+        EnvironmentScene::new(object, surround.clone(), None, options).unwrap()
+    }
     let drawn = RenderObject::with_surface(&mesh, &surface, Some(&occlusion)).unwrap();
     // Without shadows it is no more than a finer mesh, and behind it the coarse one where that stands out.
-    let plain = |mesh: &Mesh| render(&RenderObject::new(mesh, None).unwrap(), false);
-    let (both, fine, coarse) = (render(&drawn, false), plain(surface.mesh()), plain(&mesh));
+    let render = |object: &RenderObject| evenly(&scene(object, &surround, false), &camera, &look, 2);
+    let plain = |mesh: &Mesh| render(&RenderObject::new(mesh, None).unwrap());
+    let (both, fine, coarse) = (render(&drawn), plain(surface.mesh()), plain(&mesh));
     let mut standing_out = 0;
     for (k, &covered) in both.coverage.data.iter().enumerate() {
         let image = both.image.data[k];
@@ -218,7 +248,7 @@ fn a_surface_is_drawn_in_place_of_its_mesh() {
         assert!(covered >= fine.coverage.data[k].max(coarse.coverage.data[k]));
     }
     assert!(standing_out > 20, "{standing_out} pixels");
-    let image = |object: &RenderObject| render(object, true).image;
+    let image = |object: &RenderObject| scene(object, &surround, true).render(&camera, &look).unwrap().image;
     let exact = reference(&drawn, &environment, &camera, &look, &ReferenceOptions::default()).unwrap().image;
     let flat = RenderObject::new(&mesh, Some(&occlusion)).unwrap();
     let (with, without) = (psnr(&image(&drawn), &exact), psnr(&image(&flat), &exact));

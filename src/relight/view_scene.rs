@@ -27,23 +27,33 @@ pub(super) enum SceneLighting<'r, 'a> {
 
 /// One image in the making.
 pub(super) struct ViewScene<'r, 'a> {
-    pub(super) renderer: &'r PreparedAsset<'a>,
-    pub(super) options: &'r RenderOptions,
-    pub(super) camera: &'r Camera,
-    pub(super) raster: Raster,
-    pub(super) lighting: SceneLighting<'r, 'a>,
+    renderer: &'r PreparedAsset<'a>,
+    options: &'r RenderOptions,
+    camera: Camera,
+    raster: Raster,
+    lighting: &'r SceneLighting<'r, 'a>,
 }
 
-impl ViewScene<'_, '_> {
+impl<'r, 'a> ViewScene<'r, 'a> {
+    /// Draws what `camera` sees of an asset.
+    pub(super) fn new(
+        renderer: &'r PreparedAsset<'a>,
+        options: &'r RenderOptions,
+        camera: Camera,
+        lighting: &'r SceneLighting<'r, 'a>,
+    ) -> Self {
+        ViewScene { renderer, options, camera, raster: renderer.draw(&camera), lighting }
+    }
+
     pub(super) fn pixel(&self, index: usize) -> RenderedPixel {
         let mut pixel = RenderedPixel { components: [[0.0; 3]; 2], hit: false, coverage: false };
         if !self.raster.is_covered(index) {
             return pixel;
         }
         pixel.hit = true;
-        let surface = self.renderer.surface_point(self.camera, &self.raster, index);
+        let surface = self.renderer.surface_point(&self.camera, &self.raster, index);
         let parts: Vec<_> = self.renderer.asset.components.iter().map(|&component| self.part(component)).collect();
-        match &self.lighting {
+        match self.lighting {
             SceneLighting::Capture(captured, light) => {
                 let (seen, coverage) = self.sight(captured, &surface, self.camera.centre());
                 pixel.coverage = coverage;
@@ -60,8 +70,8 @@ impl ViewScene<'_, '_> {
                 }
             }
             SceneLighting::Points(lighting) => {
-                pixel.coverage = lighting.covers(self.camera, &surface);
-                pixel.components = lighting.radiance(self.renderer, self.camera, &surface, self.options, &parts);
+                pixel.coverage = lighting.covers(&self.camera, &surface);
+                pixel.components = lighting.radiance(self.renderer, &self.camera, &surface, self.options, &parts);
             }
         }
         pixel

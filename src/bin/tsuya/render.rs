@@ -67,7 +67,8 @@ pub struct Render {
     /// Brighter by this many stops.
     #[arg(long, value_name = "STOPS", default_value_t = 0.0, allow_hyphen_values = true)]
     exposure: f64,
-    /// Samples of a pixel along each side, 1 to 8 [default: 2; under lamps 1 from a captured camera, which gives its photograph].
+    /// Samples of a pixel along each side, 1 to 8, from 2 on twice as many at the outline [default: 2; under lamps 1 from a captured camera, which
+    /// gives its photograph].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=8))]
     samples: Option<u32>,
     #[command(flatten)]
