@@ -399,7 +399,7 @@ fn a_colmap_model_is_read_from_its_workspace() {
     images("a.png");
     let described = describe(folder.0.path().join("sparse/0"), &access())
         .unwrap_or_else(|_| describe(folder.0.path(), &access()).unwrap());
-    assert_eq!(described.frames[0].photograph, folder.0.path().join("images/a.png"));
+    assert_eq!(described.frames[0].photograph.first(), folder.0.path().join("images/a.png"));
     for name in ["../../x.png", "/etc/passwd", ".ssh/id_rsa", "..\\..\\x.png"] {
         images(name);
         let error = said(describe(folder.0.path(), &access()));

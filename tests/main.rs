@@ -22,6 +22,7 @@ mod hostile_inputs;
 mod layers;
 mod make;
 mod output;
+mod polarisers;
 mod program;
 mod reference_decoder;
 mod relighting;

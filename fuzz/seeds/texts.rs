@@ -99,6 +99,23 @@ fn captures(seeds: &Seeds) {
         frame(1, cross)
     );
     seeds.put("transforms", "polarised", polarised);
+    let shot = |file: &str, key: &str, value: f64| format!("{{\"file_path\":\"{file}\",\"{key}\":{value}}}");
+    let posed = |k: usize, keys: &str| format!("{{{keys},\"transform_matrix\":{}}}", POSES[k]);
+    let list = |key: &str, values: [f64; 3]| {
+        let [a, b, c] = values;
+        format!("{},{},{}", shot("a.tif", key, a), shot("b.tif", key, b), shot("a.tif", key, c))
+    };
+    let rotating = posed(0, &format!("\"polarisers\":[{}]", list("angle", [0.0, 45.0, 100.0])));
+    seeds.put("transforms", "rotating", format!("{{{head},\"frames\":[{rotating}]}}"));
+    let parallel = posed(1, "\"parallel_file_path\":\"a.tif\",\"cross_file_path\":\"b.tif\"");
+    let board = "\"white_reference\":{\"parallel_file_path\":\"b.tif\",\"cross_file_path\":\"a.tif\"}";
+    seeds.put("transforms", "parallel", format!("{{{head},{board},\"frames\":[{parallel}]}}"));
+    for (name, mosaic) in [("mosaic", "true"), ("coloured", "{\"angles\":[90,45,135,0],\"colours\":\"RGGB\"}")] {
+        let text = format!("{{{head},\"polarisation_mosaic\":{mosaic},\"frames\":[{}]}}", frame(0, ""));
+        seeds.put("transforms", name, text);
+    }
+    let bracket = posed(0, &format!("\"exposures\":[{}]", list("exposure_time", [0.5, 2.0, 0.125])));
+    seeds.put("transforms", "bracket", format!("{{{head},\"frames\":[{bracket}]}}"));
     for (name, model, numbers) in [
         ("opencv", "OPENCV", "\"k1\":0.1,\"k2\":-0.02,\"p1\":0.001,\"p2\":0.002"),
         ("rational", "FULL_OPENCV", "\"k1\":0.1,\"k2\":0.1,\"k3\":0.01,\"k4\":0.2,\"k5\":0.1,\"k6\":0.05"),

@@ -1,6 +1,7 @@
 //! Which kind of description a capture has.
 
 use super::description::CaptureDescription;
+use super::photograph::pair_by_names;
 use super::{colmap, import, transforms};
 use crate::error::{Error, Result};
 use crate::input::FileAccess;
@@ -18,11 +19,12 @@ const NO_CAPTURE: &str = "no capture here: neither transforms.json (or transform
 pub fn describe(path: impl AsRef<Path>, access: &FileAccess) -> Result<CaptureDescription> {
     let path = path.as_ref();
     let metadata = std::fs::metadata(path).map_err(|e| Error::io(path, e))?;
-    let description = if metadata.is_dir() { describe_folder(path, access) } else { describe_file(path, access) }?;
+    let mut description = if metadata.is_dir() { describe_folder(path, access) } else { describe_file(path, access) }?;
     if description.frames.is_empty() {
         let said = description.warnings.first().map_or(String::new(), |warning| format!(": {warning}"));
         return Err(Error::input(&description.path, format!("the capture has no frame{said}")));
     }
+    pair_by_names(&mut description, access);
     Ok(description)
 }
 

@@ -2,6 +2,7 @@
 
 use super::CaptureReadOptions;
 use super::lens::Lens;
+use super::photograph::PhotographFiles;
 use crate::error::{Error, Result};
 use crate::input::Folder;
 use crate::limits::Limits;
@@ -30,12 +31,10 @@ pub struct CaptureDescription {
 }
 
 /// Photographs of a white diffuse board under the capture's light.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct WhiteReference {
-    /// Without polarisers, or with the analyser open.
-    pub photograph: PathBuf,
-    /// With the specular reflection blocked.
-    pub cross: Option<PathBuf>,
+    /// Its image files.
+    pub photograph: PhotographFiles,
 }
 
 /// One frame before its pictures are read.
@@ -45,15 +44,26 @@ pub struct FrameDescription {
     pub view: View,
     /// Lens distortion of the photograph as it is stored.
     pub lens: Lens,
-    /// The photograph.
-    pub photograph: PathBuf,
-    /// The cross-polarised photograph.
-    pub cross: Option<PathBuf>,
+    /// Image files of the photograph, or of the pair through polarisers.
+    pub photograph: PhotographFiles,
     /// Pixels that show the object.
     pub mask: Option<PathBuf>,
 }
 
+impl FrameDescription {
+    /// Returns the image files and the mask.
+    pub fn files(&self) -> impl Iterator<Item = &Path> {
+        self.photograph.files().chain(self.mask.as_deref())
+    }
+}
+
 impl CaptureDescription {
+    /// Returns the image files and masks of the frames and of the white board.
+    pub fn files(&self) -> impl Iterator<Item = &Path> {
+        let boards = self.white_reference.iter().flat_map(|white| white.photograph.files());
+        boards.chain(self.frames.iter().flat_map(FrameDescription::files))
+    }
+
     /// The mesh file: the given one, the one that the capture names, or the only one beside the description.
     pub fn find_mesh(&self, options: &CaptureReadOptions) -> Result<PathBuf> {
         if let Some(mesh) = options.mesh.as_ref().or(self.mesh_file.as_ref()) {

@@ -2,16 +2,17 @@
 
 use super::FrameDescription;
 use super::clipping::Clipping;
+use super::photograph::{PhotographReading, ReadPhotograph};
 use super::scratch::{FrameScratch, StoredFrame};
 use crate::error::{Error, Result};
-use crate::image::read::{ColorSpace, ImageFault, read_mask, read_radiance_image, reading_memory};
+use crate::image::read::{ColorSpace, ImageFault, read_mask};
 use crate::image::{Mask, RgbImage};
 use crate::input::FileAccess;
 use crate::mesh::Mesh;
 use crate::views::View;
 use std::borrow::Cow;
 use std::fmt::Debug;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::SystemTime;
 
@@ -90,17 +91,16 @@ impl FrameFiles {
         progress: &(dyn Fn(usize, usize) + Sync),
     ) -> Result<(Vec<FrameOutcome<T>>, usize)> {
         // What stays of each frame is known from its camera, as no picture of another size is taken.
-        let size = |file: &Path| std::fs::metadata(file).ok().map(|metadata| metadata.len());
         let (mut kept, mut reading) = (0u64, 1u64);
         for frame in &self.described {
-            let Some(bytes) = size(&frame.photograph) else { continue };
+            if std::fs::metadata(frame.photograph.first()).is_err() {
+                continue;
+            }
             let (width, height) = (frame.view.camera.width, frame.view.camera.height);
             let pixels = u64::from(width) * u64::from(height);
-            kept += pixels * (if frame.cross.is_some() { 24 } else { 12 } + 1);
-            let largest = [&frame.cross, &frame.mask].into_iter().flatten().filter_map(|file| size(file));
-            let bytes = largest.fold(bytes, u64::max);
+            kept += pixels * (if frame.photograph.is_polarised() { 24 } else { 12 } + 1);
             // Lens distortion is removed out of place.
-            reading = reading.max(reading_memory(bytes, width, height).saturating_add(12 * pixels));
+            reading = reading.max(self.reading().memory(frame, width, height).saturating_add(12 * pixels));
         }
         if held {
             self.access.charge(path, "photographs of the capture", kept)?;
@@ -132,6 +132,10 @@ impl FrameFiles {
         Ok((outcomes, if alone { 1 } else { at_once }))
     }
 
+    fn reading(&self) -> PhotographReading<'_> {
+        PhotographReading { access: &self.access, space: &self.settings.space }
+    }
+
     /// Keeps a frame that was read, so that it need not be decoded again.
     pub(super) fn store(&self, frame: &CaptureFrame) -> Option<StoredFrame> {
         self.scratch.store(frame)
@@ -156,7 +160,7 @@ impl FrameSource for FrameFiles {
         let ReadFrame { frame, .. } = read_frame(described, &self.access, &self.settings)?;
         // What is read twice has to be the same: the encoder's stages rely on it.
         if let Some(changed) = stamps(described).iter().zip(&self.stamps[index]).position(|(now, then)| now != then) {
-            let path = files(described).nth(changed).unwrap_or(&described.photograph);
+            let path = described.files().nth(changed).unwrap_or(described.photograph.first());
             return Err(Error::input(
                 path,
                 "the file was changed while the capture was being encoded; encode it again",
@@ -169,13 +173,9 @@ impl FrameSource for FrameFiles {
     }
 }
 
-fn files(described: &FrameDescription) -> impl Iterator<Item = &PathBuf> {
-    [Some(&described.photograph), described.cross.as_ref(), described.mask.as_ref()].into_iter().flatten()
-}
-
 fn stamps(described: &FrameDescription) -> Vec<Option<FileStamp>> {
     let stamp = |metadata: std::fs::Metadata| (metadata.len(), metadata.modified().ok());
-    files(described).map(|file| std::fs::metadata(file).ok().map(stamp)).collect()
+    described.files().map(|file| std::fs::metadata(file).ok().map(stamp)).collect()
 }
 
 /// A frame as it was read.
@@ -192,37 +192,20 @@ fn read_frame(
     access: &FileAccess,
     settings: &FrameSettings,
 ) -> std::result::Result<ReadFrame, ImageFault> {
-    let FrameSettings { space, invert_masks } = settings;
     let camera = &described.view.camera;
     let size = (camera.width, camera.height);
-    let picture = read_radiance_image(&described.photograph, access, space, Some(size))?;
-    let (mut photograph, mut clipped) = (picture.colour, picture.clipped);
-    let mut cross = None;
-    if let Some(path) = &described.cross {
-        let picture = read_radiance_image(path, access, space, Some(size))?;
-        cross = Some(picture.colour);
-        match (&mut clipped, picture.clipped) {
-            (Some(clipped), Some(other)) => clipped.data.iter_mut().zip(other.data).for_each(|(a, b)| *a |= b),
-            (clipped, other) => *clipped = clipped.take().or(other),
-        }
-    }
+    let reading = PhotographReading { access, space: &settings.space };
+    let ReadPhotograph { mut photograph, mut cross, alpha, mut clipped } =
+        reading.read(&described.photograph, Some(size))?;
     let (mut mask, mask_path) = match &described.mask {
-        Some(path) => (Some(read_mask(path, access, size)?), path),
-        None => (picture.alpha, &described.photograph),
+        Some(path) => (Some(read_mask(path, access, size)?), path.as_path()),
+        None => (alpha, described.photograph.first()),
     };
-    if *invert_masks {
+    if settings.invert_masks {
         mask.iter_mut().flat_map(|mask| &mut mask.data).for_each(|shown| *shown = !*shown);
     }
-    // A pixel missing in one of the pair is missing in both, so that both components miss the same ones.
-    let mut missing = 0;
-    for index in 0..photograph.data.len() {
-        let in_cross = cross.as_ref().is_some_and(|c| c.data[index][0].is_nan());
-        if in_cross || photograph.data[index][0].is_nan() {
-            photograph.data[index] = [f32::NAN; 3];
-            cross.iter_mut().for_each(|c| c.data[index] = [f32::NAN; 3]);
-            missing += mask.as_ref().is_none_or(|m| m.data[index]) as u64;
-        }
-    }
+    let is_shown = |index: usize| mask.as_ref().is_none_or(|mask| mask.data[index]);
+    let missing = (0..photograph.data.len()).filter(|&k| photograph.data[k][0].is_nan() && is_shown(k)).count() as u64;
     if !described.lens.is_pinhole() {
         let lens = &described.lens;
         photograph = lens.undistort_image(camera, &photograph);

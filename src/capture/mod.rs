@@ -9,7 +9,14 @@
 //!   `light_position`, `light_intensity`. Irradiance at distance `r` is `intensity / r^2`;
 //! - `white_reference`: `{file_path, cross_file_path}`;
 //! - `color_space`: of integer pictures, see [`crate::image::ColorSpace::from_name`];
-//! - per frame `cross_file_path` (polarised: specular blocked) and `mask_path`.
+//! - per frame `mask_path`, and of polarised photographs `cross_file_path` (specular blocked), alone or with `parallel_file_path`, whose sum with it is the
+//!   photograph then; or `polarisers`: a list of `{file_path, angle}` in degrees, three angles at least. `polarisation_mosaic`, here or at the top,
+//!   is `{angles: [90, 45, 135, 0], colours: "RGGB"}`, polarisers and (if any) colour filters of a polarisation camera's cells by rows, or `true` for
+//!   these angles: then `file_path` is its raw image, linear unless `color_space` is declared, of the camera's size or twice as large;
+//! - `exposure_time` in seconds beside any `file_path`; several exposures are `exposures: [{file_path, exposure_time}]` in place of it (`cross`
+//!   and `parallel` are objects then).
+//!
+//! Where no description tells of polarisers, names of files and folders do: those that differ by a word such as `parallel`, `cross` or `pol45`.
 
 mod agreement;
 pub(crate) mod align;
@@ -27,6 +34,7 @@ mod import;
 pub(crate) mod json;
 mod lens;
 mod open;
+mod photograph;
 mod scale;
 mod scratch;
 #[cfg(test)]
@@ -52,6 +60,7 @@ pub use frames::CaptureFrame;
 pub use hull::{HullOptions, VisualHull, visual_hull};
 pub use lens::Lens;
 pub use open::{OpenCapture, OpenFrames, open, open_with_progress};
+pub use photograph::{ExposureFile, Exposures, MosaicColours, PhotographFiles, PolarisationMosaic};
 #[cfg(feature = "ar")]
 pub(crate) use transforms::nearest_rotation;
 
@@ -128,6 +137,9 @@ pub struct CaptureReadOptions {
     /// turned, and an error where the mesh's silhouette and the masks have nothing to do with each other or photographs are not those of their
     /// cameras, see [`agreement`].
     pub unchecked: bool,
+    /// Divides photographs by their exposures as EXIF tells them (time, sensitivity, aperture), over the first one's. Default: a warning where these
+    /// differ; times that the capture states come first.
+    pub exif_exposure: bool,
     /// Limits of everything that is read, together.
     pub limits: Limits,
     /// Allows files that the capture names to be hidden, or to lie outside its folder.
@@ -198,7 +210,7 @@ fn check_beta(description: &CaptureDescription, beta: Option<[f64; 3]>, crossed:
         return Err(Error::input(
             &description.path,
             "there are cross photographs but no white_reference with cross_file_path: add one, or give the board's on / off \
-             ratio of red, green and blue with option `beta`",
+             ratio of red, green and blue with option `beta` (0.5 where polarisers are ideal and the light's stays in place)",
         ));
     }
     Ok(())

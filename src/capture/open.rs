@@ -2,8 +2,10 @@
 
 use super::agreement::{self, Agreement, SmallView};
 use super::frames::{FrameFiles, FrameSettings, FrameSource};
+use super::photograph::{PhotographReading, settle_exposures};
 use super::{
-    Capture, CaptureDescription, CaptureFrame, CaptureReadOptions, Clipping, check_beta, describe, read_mesh, white,
+    Capture, CaptureDescription, CaptureFrame, CaptureReadOptions, Clipping, FrameDescription, check_beta, describe,
+    read_mesh, white,
 };
 use crate::error::{Error, Result};
 use crate::image::read::{ColorSpace, ImageFault};
@@ -117,28 +119,32 @@ fn gather<T: Send>(
 ) -> Result<(OpenCapture, Vec<T>)> {
     let access = options.access();
     let mut description = describe(path, &access)?;
+    settle_exposures(&mut description, options.exif_exposure, &access)?;
     let mut warnings = description.warnings.clone();
     let declared = options.color_space.as_ref().or(description.color_space.as_ref());
     let space = declared.map_or_else(|| Ok(ColorSpace::from_files()), |name| ColorSpace::from_name(name))?;
     let (mesh, origin) = read_mesh(&mut description, options, &access, &mut warnings)?;
 
     let (white, measured_beta) = match &description.white_reference {
-        Some(reference) => white::calibrate(reference, &access, &space)?,
+        Some(reference) => white::calibrate(reference, PhotographReading { access: &access, space: &space })?,
         None => ([1.0; 3], None),
     };
     let mut described = description.frames.clone();
-    let crossed = described.iter().filter(|frame| frame.cross.is_some()).count();
+    let is_polarised = |frame: &FrameDescription| frame.photograph.is_polarised();
+    let crossed = described.iter().filter(|frame| is_polarised(frame)).count();
     let mut skipped = 0;
     if crossed > 0 && crossed < described.len() {
-        let without: Vec<_> = described.iter().filter(|f| f.cross.is_none()).map(|f| escaped(&f.view.name)).collect();
+        let without: Vec<_> = described.iter().filter(|f| !is_polarised(f)).map(|f| escaped(&f.view.name)).collect();
         skipped += without.len();
         let names = without.iter().take(MAX_NAMED).cloned().collect::<Vec<_>>().join(", ");
         let more = if without.len() > MAX_NAMED { ", ..." } else { "" };
         let count = without.len();
         warnings.push(format!("{count} frames without a cross photograph skipped, as others have one: {names}{more}"));
-        described.retain(|frame| frame.cross.is_some());
+        described.retain(is_polarised);
     }
-    let beta = options.beta.or(measured_beta);
+    // Where some need it to be measured, what would follow from the others does not help.
+    let ideal_beta = described.iter().map(|frame| frame.photograph.ideal_beta()).min_by_key(Option::is_some).flatten();
+    let beta = options.beta.or(measured_beta).or(ideal_beta);
     check_beta(&description, beta, crossed > 0)?;
 
     let settings = FrameSettings { space, invert_masks: options.invert_masks };

@@ -1,3 +1,4 @@
+use super::photograph::PhotographReading;
 use super::test_capture::{POSE, Small, sample};
 use super::*;
 use crate::image::{ColorSpace, Mask};
@@ -50,9 +51,12 @@ fn white_boards_of_the_shared_captures() {
         let Some(path) = data(part) else { continue };
         let description = describe(path.join("transforms.json"), &FileAccess::default()).unwrap();
         assert_eq!(description.frames.len(), frames);
-        let space = ColorSpace::from_name("srgb").unwrap();
-        let (found, _) =
-            white::calibrate(&description.white_reference.unwrap(), &FileAccess::default(), &space).unwrap();
+        let (access, space) = (FileAccess::default(), ColorSpace::from_name("srgb").unwrap());
+        let (found, _) = white::calibrate(
+            &description.white_reference.unwrap(),
+            PhotographReading { access: &access, space: &space },
+        )
+        .unwrap();
         (0..3).for_each(|c| assert!((found[c] - white[c]).abs() < 4e-6, "{part} {:?}", found));
     }
 }

@@ -5,13 +5,14 @@ use super::description::{
 };
 use super::json::{JsonDocument, JsonNode};
 use super::lens::Lens;
+use super::photograph::{ExposureTimes, PhotographFiles, find_image, first_name, read_photograph};
 use super::view_names::view_names;
 use crate::error::Result;
 use crate::image::read::read_size;
 use crate::input::{FileAccess, Folder, escaped, quoted};
 use crate::views::{Camera, PointLight, View};
 use std::collections::BTreeSet;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 pub(super) fn describe(path: &Path, access: &FileAccess) -> Result<CaptureDescription> {
     let document = JsonDocument::read(path, access)?;
@@ -20,18 +21,19 @@ pub(super) fn describe(path: &Path, access: &FileAccess) -> Result<CaptureDescri
     let mut lights = LightWarnings::default();
     let mut frames = Vec::new();
     let list = root.required("frames")?.items(access.budget().limits().views as usize)?;
-    let paths: Vec<&str> = list.iter().map(|frame| frame.required("file_path")?.text()).collect::<Result<_>>()?;
+    let paths: Vec<&str> = list.iter().map(first_name).collect::<Result<_>>()?;
     let names = view_names(&folder, &paths);
+    let mut times = ExposureTimes::default();
     for (frame, name) in list.iter().zip(names) {
-        frames.push(read_frame(&root, frame, name, &folder, access, &mut lights)?);
+        let photograph = read_photograph(&root, frame, &folder, &mut times)?;
+        frames.push(read_frame(&root, frame, name, photograph, &folder, access, &mut lights)?);
     }
     let file = |node: &JsonNode| folder.resolve(node.text()?);
-    let white_reference = root.optional("white_reference", |node| {
-        Ok(WhiteReference {
-            photograph: file(&node.required("file_path")?)?,
-            cross: node.optional("cross_file_path", file)?,
-        })
-    })?;
+    let white_reference = match root.get("white_reference") {
+        Some(node) => Some(WhiteReference { photograph: read_photograph(&root, &node, &folder, &mut times)? }),
+        None => None,
+    };
+    times.check(&root)?;
     Ok(CaptureDescription {
         path: path.to_owned(),
         name: folder_name(folder.path()),
@@ -63,40 +65,23 @@ fn read_frame(
     root: &JsonNode,
     frame: &JsonNode,
     name: String,
+    photograph: PhotographFiles,
     folder: &Folder,
     access: &FileAccess,
     lights: &mut LightWarnings,
 ) -> Result<FrameDescription> {
-    let file_path = frame.required("file_path")?;
-    let photograph = find_picture(folder, file_path.text()?)?;
-    let (mut camera, lens) = read_intrinsics(root, frame, Some((&photograph, access)))?;
+    let (mut camera, lens) = read_intrinsics(root, frame, Some((photograph.first(), access)))?;
     (camera.rotation, camera.translation) = read_pose(&frame.required("transform_matrix")?)?;
     if let Some(fault) = camera_fault(&camera) {
         return Err(frame.error(format!("the camera has {fault}")));
     }
     let light = read_light(root, frame, lights)?;
-    let file = |node: &JsonNode| find_picture(folder, node.text()?);
     Ok(FrameDescription {
         photograph,
-        cross: frame.optional("cross_file_path", file)?,
-        mask: frame.optional("mask_path", file)?,
+        mask: frame.optional("mask_path", |node| find_image(folder, node.text()?))?,
         lens,
         view: View { name, camera, light },
     })
-}
-
-/// Some data sets leave the extension away.
-fn find_picture(folder: &Folder, name: &str) -> Result<PathBuf> {
-    let path = folder.resolve(name)?;
-    if path.extension().is_none() && !path.exists() {
-        for extension in ["exr", "png", "jpg", "jpeg", "tif", "tiff", "EXR", "PNG", "JPG", "JPEG", "TIF", "TIFF"] {
-            // It may be a link, which is another path to judge.
-            if path.with_extension(extension).exists() {
-                return folder.resolve(&format!("{name}.{extension}"));
-            }
-        }
-    }
-    Ok(path)
 }
 
 /// Camera and lens from the frame's own keys, else the capture's. Needed: `w`, `h`, `fl_x` (or `camera_angle_x`); where a photograph is given,

@@ -1,29 +1,27 @@
 //! The white board: the unit of radiance, and what the crossed polarisers take away.
 
 use super::description::WhiteReference;
+use super::photograph::PhotographReading;
 use crate::error::{Error, Result};
 use crate::image::RgbImage;
-use crate::image::read::{ColorSpace, read_radiance_image};
-use crate::input::FileAccess;
-use std::path::Path;
 
 /// Radiance of the unpolarised white board, and `beta = on_board / off_board` per colour (Miyazaki 2007, equation A.2), both
 /// over the middle quarter of the picture each way.
 pub(super) fn calibrate(
     reference: &WhiteReference,
-    access: &FileAccess,
-    space: &ColorSpace,
+    reading: PhotographReading<'_>,
 ) -> Result<([f64; 3], Option<[f64; 3]>)> {
-    let read = |path: &Path| -> Result<[f64; 3]> {
-        let picture = read_radiance_image(path, access, space, None)?;
-        let mean = middle_mean(&picture.colour);
+    let read = reading.read(&reference.photograph, None)?;
+    let mean = |image: &RgbImage, number: usize| -> Result<[f64; 3]> {
+        let mean = middle_mean(image);
         let bright = mean.iter().all(|m| m.is_finite() && *m > 0.0);
+        let path = reference.photograph.files().nth(number).unwrap_or(reference.photograph.first());
         let message =
             || format!("the white board has a mean radiance of {mean:?} in its middle: it should be positive");
         if bright { Ok(mean) } else { Err(Error::input(path, message())) }
     };
-    let white = read(&reference.photograph)?;
-    let cross = reference.cross.as_deref().map(read).transpose()?;
+    let white = mean(&read.photograph, 0)?;
+    let cross = read.cross.map(|cross| mean(&cross, 1)).transpose()?;
     Ok((white, cross.map(|on| std::array::from_fn(|c| on[c] / white[c]))))
 }
 

@@ -1,5 +1,7 @@
 //! Images in memory: linear RGB, integer planes and masks. Row-major, origin at the top left, pixel centres at +0.5.
 
+#[cfg(feature = "encode")]
+pub(crate) mod bracket;
 mod fill;
 mod orientation;
 #[cfg(feature = "encode")]
@@ -43,6 +45,10 @@ impl<T: Clone> Grid<T> {
     pub fn cropped(&self, region: &Region) -> Grid<T> {
         let rows = region.rows().flat_map(|y| &self.row(y)[region.columns()]);
         Grid { width: region.width as usize, height: region.height as usize, data: rows.cloned().collect() }
+    }
+    /// Returns width and height.
+    pub(crate) fn size(&self) -> (u32, u32) {
+        (self.width as u32, self.height as u32)
     }
     /// Returns the grid of the mapped values.
     pub fn map<U>(&self, f: impl FnMut(&T) -> U) -> Grid<U> {

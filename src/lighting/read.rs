@@ -1,11 +1,12 @@
 //! Environment maps out of files: latitude-longitude, cube, mirror ball and fisheye images, one or a bracket of several.
 //!
 //! EXR and Radiance HDR are linear; PNG, JPEG and TIFF are decoded by their colour space. Images of one place with several
-//! exposures are merged, each divided by its exposure and weighed by how far its values are from black and from white.
+//! exposures are merged.
 
 use super::environment::{CleanedPixels, EnvironmentMap, clean};
 use super::projection::{EnvironmentProjection, unwrap};
 use crate::error::{Error, Result};
+use crate::image::bracket::ExposureBracket;
 use crate::image::read::{ColorSpace, read_radiance_image};
 use crate::image::{RgbImage, from_srgb};
 use crate::input::FileAccess;
@@ -46,25 +47,25 @@ pub fn read_environment<P: AsRef<Path>>(
     }
     let space = options.color_space.as_deref().map_or_else(|| Ok(ColorSpace::from_files()), ColorSpace::from_name)?;
     let access = FileAccess::new(options.limits);
-    let mut bracket: Vec<RgbImage> = Vec::new();
-    for path in paths.iter().map(AsRef::as_ref) {
-        let picture = read_radiance_image(path, &access, &space, None).map_err(Error::from)?.colour;
-        // It stays, and so does the environment that is made of it.
-        access.charge(path, "environment", 2 * size_of_val(&picture.data[..]) as u64)?;
-        if let Some(before) = bracket.first()
-            && (before.width, before.height) != (picture.width, picture.height)
-        {
-            return Err(Error::input(path, "of another size than the first image of the bracket"));
+    let exposure = |k: usize| options.exposures.get(k).copied().unwrap_or(1.0);
+    let mut order: Vec<usize> = (0..paths.len()).collect();
+    order.sort_by(|&a, &b| exposure(a).total_cmp(&exposure(b)));
+    let mut bracket: Option<ExposureBracket> = None;
+    for k in order {
+        let path = paths[k].as_ref();
+        let image = read_radiance_image(path, &access, &space, None).map_err(Error::from)?;
+        match &mut bracket {
+            None => {
+                // It stays, with its sums, and so does the environment that is made of it.
+                access.charge(path, "environment", 3 * size_of_val(&image.colour.data[..]) as u64)?;
+                bracket = Some(ExposureBracket::new(image, exposure(k)));
+            }
+            Some(bracket) if bracket.size() == image.colour.size() => bracket.add(&image, exposure(k)),
+            Some(_) => return Err(Error::input(path, "of another size than the other images of the bracket")),
         }
-        bracket.push(picture);
     }
-    let mut image = match bracket.len() {
-        1 => bracket.swap_remove(0),
-        _ => merge(&bracket, &options.exposures),
-    };
-    if let (1, Some(exposure)) = (paths.len(), options.exposures.first()) {
-        image.data.iter_mut().flatten().for_each(|x| *x = (*x as f64 / exposure) as f32);
-    }
+    let bracket = bracket.ok_or_else(|| Error::parameter("no image of the environment is given"))?;
+    let mut image = bracket.finish().colour;
     let projection = match options.projection {
         Some(projection) => projection,
         None => EnvironmentProjection::guess(&image).ok_or_else(|| {
@@ -92,39 +93,6 @@ pub fn raise_clipped(picture: &mut RgbImage, gain: f32) {
     }
 }
 
-/// A bracket as one image: the mean of `value / exposure`, each weighed by a hat over the values 0 to 1 times its exposure.
-/// Pixels that are white in all come from the shortest exposure, those that are black in all from the longest.
-fn merge(bracket: &[RgbImage], exposures: &[f64]) -> RgbImage {
-    let by_exposure = |a: &usize, b: &usize| exposures[*a].total_cmp(&exposures[*b]);
-    let shortest = (0..exposures.len()).min_by(by_exposure).unwrap_or(0);
-    let longest = (0..exposures.len()).max_by(by_exposure).unwrap_or(0);
-    let mut merged = bracket[0].clone();
-    for (at, pixel) in merged.data.iter_mut().enumerate() {
-        for (c, value) in pixel.iter_mut().enumerate() {
-            let (mut sum, mut total) = (0.0, 0.0);
-            for (picture, exposure) in bracket.iter().zip(exposures) {
-                let x = picture.data[at][c] as f64;
-                // The hat stands over the encoded value, of which the linear one is about the square.
-                let encoded = x.max(0.0).sqrt();
-                let hat = (encoded.min(1.0 - encoded) - 0.02).clamp(0.0, 0.25) * 4.0;
-                if hat > 0.0 {
-                    sum += hat * exposure * (x / exposure);
-                    total += hat * exposure;
-                }
-            }
-            let bright = bracket[shortest].data[at][c] as f64;
-            *value = if total > 0.0 {
-                (sum / total) as f32
-            } else if bright > 0.25 {
-                (bright / exposures[shortest]) as f32
-            } else {
-                (bracket[longest].data[at][c] as f64 / exposures[longest]) as f32
-            };
-        }
-    }
-    merged
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -134,29 +102,5 @@ mod tests {
         let mut lamp = RgbImage { width: 2, height: 1, data: vec![[1.0, 0.9, 0.8], [0.5, 0.6, 0.7]] };
         raise_clipped(&mut lamp, 10.0);
         assert!((lamp.data[0][0] - 10.0).abs() < 1e-4 && lamp.data[1] == [0.5, 0.6, 0.7]);
-    }
-
-    #[test]
-    fn a_bracket_gives_the_range_that_one_picture_has_not() {
-        let radiance = |k: usize| 1e-3 * 1.5f32.powi(k as i32);
-        let exposures = [16.0, 1.0, 1.0 / 16.0, 1.0 / 256.0];
-        let bracket: Vec<RgbImage> = exposures
-            .iter()
-            .map(|&exposure| {
-                let mut image = RgbImage::filled(30, 1, [0.0; 3]);
-                for k in 0..30 {
-                    let exposed = (radiance(k) * exposure as f32).min(1.0);
-                    // Eight bits of the encoded value.
-                    let code = (exposed.sqrt() * 255.0).round() / 255.0;
-                    image.data[k] = [code * code; 3];
-                }
-                image
-            })
-            .collect();
-        let merged = merge(&bracket, &exposures);
-        for k in 0..30 {
-            let ratio = merged.data[k][1] / radiance(k);
-            assert!((ratio - 1.0).abs() < 0.04, "{k}: {ratio}");
-        }
     }
 }

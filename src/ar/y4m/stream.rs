@@ -8,6 +8,8 @@ use std::path::{Path, PathBuf};
 
 /// Bytes of a line, at most.
 const MAX_LINE: u64 = 1024;
+/// What the line of a frame begins with.
+const FRAME: &str = "FRAME";
 /// Memory that a pixel takes beside its samples: the image before and after, bytes.
 const BYTES_A_PIXEL: usize = 6;
 
@@ -28,6 +30,10 @@ impl<R: BufRead> Y4mReader<R> {
     pub fn new(mut stream: R, path: &Path, access: &FileAccess) -> Result<Self> {
         let line = read_line(&mut stream, path, "the header")?.unwrap_or_default();
         let header = Y4mHeader::parse(&line, path)?;
+        // It may be written with another rate.
+        if header.with_rate([u32::MAX; 2]).line().len() as u64 > MAX_LINE {
+            return Err(Error::input(path, "its header's parameters are too long"));
+        }
         let pixels = header.size[0] * header.size[1];
         access.charge(path, "video frame", (header.frame_bytes() + BYTES_A_PIXEL * pixels) as u64)?;
         Ok(Y4mReader { stream, path: path.to_owned(), header, frames: 0 })
@@ -46,9 +52,8 @@ impl<R: BufRead> Y4mReader<R> {
     pub fn read_frame(&mut self, frame: &mut Y4mFrame) -> Result<bool> {
         let number = self.frames;
         let Some(line) = read_line(&mut self.stream, &self.path, &format!("frame {number}"))? else { return Ok(false) };
-        let Some(parameters) = line.strip_prefix("FRAME").filter(|rest| rest.is_empty() || rest.starts_with(' '))
-        else {
-            let message = format!("frame {number} begins with {}, not with FRAME", quoted(&line));
+        let Some(parameters) = line.strip_prefix(FRAME).filter(|rest| rest.is_empty() || rest.starts_with(' ')) else {
+            let message = format!("frame {number} begins with {}, not with {FRAME}", quoted(&line));
             return Err(Error::input(&self.path, message));
         };
         parameters.clone_into(&mut frame.parameters);
@@ -80,8 +85,8 @@ fn read_line(stream: &mut impl BufRead, path: &Path, what: &str) -> Result<Optio
     }
     match String::from_utf8(line) {
         Ok(line) => Ok(Some(line)),
-        // What is no such line at all is shown as it is.
-        Err(e) if !e.as_bytes().starts_with(MAGIC.as_bytes()) => {
+        // What is no such line at all is only shown.
+        Err(e) if ![MAGIC, FRAME].iter().any(|magic| e.as_bytes().starts_with(magic.as_bytes())) => {
             Ok(Some(String::from_utf8_lossy(e.as_bytes()).into_owned()))
         }
         Err(_) => Err(Error::input(path, format!("{what}: its line is no text"))),
@@ -111,7 +116,7 @@ impl<W: Write> Y4mWriter<W> {
     ///
     /// [`Error::Io`] if the stream takes no more; of kind [`std::io::ErrorKind::BrokenPipe`] if nobody reads it any longer.
     pub fn write_frame(&mut self, frame: &Y4mFrame) -> Result<()> {
-        let line = format!("FRAME{}\n", frame.parameters);
+        let line = format!("{FRAME}{}\n", frame.parameters);
         let written = self.stream.write_all(line.as_bytes()).and_then(|()| self.stream.write_all(&frame.planes));
         written.and_then(|()| self.stream.flush()).map_err(|e| Error::io(&self.path, e))
     }

@@ -114,6 +114,15 @@ fn what_is_wrong_is_named() {
     assert!(reader.read_frame(&mut Y4mFrame::default()).unwrap());
     let said = reader.read_frame(&mut Y4mFrame::default()).unwrap_err().to_string();
     assert!(said.contains("frame 1 begins with \"FRAMES\""), "{said}");
+    // What is read is written, and read again: lines do not grow beyond what is taken.
+    let no_text = [&whole[..header], b"FRAME I\xf1\xf1\n", &whole[header + 6..]].concat();
+    let mut frames = self::reader(&no_text).unwrap();
+    let said = frames.read_frame(&mut Y4mFrame::default()).unwrap_err().to_string();
+    assert!(said.contains("frame 0: its line is no text"), "{said}");
+    let long = |length: usize| format!("YUV4MPEG2 W4 H4 X{}\n", "a".repeat(length));
+    let said = self::reader(long(1000).as_bytes()).err().unwrap().to_string();
+    assert!(said.contains("its header's parameters are too long"), "{said}");
+    assert!(self::reader(long(900).as_bytes()).is_ok());
     let limits = crate::limits::Limits { memory_bytes: 1000, ..Default::default() };
     let small = Y4mReader::new(&b"YUV4MPEG2 W1000 H1000\n"[..], Path::new("-"), &FileAccess::new(limits));
     assert!(small.err().unwrap().to_string().contains("memory_bytes"));

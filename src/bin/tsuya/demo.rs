@@ -162,6 +162,6 @@ fn enlarge(camera: tsuya::Camera, factor: usize) -> tsuya::Camera {
 /// Bytes of the capture's photographs on disk.
 fn photograph_bytes(path: &Path) -> Result<u64> {
     let description = capture::describe(path, &source::access())?;
-    let files = description.frames.iter().flat_map(|frame| std::iter::once(&frame.photograph).chain(&frame.cross));
+    let files = description.frames.iter().flat_map(|frame| frame.photograph.files());
     Ok(files.filter_map(|file| std::fs::metadata(file).ok()).map(|metadata| metadata.len()).sum())
 }

@@ -41,9 +41,7 @@ pub struct Hull {
 impl Hull {
     pub fn run(self) -> Result<()> {
         let description = describe(&self.capture, &self.outside.access())?;
-        let frames = description.frames.iter();
-        let pictures = frames.flat_map(|frame| [Some(&frame.photograph), frame.cross.as_ref(), frame.mask.as_ref()]);
-        let mut inputs: Vec<&Path> = pictures.flatten().map(PathBuf::as_path).collect();
+        let mut inputs: Vec<&Path> = description.files().collect();
         inputs.extend([description.path.as_path(), self.capture.as_path()]);
         output::check_outputs(&[&self.output], &inputs, self.force)?;
         let options = HullOptions {

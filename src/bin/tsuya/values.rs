@@ -71,6 +71,10 @@ pub struct CaptureArguments {
     /// The masks show the background, not the object.
     #[arg(long)]
     pub invert_masks: bool,
+    /// Divides photographs by the exposures that their EXIF data tell (time, sensitivity, aperture), over the first one's, where the capture states
+    /// no times. For raw and linear photographs; curves of cameras do not follow exposure
+    #[arg(long)]
+    pub exif_exposure: bool,
     /// Takes mesh, cameras and masks as they are, whether they agree or not.
     #[arg(long)]
     pub unchecked: bool,
@@ -108,6 +112,7 @@ impl CaptureArguments {
             color_space: self.color_space.clone(),
             mesh_scale: self.mesh_scale,
             invert_masks: self.invert_masks,
+            exif_exposure: self.exif_exposure,
             unchecked: self.unchecked,
             limits: source::limits(),
             allow_outside: self.outside.allow_outside,
@@ -123,11 +128,7 @@ impl CaptureArguments {
         {
             files.extend(entries.flatten().map(|entry| entry.path()));
         }
-        let boards =
-            description.white_reference.iter().flat_map(|white| [Some(&white.photograph), white.cross.as_ref()]);
-        let frames = description.frames.iter();
-        let pictures = frames.flat_map(|frame| [Some(&frame.photograph), frame.cross.as_ref(), frame.mask.as_ref()]);
-        files.extend(boards.chain(pictures).flatten().cloned());
+        files.extend(description.files().map(Path::to_owned));
         files.extend(description.find_mesh(&CaptureReadOptions { mesh: self.mesh.clone(), ..Default::default() }));
         files.extend(self.mesh_pose.clone());
         Ok(files)

@@ -3,6 +3,7 @@
 
 use super::description::{CaptureDescription, FrameDescription, camera_fault, capture_folder, folder_name};
 use super::lens::Lens;
+use super::photograph::PhotographFiles;
 use super::view_names::view_names;
 use crate::error::{Error, Result};
 use crate::input::{FileAccess, Folder, escaped, quoted};
@@ -119,7 +120,8 @@ fn frame(path: &Path, root: &Folder, cameras: &Cameras, pose: ColmapPose, name: 
     let masks = [format!("masks/{}.png", pose.name), format!("masks/{}", stem.display())]
         .map(|name| root.portable(&name).into_owned());
     let mask = found(&masks).map(|name| root.resolve(&name)).transpose()?;
-    Ok(FrameDescription { photograph, cross: None, mask, lens, view: View { name, camera, light: None } })
+    let photograph = PhotographFiles::single(photograph);
+    Ok(FrameDescription { photograph, mask, lens, view: View { name, camera, light: None } })
 }
 
 /// Rows of the rotation of a unit quaternion.

@@ -1,10 +1,11 @@
 //! Silhouettes of a capture's views: masks at the size at which the hull is carved, as signed distances.
 
 use super::super::description::{CaptureDescription, FrameDescription};
+use super::super::photograph::PhotographReading;
 use super::HullOptions;
 use super::distance::signed_distances;
 use crate::error::{Error, Result};
-use crate::image::read::{ColorSpace, ImageFault, read_mask, read_radiance_image, reading_memory};
+use crate::image::read::{ColorSpace, ImageFault, read_mask};
 use crate::image::{Mask, RgbImage, to_srgb};
 use crate::input::{FileAccess, escaped};
 use crate::views::Camera;
@@ -109,11 +110,9 @@ pub(super) fn read(
         let step = width.max(height).div_ceil(MAX_SIDE).max(1);
         kept += 4 * u64::from(width / step + 1) * u64::from(height / step + 1);
         let pixels = u64::from(width) * u64::from(height);
-        let files = [Some(&frame.photograph), frame.mask.as_ref()].into_iter().flatten();
-        let bytes =
-            files.filter_map(|file| std::fs::metadata(file).ok().map(|metadata| metadata.len())).max().unwrap_or(0);
+        let photographs = PhotographReading { access, space: &space };
         // The distances of a silhouette are computed out of place.
-        reading = reading.max(reading_memory(bytes, width, height).saturating_add(16 * pixels));
+        reading = reading.max(photographs.memory(frame, width, height).saturating_add(16 * pixels));
     }
     access.charge(&description.path, "silhouettes of the capture", kept)?;
     let at_once = (access.budget().left() / reading).max(1) as usize;
@@ -202,8 +201,8 @@ fn read_mask_of(
     let (mut mask, photograph) = match &frame.mask {
         Some(path) => (Some(read_mask(path, access, size)?), None),
         None => {
-            let photograph = read_radiance_image(&frame.photograph, access, space, Some(size))?;
-            (photograph.alpha, Some(photograph.colour))
+            let read = PhotographReading { access, space }.read(&frame.photograph, Some(size))?;
+            (read.alpha, Some(read.photograph))
         }
     };
     if options.reading.invert_masks {

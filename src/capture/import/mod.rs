@@ -17,6 +17,7 @@ pub(super) use foreign::{is_foreign, refusal};
 
 use super::description::{CaptureDescription, FrameDescription, camera_fault, folder_name};
 use super::lens::Lens;
+use super::photograph::PhotographFiles;
 use super::transforms::nearest_rotation;
 use crate::error::{Error, Result};
 use crate::input::{FileAccess, Folder, escaped};
@@ -174,7 +175,7 @@ fn description(
         let mask = photographs::find_mask(folder, &name)?;
         let lens = if view.lens.is_pinhole() { Lens::Pinhole } else { view.lens };
         let view = View { name, camera: view.camera, light: None };
-        frames.push(FrameDescription { photograph, cross: None, mask, lens, view });
+        frames.push(FrameDescription { photograph: PhotographFiles::single(photograph), mask, lens, view });
     }
     frames.sort_by(|a, b| a.view.name.cmp(&b.view.name));
     Ok(CaptureDescription {

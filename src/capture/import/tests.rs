@@ -21,7 +21,7 @@ fn cameras_of_all_formats_are_colmaps() {
             let found = describe(original.write(format, &folder), &FileAccess::default()).unwrap();
             assert_eq!(found.frames.len(), expected.len(), "{format}: {:?}", found.warnings);
             for (a, b) in found.frames.iter().zip(&expected) {
-                assert_eq!((&a.view.name, a.photograph.is_file()), (&b.view.name, true), "{format}");
+                assert_eq!((&a.view.name, a.photograph.first().is_file()), (&b.view.name, true), "{format}");
                 let (c, d) = (a.view.camera, b.view.camera);
                 assert_eq!((c.width, c.height), (d.width, d.height));
                 let numbers = |c: Camera| {
@@ -138,7 +138,7 @@ fn views_kept_for_tests_are_named() {
     }
     let found = describe(folder.path(), &FileAccess::default()).unwrap();
     assert_eq!(found.warnings, ["the views of transforms_test.json are not read, as they are kept for tests"]);
-    assert!(found.frames.len() == 1 && found.frames[0].photograph.ends_with("train.PNG"));
+    assert!(found.frames.len() == 1 && found.frames[0].photograph.first().ends_with("train.PNG"));
     let test = describe(folder.path().join("transforms_test.json"), &FileAccess::default()).unwrap();
     assert_eq!((test.frames[0].view.name.as_str(), test.frames[0].view.camera.width), ("test", 6));
 }

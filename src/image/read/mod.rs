@@ -61,6 +61,16 @@ impl ColorSpace {
         ColorSpace { linear_name: "linear-rec709".into(), table: table(from_srgb), is_declared: false }
     }
 
+    /// Returns this space if it is declared, else that of numbers which are linear as they are, such as raw ones.
+    pub(crate) fn of_raw(&self) -> Cow<'_, Self> {
+        match self.is_declared {
+            true => Cow::Borrowed(self),
+            false => {
+                Cow::Owned(ColorSpace { linear_name: "linear-rec709".into(), table: table(|v| v), is_declared: true })
+            }
+        }
+    }
+
     /// Returns `true` if primaries other than Rec. 709's are declared, and are to be kept.
     fn keeps_primaries(&self) -> bool {
         self.linear_name != "linear-rec709"

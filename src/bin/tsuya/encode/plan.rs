@@ -60,7 +60,7 @@ impl EncodePlan {
         let frames = description.frames.iter().enumerate().filter(|(index, _)| kept(index)).map(|(_, frame)| frame);
         let frames: Vec<&FrameDescription> = frames.collect();
         let area = |frame: &&FrameDescription| u64::from(frame.view.camera.width) * u64::from(frame.view.camera.height);
-        let components = |frame: &&FrameDescription| 1 + u64::from(frame.cross.is_some());
+        let components = |frame: &&FrameDescription| 1 + u64::from(frame.photograph.is_polarised());
         let pixels: u64 = frames.iter().map(area).sum();
         let samples: u64 = frames.iter().map(|frame| area(frame) * components(frame)).sum();
         let most: u64 = frames.iter().map(|frame| area(frame) * components(frame)).max().unwrap_or(0);
@@ -76,7 +76,7 @@ impl EncodePlan {
         };
         let is_refined = options.profile == Profile::Predictive
             && options.refine != Refinement::None
-            && frames.iter().all(|frame| frame.cross.is_some() && frame.view.light.is_some());
+            && frames.iter().all(|frame| frame.photograph.is_polarised() && frame.view.light.is_some());
         let refining = whole(if is_refined { pixels.min(REFINING_PIXELS) } else { 0 });
         let coding_seconds = times(&times(&SECONDS, &whole(samples)), &effort);
         let processor_seconds = sum(&coding_seconds, &times(&REFINING_SECONDS, &refining));
