@@ -4,6 +4,7 @@ use super::CaptureReadOptions;
 use super::lens::Lens;
 use super::photograph::PhotographFiles;
 use crate::error::{Error, Result};
+use crate::image::Region;
 use crate::input::Folder;
 use crate::limits::Limits;
 use crate::views::{Camera, View};
@@ -48,6 +49,8 @@ pub struct FrameDescription {
     pub photograph: PhotographFiles,
     /// Pixels that show the object.
     pub mask: Option<PathBuf>,
+    /// Part of the photograph, as it is stored, that shows a white diffuse board.
+    pub board: Option<Region>,
 }
 
 impl FrameDescription {

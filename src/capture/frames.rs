@@ -4,6 +4,7 @@ use super::FrameDescription;
 use super::clipping::Clipping;
 use super::photograph::{PhotographReading, ReadPhotograph};
 use super::scratch::{FrameScratch, StoredFrame};
+use super::white::BoardRadiance;
 use crate::error::{Error, Result};
 use crate::image::read::{ColorSpace, ImageFault, read_mask};
 use crate::image::{Mask, RgbImage};
@@ -51,6 +52,8 @@ impl FrameSource for Vec<CaptureFrame> {
 pub(super) struct FrameSettings {
     pub(super) space: ColorSpace,
     pub(super) invert_masks: bool,
+    /// Radiance of the white board, to which frames that show it are brought.
+    pub(super) board: Option<BoardRadiance>,
 }
 
 /// Frames as files, which are read whenever a frame is asked for.
@@ -195,8 +198,11 @@ fn read_frame(
     let camera = &described.view.camera;
     let size = (camera.width, camera.height);
     let reading = PhotographReading { access, space: &settings.space };
-    let ReadPhotograph { mut photograph, mut cross, alpha, mut clipped } =
-        reading.read(&described.photograph, Some(size))?;
+    let mut read = reading.read(&described.photograph, Some(size))?;
+    if let (Some(region), Some(wanted)) = (&described.board, &settings.board) {
+        BoardRadiance::of_region(&read, region, described).map_err(ImageFault::Wrong)?.bring_to(wanted, &mut read);
+    }
+    let ReadPhotograph { mut photograph, mut cross, alpha, mut clipped } = read;
     let (mut mask, mask_path) = match &described.mask {
         Some(path) => (Some(read_mask(path, access, size)?), path.as_path()),
         None => (alpha, described.photograph.first()),

@@ -7,7 +7,8 @@
 //! - `mesh_file`; `mesh_transform`, 4 x 4 rows, mesh to world (as `tsuya align` finds it);
 //! - `light`: `{type: "point", intensity: number or [r, g, b], position: [x, y, z]}`, at the top or per frame; per frame also
 //!   `light_position`, `light_intensity`. Irradiance at distance `r` is `intensity / r^2`;
-//! - `white_reference`: `{file_path, cross_file_path}`;
+//! - `white_reference`: `{file_path, cross_file_path}`; where a board stands beside the object, `white_region`, at the top or per frame: its
+//!   `[left, top, width, height]` in the photograph. Frames are multiplied so that it is as bright as in the reference, or in the first frame;
 //! - `color_space`: of integer pictures, see [`crate::image::ColorSpace::from_name`];
 //! - per frame `mask_path`, and of polarised photographs `cross_file_path` (specular blocked), alone or with `parallel_file_path`, whose sum with it is the
 //!   photograph then; or `polarisers`: a list of `{file_path, angle}` in degrees, three angles at least. `polarisation_mosaic`, here or at the top,

@@ -3,9 +3,10 @@
 use super::agreement::{self, Agreement, SmallView};
 use super::frames::{FrameFiles, FrameSettings, FrameSource};
 use super::photograph::{PhotographReading, settle_exposures};
+use super::white::BoardRadiance;
 use super::{
     Capture, CaptureDescription, CaptureFrame, CaptureReadOptions, Clipping, FrameDescription, check_beta, describe,
-    read_mesh, white,
+    read_mesh,
 };
 use crate::error::{Error, Result};
 use crate::image::read::{ColorSpace, ImageFault};
@@ -106,6 +107,21 @@ pub(super) fn read_whole(
     Ok(opened.map_frames(|_| frames))
 }
 
+/// The white board in the first frame that shows it and can be read.
+fn first_board(description: &CaptureDescription, reading: PhotographReading<'_>) -> Result<Option<BoardRadiance>> {
+    for frame in &description.frames {
+        let Some(region) = &frame.board else { continue };
+        let size = (frame.view.camera.width, frame.view.camera.height);
+        match reading.read(&frame.photograph, Some(size)) {
+            Ok(read) => return Ok(Some(BoardRadiance::of_region(&read, region, frame)?)),
+            // It is told of with its frame.
+            Err(ImageFault::Unreadable(_)) => {}
+            Err(ImageFault::Wrong(error)) => return Err(error),
+        }
+    }
+    Ok(None)
+}
+
 /// Frames that a warning names, at most.
 const MAX_NAMED: usize = 20;
 
@@ -125,10 +141,15 @@ fn gather<T: Send>(
     let space = declared.map_or_else(|| Ok(ColorSpace::from_files()), |name| ColorSpace::from_name(name))?;
     let (mesh, origin) = read_mesh(&mut description, options, &access, &mut warnings)?;
 
-    let (white, measured_beta) = match &description.white_reference {
-        Some(reference) => white::calibrate(reference, PhotographReading { access: &access, space: &space })?,
-        None => ([1.0; 3], None),
+    let reading = PhotographReading { access: &access, space: &space };
+    let board = match &description.white_reference {
+        Some(reference) => Some(BoardRadiance::of_reference(reference, reading)?),
+        None => first_board(&description, reading)?,
     };
+    let without = description.frames.iter().filter(|frame| frame.board.is_none()).count();
+    if (1..description.frames.len()).contains(&without) {
+        warnings.push(format!("{without} frames show no white board (white_region) and are taken as they are"));
+    }
     let mut described = description.frames.clone();
     let is_polarised = |frame: &FrameDescription| frame.photograph.is_polarised();
     let crossed = described.iter().filter(|frame| is_polarised(frame)).count();
@@ -144,10 +165,10 @@ fn gather<T: Send>(
     }
     // Where some need it to be measured, what would follow from the others does not help.
     let ideal_beta = described.iter().map(|frame| frame.photograph.ideal_beta()).min_by_key(Option::is_some).flatten();
-    let beta = options.beta.or(measured_beta).or(ideal_beta);
+    let beta = options.beta.or(board.and_then(|board| board.beta())).or(ideal_beta);
     check_beta(&description, beta, crossed > 0)?;
 
-    let settings = FrameSettings { space, invert_masks: options.invert_masks };
+    let settings = FrameSettings { space, invert_masks: options.invert_masks, board };
     let color_space = settings.space.linear_name.clone();
     let mut files = FrameFiles::new(described, access, settings);
     let (mut missing_pixels, mut clipping) = (0, Clipping::default());
@@ -208,7 +229,7 @@ fn gather<T: Send>(
         frames,
         mesh,
         origin,
-        white,
+        white: board.map_or([1.0; 3], |board| board.photograph),
         beta,
         color_space,
         warnings,

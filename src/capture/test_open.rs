@@ -41,7 +41,7 @@ fn a_photograph_that_changes_meanwhile_is_refused() {
     small.read(&CaptureReadOptions::default()).unwrap();
     let access = CaptureReadOptions::default().access();
     let described = describe(small.folder.path(), &access).unwrap().frames;
-    let settings = FrameSettings { space: ColorSpace::from_files(), invert_masks: false };
+    let settings = FrameSettings { space: ColorSpace::from_files(), invert_masks: false, board: None };
     // Nothing is stored: the disk was full.
     let files = FrameFiles::new(described, access, settings);
     assert_eq!(files.frame(1).unwrap().photograph.data[17], [1.0, 1.0, 1.0]);

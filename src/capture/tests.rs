@@ -52,11 +52,9 @@ fn white_boards_of_the_shared_captures() {
         let description = describe(path.join("transforms.json"), &FileAccess::default()).unwrap();
         assert_eq!(description.frames.len(), frames);
         let (access, space) = (FileAccess::default(), ColorSpace::from_name("srgb").unwrap());
-        let (found, _) = white::calibrate(
-            &description.white_reference.unwrap(),
-            PhotographReading { access: &access, space: &space },
-        )
-        .unwrap();
+        let reading = PhotographReading { access: &access, space: &space };
+        let found =
+            white::BoardRadiance::of_reference(&description.white_reference.unwrap(), reading).unwrap().photograph;
         (0..3).for_each(|c| assert!((found[c] - white[c]).abs() < 4e-6, "{part} {:?}", found));
     }
 }
@@ -122,6 +120,49 @@ fn polarised_captures_have_beta_and_white() {
     assert!(small.error().contains("white.exr: the white board has a mean radiance of [NaN, NaN, NaN]"));
     fs::remove_file(small.path("white_cross.exr")).unwrap();
     assert!(small.read(&CaptureReadOptions::default()).is_err());
+}
+
+#[test]
+fn a_board_in_each_photograph_makes_them_equal() {
+    let mut small = Small::new(true);
+    small.keys = ", \"white_region\": [12, 8, 4, 4]".into();
+    for (k, [light, ratio]) in [[1.0, 0.5], [2.0, 0.4], [0.25, 0.6]].into_iter().enumerate() {
+        let board = |x: usize, y: usize| x >= 12 && y >= 8;
+        let value = |x: usize, y: usize| if board(x, y) { 0.8 * light } else { 0.01 * light * (x + y) as f32 };
+        small.picture(&format!("{k}.exr"), |x, y| (value(x, y), value(x, y), 0.5 * value(x, y)));
+        small.picture(&format!("c{k}.exr"), |x, y| (ratio * value(x, y), ratio * value(x, y), 0.5 * value(x, y)));
+    }
+    let capture = small.read(&CaptureReadOptions::default()).unwrap();
+    let near = |a: [f64; 3], b: [f64; 3]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-6);
+    assert!(
+        near(capture.white, [0.8, 0.8, 0.4]) && near(capture.beta.unwrap(), [0.5, 0.5, 1.0]),
+        "{:?}",
+        capture.white
+    );
+    for frame in &capture.frames {
+        let [off, on] = [&frame.photograph, frame.cross.as_ref().unwrap()].map(|image| image.value_at(5, 6)[0]);
+        assert!((off - 0.11).abs() < 1e-6 && (on - 0.055).abs() < 1e-6, "{off} {on}");
+    }
+    // A reference of its own comes first; a frame without a board stays as it is.
+    small.picture("white.exr", |_, _| (1.6, 1.6, 1.6));
+    small.picture("white_cross.exr", |_, _| (0.8, 0.8, 0.8));
+    small.keys =
+        ", \"white_reference\": {\"file_path\": \"white.exr\", \"cross_file_path\": \"white_cross.exr\"}".into();
+    small.frames.iter_mut().take(2).for_each(|frame| *frame += ", \"white_region\": [12, 8, 4, 4]");
+    let capture = small.read(&CaptureReadOptions::default()).unwrap();
+    let values = [0, 1, 2].map(|k: usize| capture.frames[k].photograph.value_at(5, 6)[0]);
+    assert!(values.iter().zip([0.22, 0.22, 0.0275]).all(|(a, b)| (a - b).abs() < 1e-6), "{values:?}");
+    assert!(capture.warnings.iter().any(|warning| warning.contains("1 frames show no white board")));
+    for (region, said) in [
+        ("[12, 8, 5, 4]", "1.exr: its white_region leaves its 16 x 12 pixels"),
+        ("[0, 0, 1, 1]", "should be positive"),
+        ("[0, 0, 1]", "left, top, width and height"),
+        ("[0, 0, 0, 1]", "left, top, width and height"),
+    ] {
+        let mut wrong = Small::new(false);
+        wrong.frames[1] += &format!(", \"white_region\": {region}");
+        assert!(wrong.error().contains(said), "{}", wrong.error());
+    }
 }
 
 #[test]

@@ -8,6 +8,7 @@ use super::lens::Lens;
 use super::photograph::{ExposureTimes, PhotographFiles, find_image, first_name, read_photograph};
 use super::view_names::view_names;
 use crate::error::Result;
+use crate::image::Region;
 use crate::image::read::read_size;
 use crate::input::{FileAccess, Folder, escaped, quoted};
 use crate::views::{Camera, PointLight, View};
@@ -78,10 +79,24 @@ fn read_frame(
     let light = read_light(root, frame, lights)?;
     Ok(FrameDescription {
         photograph,
+        board: frame
+            .get("white_region")
+            .or_else(|| root.get("white_region"))
+            .map(|node| read_region(&node))
+            .transpose()?,
         mask: frame.optional("mask_path", |node| find_image(folder, node.text()?))?,
         lens,
         view: View { name, camera, light },
     })
+}
+
+/// Left, top, width and height.
+fn read_region(node: &JsonNode) -> Result<Region> {
+    let sides = node.items(4)?.iter().map(JsonNode::count).collect::<Result<Vec<_>>>()?;
+    match sides[..] {
+        [left, top, width, height] if width > 0 && height > 0 => Ok(Region { left, top, width, height }),
+        _ => Err(node.error("a region is told by its left, top, width and height, in pixels")),
+    }
 }
 
 /// Camera and lens from the frame's own keys, else the capture's. Needed: `w`, `h`, `fl_x` (or `camera_angle_x`); where a photograph is given,

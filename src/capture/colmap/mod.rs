@@ -121,7 +121,7 @@ fn frame(path: &Path, root: &Folder, cameras: &Cameras, pose: ColmapPose, name: 
         .map(|name| root.portable(&name).into_owned());
     let mask = found(&masks).map(|name| root.resolve(&name)).transpose()?;
     let photograph = PhotographFiles::single(photograph);
-    Ok(FrameDescription { photograph, mask, lens, view: View { name, camera, light: None } })
+    Ok(FrameDescription { photograph, board: None, mask, lens, view: View { name, camera, light: None } })
 }
 
 /// Rows of the rotation of a unit quaternion.

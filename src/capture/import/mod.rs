@@ -175,7 +175,13 @@ fn description(
         let mask = photographs::find_mask(folder, &name)?;
         let lens = if view.lens.is_pinhole() { Lens::Pinhole } else { view.lens };
         let view = View { name, camera: view.camera, light: None };
-        frames.push(FrameDescription { photograph: PhotographFiles::single(photograph), mask, lens, view });
+        frames.push(FrameDescription {
+            photograph: PhotographFiles::single(photograph),
+            board: None,
+            mask,
+            lens,
+            view,
+        });
     }
     frames.sort_by(|a, b| a.view.name.cmp(&b.view.name));
     Ok(CaptureDescription {
