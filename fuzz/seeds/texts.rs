@@ -114,6 +114,8 @@ fn captures(seeds: &Seeds) {
         let text = format!("{{{head},\"polarisation_mosaic\":{mosaic},\"frames\":[{}]}}", frame(0, ""));
         seeds.put("transforms", name, text);
     }
+    let region = ",\"white_region\":[1,1,2,2]";
+    seeds.put("transforms", "board", format!("{{{head},\"frames\":[{},{}]}}", frame(0, region), frame(1, region)));
     let bracket = posed(0, &format!("\"exposures\":[{}]", list("exposure_time", [0.5, 2.0, 0.125])));
     seeds.put("transforms", "bracket", format!("{{{head},\"frames\":[{bracket}]}}"));
     for (name, model, numbers) in [

@@ -121,7 +121,7 @@ impl Decode {
             limits: limits(),
             reduction: self.reduce,
             region: self.region,
-            photographs_only: self.region.is_some(),
+            photographs_only: self.region.is_some() || self.mesh_only,
         };
         let _busy = progress::busy("decoding");
         let mut writing = Duration::ZERO;

@@ -69,7 +69,7 @@ pub fn sync_folder(path: &Path) {
     }
 }
 
-/// Lets two folders change places at once, where the system can.
+/// Lets two files or folders change places at once, where the system can.
 pub fn exchange(one: &Path, other: &Path) -> Result<()> {
     #[cfg(any(target_os = "linux", target_os = "macos"))]
     {
