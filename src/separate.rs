@@ -91,7 +91,7 @@ impl<'a> SeparatedFrames<'a> {
     /// Opens a view.
     pub(crate) fn observe(&self, view: usize) -> Result<ObservedView> {
         let frame = self.capture.frame(self.frames[view])?.into_owned();
-        check_pair(&frame, self.capture.is_polarised())?;
+        check_frame(&frame, self.capture.is_polarised())?;
         Ok(separate_frame(frame, self.beta))
     }
 
@@ -195,7 +195,7 @@ pub(crate) fn check_shown(shown: &[bool], warnings: &mut Vec<String>) -> Result<
 pub fn separate(capture: &mut Capture) -> Result<Observations> {
     let polarised = capture.frames.first().is_some_and(|frame| frame.cross.is_some());
     let (components, beta) = components(polarised, capture.beta)?;
-    capture.frames.iter().try_for_each(|frame| check_pair(frame, polarised))?;
+    capture.frames.iter().try_for_each(|frame| check_frame(frame, polarised))?;
     let frames = std::mem::take(&mut capture.frames).into_iter().map(|frame| separate_frame(frame, beta)).collect();
     Ok(Observations { components, white: capture.white, beta, views: frames })
 }
@@ -211,12 +211,12 @@ fn components(polarised: bool, beta: Option<[f64; 3]>) -> Result<(Vec<Component>
     }
 }
 
-fn check_pair(frame: &CaptureFrame, polarised: bool) -> Result<()> {
+fn check_frame(frame: &CaptureFrame, polarised: bool) -> Result<()> {
     if frame.cross.is_some() != polarised {
         let name = &frame.view.name;
         return Err(Error::parameter(format!("frame {name}: all frames need a cross photograph, or none")));
     }
-    Ok(())
+    frame.check()
 }
 
 fn separate_frame(frame: CaptureFrame, beta: Option<[f64; 3]>) -> ObservedView {
@@ -264,6 +264,7 @@ pub fn recombine(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::views::Camera;
 
     fn capture(cross: Option<RgbImage>, beta: Option<[f64; 3]>) -> Capture {
         let photograph = RgbImage {
@@ -271,7 +272,8 @@ mod tests {
             height: 2,
             data: vec![[1.0, 2.0, 3.0], [0.25, 0.5, 0.5], [f32::NAN; 3], [4.0, 0.1, 0.3]],
         };
-        let view = View { name: "a".into(), camera: Default::default(), light: None };
+        let camera = Camera { width: 2, height: 2, ..Camera::default() };
+        let view = View { name: "a".into(), camera, light: None };
         Capture {
             name: "test".into(),
             frames: vec![CaptureFrame { view, photograph, cross, mask: None }],
@@ -330,5 +332,16 @@ mod tests {
         assert!(separate(&mut mixed).is_err());
         assert_eq!(mixed.frames.len(), 2);
         assert!(recombine(&[Component::Combined], &[], None).is_err());
+
+        let refused = |change: fn(&mut CaptureFrame)| {
+            let mut wrong = capture(Some(RgbImage::filled(2, 2, [0.5; 3])), Some([0.5; 3]));
+            change(&mut wrong.frames[0]);
+            separate(&mut wrong).unwrap_err().to_string()
+        };
+        assert!(refused(|frame| frame.photograph = RgbImage::filled(3, 2, [0.5; 3])).contains("photograph has 3 x 2"));
+        assert!(refused(|frame| frame.cross = Some(RgbImage::filled(2, 1, [0.5; 3]))).contains("photograph has 2 x 1"));
+        assert!(refused(|frame| frame.mask = Some(Mask::filled(1, 2, true))).contains("mask has 1 x 2"));
+        assert!(refused(|frame| frame.mask = Some(Mask::filled(2, 2, false))).contains("shows nothing"));
+        assert!(refused(|frame| frame.photograph.data.truncate(3)).contains("photograph"));
     }
 }

@@ -30,6 +30,29 @@ pub struct CaptureFrame {
     pub mask: Option<Mask>,
 }
 
+impl CaptureFrame {
+    /// Returns an error unless photographs and mask have the camera's size and the mask shows something. Those that are read from files have.
+    /// # Errors
+    /// [`Error::Parameter`], which names the frame.
+    pub fn check(&self) -> Result<()> {
+        let View { name, camera, .. } = &self.view;
+        let wrong = |what: String| Err(Error::parameter(format!("frame {name}: {what}")));
+        let of_photographs = [Some(&self.photograph), self.cross.as_ref()].into_iter().flatten();
+        let photographs = of_photographs.map(|image| ("photograph", image.size(), image.data.len()));
+        let mask = self.mask.as_ref().map(|mask| ("mask", mask.size(), mask.data.len()));
+        for (what, (width, height), values) in photographs.chain(mask) {
+            if (width, height) != (camera.width, camera.height) || values != width as usize * height as usize {
+                let size = format!("{} x {}", camera.width, camera.height);
+                return wrong(format!("the {what} has {width} x {height} pixels, its camera {size}"));
+            }
+        }
+        if self.photograph.data.is_empty() || self.mask.as_ref().is_some_and(|mask| mask.count() == 0) {
+            return wrong("its mask shows nothing of the object".into());
+        }
+        Ok(())
+    }
+}
+
 /// Frames that are handed out one at a time, so that only those in use are in memory.
 pub(crate) trait FrameSource: Debug + Send + Sync {
     /// Returns a frame.
