@@ -18,8 +18,13 @@ use tsuya::metrics::to_display;
 use tsuya::relight::{AssetRenderer, RenderLighting, RenderOptions, orbit};
 use tsuya::{EncodeOptions, EncodeTarget, Profile};
 
-/// The sample capture in the source folder.
-const SAMPLE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/sample-spot");
+/// The sample capture, within the program.
+#[derive(rust_embed::RustEmbed)]
+#[folder = "tests/data/sample-spot"]
+struct Sample;
+
+/// What its folder is called.
+const SAMPLE: &str = "sample-spot";
 /// Pictures of the orbit.
 const ORBIT: usize = 12;
 /// Small photographs are shown enlarged to about this width.
@@ -42,11 +47,12 @@ pub struct Demo {
 impl Demo {
     pub fn run(self) -> Result<()> {
         let start = Instant::now();
-        let path = self.capture.clone().unwrap_or_else(|| PathBuf::from(SAMPLE));
-        if !path.exists() {
-            let message = format!("the sample capture is not at {}; give one with --capture DIR", path.display());
-            return Err(Error::parameter(message).into());
-        }
+        // The sample is there as long as this runs.
+        let mut unpacked = None;
+        let path = match &self.capture {
+            Some(path) => path.clone(),
+            None => unpacked.insert(unpack()?).join(SAMPLE),
+        };
         let folder = output::Folder::create(&self.output, true, None, &[])?;
         let options = CaptureReadOptions { limits: source::limits(), ..Default::default() };
         let captured = progress::read_capture(&path, &options)?;
@@ -94,6 +100,19 @@ impl Demo {
         );
         output::print(&text)
     }
+}
+
+/// Writes the sample's files into a temporary folder.
+fn unpack() -> Result<output::Staging> {
+    let parent = std::env::temp_dir();
+    let staging = output::Staging::create_in(&parent).map_err(|e| Error::io(&parent, e))?;
+    for name in Sample::iter() {
+        let (path, file) = (staging.join(SAMPLE).join(&*name), Sample::get(&name));
+        let failed = |e| Error::io(&path, e);
+        std::fs::create_dir_all(path.parent().unwrap_or(&parent)).map_err(failed)?;
+        std::fs::write(&path, file.map(|file| file.data).unwrap_or_default()).map_err(failed)?;
+    }
+    Ok(staging)
 }
 
 fn pictures_of(bytes: &[u8], mut captured: capture::Capture, folder: &output::Folder) -> Result<()> {

@@ -11,6 +11,7 @@ pub use files::{Files, check_outputs, write};
 pub use folder::Folder;
 pub use place::is_same_file;
 pub use signals::{clean_up_on_signals, wait_for_signal};
+pub use staging::Staging;
 pub use terminal::{is_plain_text as is_plain, line, without_controls};
 
 use anyhow::Result;
