@@ -16,7 +16,7 @@ pub struct OrderEntry {
 impl OrderEntry {
     /// The views that must be decoded before this one.
     pub fn dependencies(&self) -> impl Iterator<Item = usize> + '_ {
-        self.references.iter().map(|r| r.0).chain(self.parent)
+        self.references.iter().map(|(view, _)| view).chain(&self.parent).copied()
     }
 }
 
