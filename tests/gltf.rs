@@ -150,6 +150,42 @@ fn a_document_from_another_program_gets_its_stream_back() {
     exported.run(0, &["inject", "plain.gltf", "a.tsuya", "-o", "bound.gltf", "--material", "1"]);
     exported.run(0, &["import", "bound.gltf", "-o", "plain.tsuya"]);
     assert_eq!(exported.bytes("plain.tsuya"), encoded_sample().bytes);
+    assert!(
+        exported
+            .run(1, &["inject", "plain.gltf", "a.tsuya", "-o", "bound.glb", "--material", "1"])
+            .contains("ends with .gltf")
+    );
+}
+
+#[test]
+fn a_name_that_ends_with_gltf_gets_json_and_its_buffer_beside_it() {
+    let exported = Exported::new(&[]);
+    let glb = exported.document();
+    exported.run(0, &["export", "a.tsuya", "-o", "spot é.gltf"]);
+    let document = parse(&exported.path("spot é.gltf"));
+    assert!(!document.is_glb() && document.binary.is_none());
+    assert_eq!(document.json["buffers"][0]["uri"], "spot%20%C3%A9.bin");
+    let length = document.json["buffers"][0]["byteLength"].as_u64().unwrap() as usize;
+    assert_eq!(exported.bytes("spot é.bin").len(), length);
+    // The same mesh and textures; the stream beside them.
+    assert_eq!(document.json["accessors"], glb.json["accessors"]);
+    assert_eq!(exported.bytes("spot é.bin")[..], glb.binary.as_ref().unwrap()[..length]);
+    assert_eq!(exported.bytes("spot é.tsuya"), encoded_sample().bytes);
+    exported.run(0, &["import", "spot é.gltf", "-o", "back.tsuya"]);
+    assert_eq!(exported.bytes("back.tsuya"), encoded_sample().bytes);
+    // Any of the three that is there already stops it.
+    std::fs::remove_file(exported.path("spot é.gltf")).unwrap();
+    std::fs::remove_file(exported.path("spot é.tsuya")).unwrap();
+    assert!(exported.run(2, &["export", "a.tsuya", "-o", "spot é.gltf"]).contains("spot é.bin"));
+    assert!(!exported.path("spot é.gltf").exists());
+    // A GLB that is injected or stripped into JSON.
+    exported.run(0, &["extract", "spot.glb", "-o", "out.tsuya", "--rest", "rest.gltf"]);
+    exported.run(0, &["inject", "rest.gltf", "a.tsuya", "-o", "again.gltf"]);
+    exported.run(0, &["inject", "spot.glb", "a.tsuya", "-o", "moved.gltf"]);
+    for name in ["again", "moved"] {
+        assert_eq!(exported.bytes(&format!("{name}.tsuya")), encoded_sample().bytes, "{name}");
+        exported.run(0, &["import", &format!("{name}.gltf"), "-o", &format!("{name}-back.tsuya")]);
+    }
 }
 
 #[test]

@@ -150,6 +150,29 @@ impl GltfDocument {
         Ok(bytes)
     }
 
+    /// Makes JSON alone of a GLB: its buffer 0 becomes the file of this reference, and its content, if there is any, is returned.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Unsupported`] for a GLB with chunks of other kinds, for which JSON has no place.
+    pub fn take_buffer(&mut self, reference: &str) -> Result<Option<Vec<u8>>> {
+        if !self.others.is_empty() {
+            let message =
+                format!("{}: the GLB has chunks besides JSON and buffer 0: it stays a GLB", self.path.display());
+            return Err(Error::Unsupported(message));
+        }
+        self.is_glb = false;
+        let Some(mut content) = self.binary.take() else { return Ok(None) };
+        if let Some(Value::Object(buffer)) = self.json.get_mut("buffers").and_then(|buffers| buffers.get_mut(0)) {
+            buffer.insert("uri".into(), json!(reference));
+            let length =
+                buffer.get("byteLength").and_then(Value::as_u64).and_then(|length| usize::try_from(length).ok());
+            // What fills up a chunk is no part of the buffer.
+            content.truncate(length.unwrap_or(content.len()));
+        }
+        Ok(Some(content))
+    }
+
     /// True for a GLB, false for JSON alone.
     pub fn is_glb(&self) -> bool {
         self.is_glb

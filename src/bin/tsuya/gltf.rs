@@ -1,8 +1,10 @@
 //! `tsuya gltf`: GLB files that every viewer shows, with the stream inside.
 
+mod written;
+
 use crate::comparison::compare;
 use crate::make::Make;
-use crate::source::{limits, name, read};
+use crate::source::{has_extension, limits, name, read};
 use crate::values::{CaptureArguments, OutsideArgument, find_view};
 use crate::{Failed, output, pictures, progress};
 use anyhow::{Context, Result};
@@ -20,6 +22,7 @@ use tsuya::metrics::{PhotographError, coverage, to_display};
 use tsuya::relight::{AssetRenderer, RenderLayers, RenderLighting, RenderOptions};
 use tsuya::{Budget, Error};
 use tsuya::{Component, Photograph};
+use written::DocumentFiles;
 
 /// Exports to glTF and back: the file's stream travels in the extension TSUYA_materials_appearance, with a material that every viewer shows.
 #[derive(Args)]
@@ -47,15 +50,15 @@ impl Gltf {
     }
 }
 
-/// Makes a GLB: mesh, textures baked from the fitted reflectance, and the file itself.
+/// Makes a GLB, or glTF JSON with its buffer beside it: mesh, textures baked from the fitted reflectance, and the file itself.
 #[derive(Args)]
 pub struct Export {
     /// The .tsuya file; - is standard input.
     file: PathBuf,
-    /// The GLB; - is standard output.
+    /// The GLB; - is standard output. With a name that ends with .gltf: JSON, buffer (.bin) and stream (.tsuya) beside each other.
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
-    /// Puts the stream beside the GLB, under its name with .tsuya, instead of inside.
+    /// Puts the stream beside the document, under its name with .tsuya, instead of inside; always so with .gltf.
     #[arg(long)]
     external: bool,
     /// Diffuse albedo of the capture's white board, to which colours are relative.
@@ -85,11 +88,12 @@ pub struct Export {
 
 impl Export {
     fn run(self) -> Result<()> {
-        let beside = beside(&self.output, self.external)?;
-        // The file itself may be the one beside the GLB.
+        let beside = beside(&self.output, self.external || has_extension(&self.output, "gltf"))?;
+        let documents = DocumentFiles::of(&self.output, true)?;
+        // The file itself may be the one beside the document.
         let written = beside.as_ref().filter(|path| !output::is_same_file(path, &self.file));
-        let outputs: Vec<&Path> =
-            [Some(&self.output), written, self.picture.as_ref()].into_iter().flatten().map(|p| &**p).collect();
+        let others = [written, self.picture.as_ref()].into_iter().flatten().map(|path| &**path);
+        let outputs: Vec<&Path> = documents.paths().chain(others).collect();
         let capture = self.against.as_ref().map(|capture| self.reading.files(capture)).transpose()?.unwrap_or_default();
         let inputs: Vec<&Path> = capture.iter().map(|path| &**path).chain([&*self.file]).collect();
         output::check_outputs(&outputs, &inputs, self.force)?;
@@ -97,7 +101,7 @@ impl Export {
         container::verify(&stream[..], limits()).with_context(|| name(&self.file))?;
         let asset = without_photographs(&self.file, &stream)?;
         if asset.is_modelled() {
-            return self.export_modelled(&asset);
+            return self.export_modelled(&asset, &documents);
         }
         let options = ExportOptions {
             placement: placement(&beside),
@@ -107,12 +111,11 @@ impl Export {
         };
         let exported = gltf::export(&stream, &asset, &options).with_context(|| name(&self.file))?;
         let measured = self.against.as_ref().map(|capture| self.measure(capture, &exported.fallback)).transpose()?;
-        let bytes = exported.document.to_bytes()?;
         let mut files = output::Files::new(self.force);
         if let Some(path) = written {
             files.add(path, &stream)?;
         }
-        files.add(&self.output, &bytes)?;
+        let bytes = documents.add(&mut files, exported.document)?;
         if let Some((path, picture)) = self.picture.as_ref().zip(measured.as_ref().and_then(|m| m.picture.as_ref())) {
             files.add(path, picture)?;
         }
@@ -120,7 +123,7 @@ impl Export {
         let size = &exported.fallback.base_colour;
         if self.json {
             return output::print_json(&json!({
-                "bytes": bytes.len(),
+                "bytes": bytes,
                 "stream_bytes": stream.len(),
                 "stream": beside.as_ref().map(|path| path.display().to_string()),
                 "sha256": exported.sha256,
@@ -138,7 +141,7 @@ impl Export {
         let mut text = format!(
             "{}: {} bytes, {} of them the stream; {} vertices, {} triangles, textures of {} x {} texels\n",
             self.output.display(),
-            bytes.len(),
+            bytes,
             if beside.is_some() { 0 } else { stream.len() },
             exported.vertices,
             exported.triangles,
@@ -159,7 +162,7 @@ impl Export {
     }
 
     /// Exports materials that are bound to the mesh: numbers, not textures, and no stream.
-    fn export_modelled(&self, asset: &Asset) -> Result<()> {
+    fn export_modelled(&self, asset: &Asset, documents: &DocumentFiles) -> Result<()> {
         if self.external || self.jpeg.is_some() || self.against.is_some() {
             let message = "the object was modelled: its GLB has neither a stream nor textures, so that --external, --jpeg and --against have \
                            nothing to act on";
@@ -170,22 +173,20 @@ impl Export {
             let names: Vec<String> = simplified.iter().map(|name| output::line(name)).collect();
             output::warn(&[format!("{}: anisotropic; the GLB has the mean of both widths", names.join(", "))]);
         }
-        let bytes = document.to_bytes()?;
-        output::write(&self.output, &bytes, self.force)?;
         let (vertices, triangles) = (asset.mesh.positions.len(), asset.mesh.triangles.len());
         let materials = document.list("materials").len();
+        let mut files = output::Files::new(self.force);
+        let bytes = documents.add(&mut files, document)?;
+        files.commit()?;
         if self.json {
             return output::print_json(
-                &json!({"bytes": bytes.len(), "vertices": vertices, "triangles": triangles, "materials": materials}),
+                &json!({"bytes": bytes, "vertices": vertices, "triangles": triangles, "materials": materials}),
             );
         }
         if output::is_stream(&self.output) {
             return Ok(());
         }
-        output::print(&format!(
-            "{} bytes: {vertices} vertices, {triangles} triangles, {materials} materials\n",
-            bytes.len()
-        ))
+        output::print(&format!("{bytes} bytes: {vertices} vertices, {triangles} triangles, {materials} materials\n"))
     }
 
     /// The textured mesh, and the fitted reflectance, under each photograph's light.
@@ -321,10 +322,12 @@ impl Inject {
         let stream = read(&self.stream)?;
         container::verify(&stream[..], limits()).with_context(|| name(&self.stream))?;
         let asset = without_photographs(&self.stream, &stream)?;
-        let beside = beside(&self.output, self.external || !document.is_glb())?;
+        let is_json = !document.is_glb() || has_extension(&self.output, "gltf");
+        let beside = beside(&self.output, self.external || is_json)?;
+        let documents = DocumentFiles::of(&self.output, document.is_glb())?;
         let written = beside.as_ref().filter(|path| !output::is_same_file(path, &self.stream));
         // The document may be changed in its place.
-        let outputs: Vec<&Path> = [Some(&self.output), written].into_iter().flatten().map(|path| &**path).collect();
+        let outputs: Vec<&Path> = documents.paths().chain(written.map(|path| &**path)).collect();
         output::check_outputs(&outputs, &[&self.stream], self.force)?;
         let material = gltf::find_material(&document, &gltf::sha256(&stream), self.material.as_deref())
             .with_context(|| name(&self.file))?;
@@ -339,12 +342,11 @@ impl Inject {
             let files = |name: &str| beside_document(&self.file, name, &access);
             check_mesh(&document, &[material], &binding, &asset, &files)?;
         }
-        let bytes = document.to_bytes()?;
         let mut files = output::Files::new(self.force);
         if let Some(path) = written {
             files.add(path, &stream)?;
         }
-        files.add(&self.output, &bytes)?;
+        documents.add(&mut files, document)?;
         files.commit()
     }
 }
@@ -372,17 +374,18 @@ pub struct Extract {
 
 impl Extract {
     fn run(self) -> Result<()> {
-        let outputs: Vec<&Path> =
-            [Some(&self.output), self.rest.as_ref()].into_iter().flatten().map(|path| &**path).collect();
-        output::check_outputs(&outputs, &[&self.file], self.force)?;
         let mut document = document(&self.file, self.outside)?;
+        let rest = self.rest.as_ref().map(|path| DocumentFiles::of(path, document.is_glb())).transpose()?;
+        let outputs: Vec<&Path> =
+            [&*self.output].into_iter().chain(rest.iter().flat_map(|rest| rest.paths())).collect();
+        output::check_outputs(&outputs, &[&self.file], self.force)?;
         let access = self.outside.access();
         let taken = gltf::extract(&document, self.appearance, &|name| beside_document(&self.file, name, &access))?;
         let mut files = output::Files::new(self.force);
         files.add(&self.output, &taken.stream)?;
-        if let Some(rest) = &self.rest {
+        if let Some(rest) = &rest {
             gltf::strip(&mut document)?;
-            files.add(rest, &document.to_bytes()?)?;
+            rest.add(&mut files, document)?;
         }
         files.commit()
     }
