@@ -11,6 +11,7 @@ mod brdf_plan;
 #[cfg(feature = "internals")]
 mod captures;
 mod check;
+mod command_line;
 mod container_description;
 mod damage;
 mod document_materials;

@@ -29,6 +29,13 @@ use tsuya::{Error, capture};
 /// The marker gives the place, an environment the light; the ground is darkened by the object's shadow. World axes: +Y up, the marker's
 /// middle at the origin, in the unit of the marker's size.
 #[derive(Args)]
+#[command(after_help = concat!(
+    "Examples:\n",
+    "  tsuya ar table.jpg --asset vase.tsuya --marker tag36h11:0:0.08 --camera phone.yaml \\\n",
+    "    --environment room.hdr -o placed.png\n",
+    "  tsuya ar shot.mp4 --asset vase.tsuya --marker rig.json --camera phone.yaml \\\n",
+    "    --environment room.hdr -o placed.mp4",
+))]
 pub struct Ar {
     /// A photograph, a folder of frames, or a video (read by ffmpeg; .y4m without it); - is a video on standard input, YUV4MPEG2 of 8 bits.
     frames: PathBuf,

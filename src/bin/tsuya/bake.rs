@@ -15,6 +15,10 @@ use tsuya::{Error, mesh};
 ///
 /// Takes a mesh (PLY, OBJ, GLB) or a .tsuya file, and writes a .tsuya file that holds the visibility beside the mesh.
 #[derive(Args)]
+#[command(after_help = concat!(
+    "Examples:\n",
+    "  tsuya bake vase.tsuya -o vase-shadows.tsuya",
+))]
 pub struct Bake {
     /// The mesh or the .tsuya file.
     input: PathBuf,
@@ -121,7 +125,7 @@ impl Bake {
                 "sign_error": error.wrong_signs,
             }));
         }
-        output::print(&format!(
+        output::tell(&format!(
             "{vertices} vertices, {triangles} triangles, {places} places: {} terms in {:.2} s, {bytes_per_vertex:.1} bytes a vertex\n\
              error of the signed distance {:.2} degrees rms, {:.2} % of directions on the wrong side\n",
             baked.visibility.terms(),

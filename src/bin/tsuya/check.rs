@@ -12,6 +12,11 @@ use tsuya::capture::CaptureReadOptions;
 ///
 /// Exit code 4 where they have nothing to do with each other.
 #[derive(Args)]
+#[command(after_help = concat!(
+    "Examples:\n",
+    "  tsuya check vase/\n",
+    "  tsuya check vase/ --mesh scan.ply --mesh-scale 0.001",
+))]
 pub struct Check {
     /// The capture: a folder, its transforms.json, a COLMAP model, or the cameras of another program.
     capture: PathBuf,

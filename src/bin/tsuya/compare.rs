@@ -20,6 +20,10 @@ pub const AMPLIFICATION: f64 = 8.0;
 
 /// Compares a file with the capture it was made from.
 #[derive(Args)]
+#[command(after_help = concat!(
+    "Examples:\n",
+    "  tsuya compare vase.tsuya vase/ -o compared/",
+))]
 pub struct Compare {
     /// The file; - is standard input.
     file: PathBuf,

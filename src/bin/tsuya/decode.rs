@@ -21,6 +21,13 @@ use tsuya::image::Region;
 
 /// Decodes a file into a folder: photographs, masks, mesh, reflectance maps and a transforms.json that `tsuya encode` reads.
 #[derive(Args)]
+#[command(after_help = concat!(
+    "Examples:\n",
+    "  tsuya decode vase.tsuya -o out/\n",
+    "  tsuya decode vase.tsuya -o out/ --views 3,off/012.exr --format png16\n",
+    "  tsuya decode vase.tsuya -o small/ --reduce 2\n",
+    "  tsuya decode vase.tsuya -o vase.ply --mesh-only",
+))]
 pub struct Decode {
     /// The file; - is standard input.
     file: PathBuf,
@@ -173,7 +180,7 @@ impl Decode {
         if to_stream {
             return Ok(());
         }
-        output::print(&format!(
+        output::tell(&format!(
             "{views} of {} views, {read} of {bytes} bytes read, decoded in {seconds:.2} s, written in {:.2} s\n",
             asset.views.len(),
             writing.as_secs_f64()

@@ -98,7 +98,7 @@ impl Demo {
             ORBIT - 1,
             start.elapsed().as_secs_f64()
         );
-        output::print(&text)
+        output::tell(&text)
     }
 }
 

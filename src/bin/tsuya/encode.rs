@@ -18,6 +18,12 @@ use tsuya::{CaptureLight, DecodeSpeed, EncodeOptions, EncodeTarget, Profile, Ref
 
 /// Encodes a capture: photographs with their cameras, and a mesh, into one .tsuya file.
 #[derive(Args)]
+#[command(after_help = concat!(
+    "Examples:\n",
+    "  tsuya encode vase/ -o vase.tsuya\n",
+    "  tsuya encode vase/ -o vase.tsuya --psnr 42 --title Vase --licence CC0-1.0\n",
+    "  tsuya encode vase/ --plan",
+))]
 pub struct Encode {
     /// The capture: a folder, its transforms.json, a COLMAP model, or the cameras of another program.
     capture: PathBuf,
@@ -75,7 +81,7 @@ pub struct Encode {
     #[arg(long)]
     title: Option<String>,
     /// Terms of use.
-    #[arg(long)]
+    #[arg(long, visible_alias = "license")]
     licence: Option<String>,
     /// Where the measurement comes from.
     #[arg(long)]
@@ -209,10 +215,12 @@ impl Encode {
         }
         let text = table(&encoded, seconds);
         if output::is_stream(output) {
-            output::eprint_line(text.trim_end());
+            if !output::is_quiet() {
+                output::eprint_line(text.trim_end());
+            }
             return Ok(());
         }
-        output::print(&text)
+        output::tell(&text)
     }
 
     fn options(&self) -> Result<EncodeOptions> {

@@ -52,6 +52,12 @@ impl Gltf {
 
 /// Makes a GLB, or glTF JSON with its buffer beside it: mesh, textures baked from the fitted reflectance, and the file itself.
 #[derive(Args)]
+#[command(after_help = concat!(
+    "Examples:\n",
+    "  tsuya gltf export vase.tsuya -o vase.glb\n",
+    "  tsuya gltf export vase.tsuya -o vase.gltf\n",
+    "  tsuya gltf export vase.tsuya -o vase.glb --against vase/ --picture compared.png",
+))]
 pub struct Export {
     /// The .tsuya file; - is standard input.
     file: PathBuf,
@@ -158,7 +164,7 @@ impl Export {
                 "image PSNR of the textured mesh: {fallback}; of the reflectance that it was made of: {model}\n"
             );
         }
-        output::print(&text)
+        output::tell(&text)
     }
 
     /// Exports materials that are bound to the mesh: numbers, not textures, and no stream.
@@ -186,7 +192,7 @@ impl Export {
         if output::is_stream(&self.output) {
             return Ok(());
         }
-        output::print(&format!("{bytes} bytes: {vertices} vertices, {triangles} triangles, {materials} materials\n"))
+        output::tell(&format!("{bytes} bytes: {vertices} vertices, {triangles} triangles, {materials} materials\n"))
     }
 
     /// The textured mesh, and the fitted reflectance, under each photograph's light.

@@ -12,6 +12,10 @@ use tsuya::capture::{CaptureReadOptions, HullOptions, describe, visual_hull};
 ///
 /// Hollows that no silhouette shows are filled, so a scan is better where there is one. Photographs from all sides are needed.
 #[derive(Args)]
+#[command(after_help = concat!(
+    "Examples:\n",
+    "  tsuya hull vase/ -o hull.ply && tsuya encode vase/ --mesh hull.ply -o vase.tsuya",
+))]
 pub struct Hull {
     /// The capture: a folder, its transforms.json, a COLMAP model, or the cameras of another program.
     capture: PathBuf,
@@ -76,7 +80,7 @@ impl Hull {
             }));
         }
         let (views, resolution, cell) = (hull.views, hull.resolution, hull.cell);
-        output::print(&format!(
+        output::tell(&format!(
             "{views} silhouettes, {resolution} cells of {cell:.3e} along the longest side, {triangles} triangles\n"
         ))
     }

@@ -40,6 +40,10 @@ impl Light {
 /// Several images of different exposure are merged. World axes: +Y up; the middle of a latitude-longitude image is +Z, a
 /// quarter from its left edge is +X.
 #[derive(Args)]
+#[command(after_help = concat!(
+    "Examples:\n",
+    "  tsuya light fit museum.exr -o museum.tsuya",
+))]
 pub struct Fit {
     /// Images of the environment: EXR, HDR, PNG, JPEG, TIFF.
     #[arg(required = true)]
@@ -227,6 +231,6 @@ impl Figures {
         for (sharpness, error) in self.sharpness.iter().zip(&self.level_errors) {
             let _ = writeln!(text, "  sharpness {sharpness:5}: error {:.2} %", 100.0 * error);
         }
-        output::print(&text)
+        output::tell(&text)
     }
 }

@@ -51,6 +51,9 @@ struct Cli {
     /// Says more of what is done; twice: much more.
     #[arg(short, long, global = true, action = ArgAction::Count)]
     verbose: u8,
+    /// Says nothing of what is done, but warnings, errors and what was asked for.
+    #[arg(short, long, global = true, conflicts_with = "verbose")]
+    quiet: bool,
 }
 
 #[derive(Subcommand)]
@@ -106,6 +109,16 @@ impl Command {
     }
 }
 
+/// What exit codes say; the manual pages list them.
+const EXIT_STATUS: [(u8, &str); 6] = [
+    (0, "Done."),
+    (1, "The command line asks for something wrong."),
+    (2, "A file can't be read or written."),
+    (3, "A file's content is wrong."),
+    (4, "A check or an operation failed, or a part of a file is lost."),
+    (5, "Valid, but not supported."),
+];
+
 /// Something that was tried or checked did not succeed, though all input could be read.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
@@ -133,6 +146,9 @@ fn main() -> ExitCode {
     tracing_subscriber::fmt().with_max_level(level).with_writer(std::io::stderr).without_time().init();
     if let Some(mebibytes) = cli.max_memory {
         source::set_memory_limit(mebibytes);
+    }
+    if cli.quiet {
+        output::be_quiet();
     }
     output::clean_up_on_signals();
     let repairs = matches!(cli.command, Command::Repair(_));

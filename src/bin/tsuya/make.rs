@@ -28,6 +28,11 @@ const TEXTURE_BITS: u8 = 16;
 ///
 /// All that draws takes the file: render, ar, composite (asset), gltf export; bake adds its visibility.
 #[derive(Args)]
+#[command(after_help = concat!(
+    "Examples:\n",
+    "  tsuya make cup.obj --material '{\"model\": \"lambert\", \"diffuse\": 0.4}' -o cup.tsuya\n",
+    "  tsuya make lamp.glb --material shade=paper.json --material foot=brass.tsuya -o lamp.tsuya",
+))]
 pub struct Make {
     /// The mesh (PLY, OBJ, GLB, glTF); or a .tsuya file with a mesh, of which all else stays.
     mesh: PathBuf,
@@ -318,7 +323,7 @@ impl Make {
         for (name, count) in bound() {
             let _ = writeln!(text, "{}: {}, {count} triangles", output::line(name), form(name));
         }
-        output::print(&text)
+        output::tell(&text)
     }
 }
 

@@ -17,6 +17,7 @@ pub use terminal::{is_plain_text as is_plain, line, without_controls};
 use anyhow::Result;
 use std::io::{Error as IoError, ErrorKind, Write};
 use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
 use tsuya::Error;
 
 /// True for `-`, standard input or output.
@@ -27,6 +28,24 @@ pub fn is_stream(path: &Path) -> bool {
 /// Prints to standard output; what would steer a terminal is escaped. Texts from files within a line go through [`line`] first.
 pub fn print(text: &str) -> Result<()> {
     print_verbatim(&terminal::lines(text))
+}
+
+/// Whether what a command did is told, progress included; warnings, errors and what was asked for always are.
+static IS_QUIET: AtomicBool = AtomicBool::new(false);
+
+/// Tells nothing from now on.
+pub fn be_quiet() {
+    IS_QUIET.store(true, Ordering::Relaxed);
+}
+
+/// True if nothing is told.
+pub fn is_quiet() -> bool {
+    IS_QUIET.load(Ordering::Relaxed)
+}
+
+/// Says what a command that writes files has done; see [`print`].
+pub fn tell(text: &str) -> Result<()> {
+    if is_quiet() { Ok(()) } else { print(text) }
 }
 
 /// Prints a value as JSON to standard output.

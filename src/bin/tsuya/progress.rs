@@ -1,5 +1,6 @@
 //! Progress on a terminal; silent elsewhere.
 
+use crate::output;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::path::Path;
 use std::time::Duration;
@@ -11,7 +12,7 @@ pub struct Busy(ProgressBar);
 
 /// Shows what is being done.
 pub fn busy(what: &'static str) -> Busy {
-    let bar = ProgressBar::new_spinner();
+    let bar = if output::is_quiet() { ProgressBar::hidden() } else { ProgressBar::new_spinner() };
     if let Ok(style) = ProgressStyle::with_template("{spinner} {msg} {elapsed}") {
         bar.set_style(style);
     }
@@ -39,7 +40,7 @@ pub fn open_capture(path: &Path, options: &CaptureReadOptions) -> Result<OpenCap
 }
 
 fn with_bar<T>(read: impl FnOnce(&(dyn Fn(usize, usize) + Sync)) -> T) -> T {
-    let bar = ProgressBar::new(0);
+    let bar = if output::is_quiet() { ProgressBar::hidden() } else { ProgressBar::new(0) };
     if let Ok(style) = ProgressStyle::with_template("reading photographs {wide_bar} {pos}/{len}") {
         bar.set_style(style);
     }

@@ -25,6 +25,13 @@ const ANGLES: [f64; 2] = [30.0, 20.0];
 
 /// Renders images of the object.
 #[derive(Args)]
+#[command(after_help = concat!(
+    "Examples:\n",
+    "  tsuya render vase.tsuya -o vase.png --view 0 --light 1,2,3\n",
+    "  tsuya render vase.tsuya -o vase.png --environment studio.exr --camera 0,1,3,0,0,0\n",
+    "  tsuya render vase.tsuya -o around.png --orbit 36 --size 800x800\n",
+    "  tsuya render --job job.json -o vase.exr",
+))]
 pub struct Render {
     /// The file; - is standard input.
     #[arg(required_unless_present = "job", conflicts_with = "job")]
@@ -81,13 +88,26 @@ pub struct Render {
 #[derive(Args)]
 struct EnvironmentArguments {
     /// Light from all around: EXR, HDR, PNG or JPEG, 2:1 latitude and longitude or a cube; or a .tsuya file with light (tsuya light fit).
-    #[arg(long, value_name = "FILE", group = "around", conflicts_with_all = ["light", "capture_light"])]
+    #[arg(long = "environment", visible_alias = "env", value_name = "FILE", group = "around", conflicts_with_all = ["light", "capture_light"])]
     env: Option<PathBuf>,
     /// Factor of the environment's radiance.
-    #[arg(long, value_name = "FACTOR", default_value_t = 1.0, requires = "env")]
+    #[arg(
+        long = "environment-scale",
+        alias = "env-scale",
+        value_name = "FACTOR",
+        default_value_t = 1.0,
+        requires = "env"
+    )]
     env_scale: f64,
     /// Turns the environment about +Y, degrees.
-    #[arg(long, value_name = "DEG", default_value_t = 0.0, allow_hyphen_values = true, requires = "env")]
+    #[arg(
+        long = "environment-rotation",
+        alias = "env-rotation",
+        value_name = "DEG",
+        default_value_t = 0.0,
+        allow_hyphen_values = true,
+        requires = "env"
+    )]
     env_rotation: f64,
     /// How the environment's light is summed [default: filtered, or what the job says].
     #[arg(long, value_name = "NAME", value_enum, requires = "around")]
@@ -220,7 +240,7 @@ impl Render {
             let quality = self.settings();
             surroundings::pictures(&JobAsset::Asset(Box::new(asset)), &light, &cameras, quality, add)?;
         } else {
-            let message = "the object was modelled, and its file has no light: --light X,Y,Z,I or --env FILE gives one, tsuya light fit \
+            let message = "the object was modelled, and its file has no light: --light X,Y,Z,I or --environment FILE gives one, tsuya light fit \
                            makes one for the file";
             return Err(Error::parameter(message).into());
         }

@@ -17,6 +17,10 @@ use tsuya::{RepairedFile, repair};
 /// before. Files that were cut, that have holes, changed, lost or added bytes, garbage before or after, or came through a transfer in
 /// text mode are mended. Ends with code 0 where nothing is lost, 4 where something is and a file was written, 3 where nothing can be saved.
 #[derive(Args)]
+#[command(after_help = concat!(
+    "Examples:\n",
+    "  tsuya repair broken.tsuya -o saved.tsuya",
+))]
 pub struct Repair {
     /// The damaged file; - is standard input.
     file: PathBuf,
@@ -46,7 +50,7 @@ impl Repair {
         if self.json && !to_stream {
             output::print_json(&report(&repaired))?;
         } else if !to_stream {
-            output::print(&table(&repaired))?;
+            output::tell(&table(&repaired))?;
         }
         report_losses(&self.file, &repaired)
     }

@@ -1,4 +1,4 @@
-//! Images under an environment: what `render --env`, `render --job` and `composite` share.
+//! Images under an environment: what `render --environment`, `render --job` and `composite` share.
 
 use crate::source;
 use crate::values::OutsideArgument;

@@ -1,11 +1,13 @@
 //! `tsuya verify`: is a file whole, and as good as it says?
 
 use crate::comparison::compare;
+use crate::encode::psnr_json;
 use crate::source::limits;
 use crate::values::CaptureArguments;
 use crate::{Failed, output, progress, source};
 use anyhow::{Context, Result};
 use clap::Args;
+use serde_json::json;
 use std::path::PathBuf;
 use tsuya::Asset;
 use tsuya::Photograph;
@@ -17,6 +19,11 @@ const TOLERANCE_DB: f64 = 0.05;
 
 /// Checks a file: every byte of the container; on demand, that everything decodes and that its stated error is true.
 #[derive(Args)]
+#[command(after_help = concat!(
+    "Examples:\n",
+    "  tsuya verify vase.tsuya\n",
+    "  tsuya verify vase.tsuya --deep --against vase/",
+))]
 pub struct Verify {
     /// The file; - is standard input.
     file: PathBuf,
@@ -28,6 +35,9 @@ pub struct Verify {
     against: Option<PathBuf>,
     #[command(flatten)]
     reading: CaptureArguments,
+    /// Prints figures as JSON.
+    #[arg(long)]
+    json: bool,
 }
 
 impl Verify {
@@ -36,6 +46,7 @@ impl Verify {
         let name = source::name(&self.file);
         let sections = container::verify(&bytes[..], limits()).with_context(|| name.clone())?;
         let shown = output::line(&name);
+        let mut report = json!({"bytes": bytes.len(), "sections": sections.len()});
         let mut text = format!("{shown}: {} bytes in {} sections are undamaged\n", bytes.len(), sections.len());
         if self.deep {
             let _busy = progress::busy("decoding");
@@ -53,9 +64,13 @@ impl Verify {
                     .map_err(|e| tsuya::Error::format(Tag::THUMBNAIL, 0u8, format!("PNG: {e}")))?;
             }
             text += &format!("{decoded} of {} views decode\n", asset.views.len());
+            report["views"] = json!(asset.views.len());
+            report["views_decoded"] = json!(decoded);
+            report["materials_decoded"] = json!(asset.materials.len());
             let lost = Metadata(asset.metadata.clone()).lost_views();
             let lost: Vec<String> =
                 lost.iter().filter_map(|&view| Some(output::line(&asset.views.get(view)?.name))).collect();
+            report["views_lost"] = json!(lost);
             if !lost.is_empty() {
                 text += &format!("lost before the file was repaired: {}\n", lost.join(", "));
             }
@@ -74,6 +89,7 @@ impl Verify {
                 ("specular", stated.specular_psnr_db, measured.specular),
                 ("sum", stated.sum_psnr_db, measured.sum),
             ];
+            report["measured_psnr_db"] = psnr_json(&measured);
             for (component, stated, measured) in figures {
                 let say = |db: Option<f64>| db.map_or_else(|| "none".into(), |db| format!("{db:.2} dB"));
                 let agrees = match (stated, measured) {
@@ -90,6 +106,6 @@ impl Verify {
                 }
             }
         }
-        output::print(&text)
+        if self.json { output::print_json(&report) } else { output::print(&text) }
     }
 }

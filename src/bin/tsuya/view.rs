@@ -20,6 +20,11 @@ use tsuya::Error;
 
 /// Shows a file in the browser: looked at from all sides, under other lights. Serves the page on this machine alone until it is ended with Ctrl-C.
 #[derive(Args)]
+#[command(after_help = concat!(
+    "Examples:\n",
+    "  tsuya view vase.tsuya\n",
+    "  tsuya view vase.tsuya --export site/",
+))]
 pub struct View {
     /// The .tsuya, .glb or .gltf file.
     file: PathBuf,
@@ -55,7 +60,7 @@ impl View {
             }
             made.commit()?;
             let (count, shown) = (site.files().count(), folder.display());
-            return output::print(&format!(
+            return output::tell(&format!(
                 "{shown}: {count} files; any web server shows them, opened as files they do not work\n"
             ));
         }

@@ -23,25 +23,31 @@ const MOVING_COLUMNS: usize = 256;
 pub struct LightArguments {
     /// Light from all around: an image as of tsuya light fit, a bracket of several, a .tsuya file with light; or a folder or a video with
     /// one image for each frame.
-    #[arg(long, value_name = "PATH", required = true)]
+    #[arg(long = "environment", visible_alias = "env", value_name = "PATH", required = true)]
     env: Vec<PathBuf>,
     /// How the images show the sphere [default: by their shape].
-    #[arg(long, value_enum)]
+    #[arg(long = "environment-projection", alias = "env-projection", value_enum)]
     env_projection: Option<Shape>,
     /// Angle from edge to edge of a fisheye image, degrees.
-    #[arg(long, value_name = "DEGREES", default_value_t = 180.0)]
+    #[arg(long = "environment-field", alias = "env-field", value_name = "DEGREES", default_value_t = 180.0)]
     env_field: f64,
     /// The fisheye looks up, its image's lower edge to +Z; otherwise to +Z.
-    #[arg(long)]
+    #[arg(long = "environment-looks-up", alias = "env-looks-up")]
     env_looks_up: bool,
     /// Exposure of each image of a bracket.
-    #[arg(long, value_name = "T,T,...", value_parser = numbers)]
+    #[arg(long = "environment-exposures", alias = "env-exposures", value_name = "T,T,...", value_parser = numbers)]
     env_exposures: Option<Numbers>,
     /// Turns the environment about +Y, degrees.
-    #[arg(long, value_name = "DEG", default_value_t = 0.0, allow_hyphen_values = true)]
+    #[arg(
+        long = "environment-rotation",
+        alias = "env-rotation",
+        value_name = "DEG",
+        default_value_t = 0.0,
+        allow_hyphen_values = true
+    )]
     env_rotation: f64,
     /// Factor of its radiance.
-    #[arg(long, value_name = "FACTOR", default_value_t = 1.0)]
+    #[arg(long = "environment-scale", alias = "env-scale", value_name = "FACTOR", default_value_t = 1.0)]
     env_scale: f32,
     /// Factor of what 8-bit images cut off, such as lamps and the sun.
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0)]
@@ -103,7 +109,7 @@ impl LightArguments {
     pub fn input(&self, placement: &Placement, ffmpeg: &Path) -> Result<LightInput> {
         let finite = self.env_scale.is_finite() && self.env_scale >= 0.0 && self.env_rotation.is_finite();
         if !(finite && self.lamp_gain.is_finite() && self.lamp_gain >= 1.0) {
-            return Err(Error::parameter("--env-scale is 0 or more, --lamp-gain 1 or more").into());
+            return Err(Error::parameter("--environment-scale is 0 or more, --lamp-gain 1 or more").into());
         }
         let (placement, rotation) = (*placement, self.env_rotation);
         let turn = move |d: [f64; 3]| turn_y(placement.to_world(d), -rotation);
@@ -126,7 +132,7 @@ impl LightArguments {
                     let guessed = (size[0] == 2 * size[1]).then_some(EnvironmentProjection::LatLong);
                     let Some(projection) = projection.or(guessed) else {
                         let message = format!(
-                            "pictures of {} x {} pixels: say how they show the sphere (--env-projection)",
+                            "pictures of {} x {} pixels: say how they show the sphere (--environment-projection)",
                             size[0], size[1]
                         );
                         return Err(Error::input(&path, message));

@@ -132,10 +132,12 @@ impl Work {
             1e3 * reading,
             1e3 * writing
         );
-        if to_error {
+        if to_error && !output::is_quiet() {
             text.lines().for_each(output::eprint_line);
+        }
+        if to_error {
             return Ok(());
         }
-        output::print(&text)
+        output::tell(&text)
     }
 }

@@ -24,6 +24,12 @@ const SPHERE_SIDE: usize = 64;
 
 /// Fits materials and says how far the fits are from what was measured.
 #[derive(Args)]
+#[command(after_help = concat!(
+    "Examples:\n",
+    "  tsuya brdf fit steel.binary -o steel.tsuya\n",
+    "  tsuya brdf fit measured.csv --population merl/ -o new.tsuya\n",
+    "  tsuya brdf fit merl/ -o merl.tsuya --contact-sheet sheet.png",
+))]
 pub struct Fit {
     /// MERL tables (.binary), RGL materials (.bsdf), folders of them; or measured values (.csv, .json), each file a material: columns
     /// `theta_i,phi_i,theta_o,phi_o` (degrees) or `wi_x,wi_y,wi_z,wo_x,wo_y,wo_z` (z along the normal), and `r,g,b`, `value` or wavelengths
@@ -42,7 +48,7 @@ pub struct Fit {
     #[command(flatten)]
     forms: Forms,
     /// A lat-long picture as the environment of the rendered sphere [default: one of the program's own].
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, visible_alias = "env", value_name = "FILE")]
     environment: Option<PathBuf>,
     /// A picture with each material's spheres under a point light and in the environment: measured, fitted, difference (5 times).
     #[arg(long, value_name = "PNG")]
@@ -223,8 +229,7 @@ impl Fit {
         }
         written.commit()?;
         if !self.json {
-            let quiet = self.output.as_deref().is_some_and(output::is_stream);
-            return if quiet { Ok(()) } else { output::print(&text) };
+            return self.tell(&text);
         }
         match <[Value; 1]>::try_from(figures) {
             Ok([one]) => output::print_json(&one),
@@ -254,10 +259,15 @@ impl Fit {
         if let Some(path) = &self.output {
             output::write(path, &self.bytes(path, measured::fitted(rows))?, self.force)?;
         }
-        match (self.json, streams) {
-            (true, _) => output::print_json(&figures),
-            (_, true) => Ok(()),
-            _ => output::print(&text),
+        if self.json { output::print_json(&figures) } else { self.tell(&text) }
+    }
+
+    /// Prints figures: all that was asked for where no file is written, and nothing where the file goes to standard output.
+    fn tell(&self, text: &str) -> Result<()> {
+        match &self.output {
+            None => output::print(text),
+            Some(path) if output::is_stream(path) => Ok(()),
+            Some(_) => output::tell(text),
         }
     }
 

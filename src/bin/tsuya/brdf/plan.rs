@@ -14,6 +14,10 @@ const MAX_PLAN_BYTES: u64 = 16 << 20;
 
 /// Chooses the angles at which to measure materials like those of a folder.
 #[derive(Args)]
+#[command(after_help = concat!(
+    "Examples:\n",
+    "  tsuya brdf plan merl/ --samples 32 -o plan.json --csv angles.csv",
+))]
 pub struct Plan {
     /// MERL tables (.binary), RGL materials (.bsdf), folders of them: the population.
     #[arg(required = true, value_name = "DIR")]

@@ -24,7 +24,7 @@ pub struct Render {
     #[arg(long, value_enum, default_value_t = SphereLighting::Environment)]
     scene: SphereLighting,
     /// A lat-long picture as the environment [default: one of the program's own].
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, visible_alias = "env", value_name = "FILE")]
     environment: Option<PathBuf>,
     /// Place of the point light; the sphere has radius 1, the camera looks along -z.
     #[arg(long, value_name = "X,Y,Z", value_parser = triple, allow_hyphen_values = true)]
