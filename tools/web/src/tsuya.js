@@ -1,5 +1,5 @@
 // The interface; described in tsuya.d.ts.
-import { buffers, compile, COMPONENTS } from "./core.js";
+import { buffers, compile, COMPONENTS, localBytes } from "./core.js";
 import { fromPlain, TsuyaError } from "./errors.js";
 import { Session } from "./session.js";
 
@@ -15,11 +15,14 @@ export async function openTsuya(source, options = {}) {
   const useWorker = options.worker ?? typeof Worker === "function";
   const module = await compiled(options.wasm ?? new URL("tsuya.wasm", import.meta.url));
   signal?.throwIfAborted();
+  const given = plainSource(source);
+  const whole = (typeof given === "string" && (await localBytes(given))) || given;
+  signal?.throwIfAborted();
   const file = new File(useWorker ? new WorkerLink() : new DirectLink(), signal, onProgress);
   const plainRequest = { ...request, headers: [...new Headers(request.headers)] };
   delete plainRequest.signal;
   try {
-    await file.open(plainSource(source), { module, memoryMib, range, request: plainRequest });
+    await file.open(whole, { module, memoryMib, range, request: plainRequest });
   } catch (error) {
     file.close();
     throw error;
@@ -42,7 +45,8 @@ function absolute(address) {
   try {
     return new URL(address, globalThis.document?.baseURI ?? globalThis.location?.href).href;
   } catch (cause) {
-    throw new TsuyaError("parameter", `'${address}' is no address`, { cause });
+    const inNode = globalThis.process?.getBuiltinModule ? ": Node takes bytes, or pathToFileURL(path)" : "";
+    throw new TsuyaError("parameter", `'${address}' is no address${inNode}`, { cause });
   }
 }
 

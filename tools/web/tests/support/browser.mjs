@@ -9,7 +9,7 @@ import { chromium } from "playwright-core";
 export const PAGE = Buffer.from(`<!doctype html><title>tsuya</title><link rel="icon" href="data:,">
 <script type="module">import * as tsuya from "/src/tsuya.js"; window.tsuya = tsuya;</script>`);
 
-/** Starts the browser; `{ open, close }`. `open` gives `{ page, complaints }`. */
+/** Starts the browser; `{ open, close }`. `open` gives `{ page, complaints }` once the page has set this member of its window. */
 export async function launch() {
   const profile = mkdtempSync(join(tmpdir(), "tsuya-browser-"));
   const context = await chromium.launchPersistentContext(profile, {
@@ -20,7 +20,7 @@ export async function launch() {
       "--disable-component-update", "--disable-sync",
     ],
   });
-  const open = async (address) => {
+  const open = async (address, path = "/page.html", member = "tsuya") => {
     const page = await context.newPage();
     page.setDefaultTimeout(180_000);
     const complaints = [];
@@ -29,8 +29,8 @@ export async function launch() {
       // Files that are missing on purpose.
       if (message.type() === "error" && !/status of 404|ERR_/.test(message.text())) complaints.push(message.text());
     });
-    await page.goto(`${address}/page.html`);
-    await page.waitForFunction(() => window.tsuya);
+    await page.goto(address + path);
+    await page.waitForFunction((member) => window[member], member);
     return { page, complaints };
   };
   const close = async () => {
