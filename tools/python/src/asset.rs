@@ -4,15 +4,17 @@ use crate::arrays::{from_grid, from_image, from_rows};
 use crate::brdf::Material;
 use crate::camera::{Camera, PointLight};
 use crate::environment::Environment;
+use crate::errors::raise;
 use crate::photograph::{Photograph, Photographs, component_name, decode_one};
 use crate::render::{RenderArguments, Rendering, render};
 use crate::source::{Source, detached, limits};
 use numpy::{PyArray1, PyArray2, PyArray3, PyArray4, PyArrayMethods};
 use pyo3::exceptions::{PyIndexError, PyKeyError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyString, PyTuple};
+use pyo3::types::{PyBytes, PyDict, PyString, PyTuple};
 use pythonize::pythonize;
 use std::sync::{Arc, OnceLock};
+use tsuya::container::{Tag, decode_thumbnail};
 use tsuya::decoder::{DecodeOptions, ViewSelection, decode_from};
 use tsuya::image::{Grid, Region};
 use tsuya::{Limits, RenderMesh};
@@ -134,6 +136,14 @@ impl Asset {
     #[getter]
     fn white<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_slice(py, &self.0.outline.white)
+    }
+
+    /// A small picture of the object, as the bytes of a PNG; None in a file without one.
+    #[getter]
+    fn thumbnail<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyBytes>>> {
+        let content = detached(py, || self.0.source.open(self.0.limits)?.read_optional(Tag::THUMBNAIL))?;
+        let thumbnail = content.map(decode_thumbnail).transpose().map_err(raise)?;
+        Ok(thumbnail.map(|thumbnail| PyBytes::new(py, &thumbnail.png)))
     }
 
     /// The captured views: name, camera and light, and the photograph when it is asked for.
