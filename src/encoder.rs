@@ -62,6 +62,9 @@ fn encode_open(mut capture: OpenCapture, options: &EncodeOptions) -> Result<Enco
     if matches!(options.light, Some(CaptureLight::Environment { .. })) && options.profile == Profile::WaveletTexture {
         return Err(Error::parameter("option `light`: an environment is estimated in profile `predictive` only"));
     }
+    if options.position_bits.is_some_and(|bits| !(8..=20).contains(&bits)) {
+        return Err(Error::parameter("option `position_bits` goes from 8 to 20"));
+    }
     // 1. Photographs as components of reflection.
     let frames = SeparatedFrames::new(&capture, options.hold_out)?;
     // 2. Mesh: ordered and quantised. All later stages work with the mesh and the views that the decoder will have.

@@ -197,7 +197,7 @@ fn what_was_made_is_drawn_as_a_job_draws_it_and_keeps_its_shadows() {
     tsuya(&["render", &path("made.tsuya"), "-o", &path("env.png"), "--env", &path("sky.png"), "--orbit", "1"]).code(0);
     assert_eq!(picture(&at("env-000.png")).dimensions(), (800, 600));
     let said = complaint(1, &["render", &path("made.tsuya"), "-o", &path("none.png")]);
-    assert!(said.contains("--light X,Y,Z,I or --env FILE"), "{said}");
+    assert!(said.contains("--light X,Y,Z,I or --environment FILE"), "{said}");
     assert!(
         complaint(1, &["render", &path("made.tsuya"), "-o", &path("none.png"), "--view", "0", "--light", "1,1,1,1"])
             .contains("no view")

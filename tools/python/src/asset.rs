@@ -94,9 +94,20 @@ impl Opened {
     }
 
     /// How photographs are decoded.
-    fn options(&self, selection: ViewSelection, reduction: u8, region: Option<[u32; 4]>) -> DecodeOptions {
-        let region = region.map(|[left, top, width, height]| Region { left, top, width, height });
-        DecodeOptions { limits: self.limits, selection, reduction, region, photographs_only: true }
+    fn options(&self, selection: ViewSelection, reduction: i64, region: Option<[i64; 4]>) -> PyResult<DecodeOptions> {
+        let wrong = |message: &str| PyValueError::new_err(message.to_owned());
+        let reduction = u8::try_from(reduction).map_err(|_| wrong("reduction goes from 0 to 5"))?;
+        let number = |number: i64| {
+            u32::try_from(number)
+                .map_err(|_| wrong("region is (left, top, width, height), in pixels of the photograph"))
+        };
+        let region = match region {
+            None => None,
+            Some([left, top, width, height]) => {
+                Some(Region { left: number(left)?, top: number(top)?, width: number(width)?, height: number(height)? })
+            }
+        };
+        Ok(DecodeOptions { limits: self.limits, selection, reduction, region, photographs_only: true })
     }
 }
 
@@ -163,15 +174,18 @@ impl Asset {
     #[pyo3(signature = (views=None, *, reduction=0, region=None))]
     fn photographs(
         &self,
-        views: Option<Vec<Bound<'_, PyAny>>>,
-        reduction: u8,
-        region: Option<[u32; 4]>,
+        views: Option<&Bound<'_, PyAny>>,
+        reduction: i64,
+        region: Option<[i64; 4]>,
     ) -> PyResult<Photographs> {
         let selection = match views {
             None => ViewSelection::All,
-            Some(views) => ViewSelection::Views(views.iter().map(|view| self.0.find(view)).collect::<PyResult<_>>()?),
+            Some(views) => {
+                let views = views.try_iter()?.map(|view| self.0.find(&view?));
+                ViewSelection::Views(views.collect::<PyResult<_>>()?)
+            }
         };
-        Ok(Photographs::start(self.0.source.clone(), self.0.options(selection, reduction, region)))
+        Ok(Photographs::start(self.0.source.clone(), self.0.options(selection, reduction, region)?))
     }
 
     /// The mesh that the photographs are mapped on: positions and triangles.
@@ -300,8 +314,8 @@ impl View {
     /// ``reduction`` halves its size so often, 0 to 5, and nothing of the finer levels is read. ``region`` (left, top, width, height) is the
     /// part to decode, in pixels of that size. Only the bytes are read that this takes.
     #[pyo3(signature = (*, reduction=0, region=None))]
-    fn photograph(&self, py: Python<'_>, reduction: u8, region: Option<[u32; 4]>) -> PyResult<Option<Photograph>> {
-        let options = self.opened.options(ViewSelection::Views(vec![self.index]), reduction, region);
+    fn photograph(&self, py: Python<'_>, reduction: i64, region: Option<[i64; 4]>) -> PyResult<Option<Photograph>> {
+        let options = self.opened.options(ViewSelection::Views(vec![self.index]), reduction, region)?;
         decode_one(py, &self.opened.source, self.index, &options)
     }
 

@@ -107,6 +107,12 @@ impl Camera {
         Ok((from_rows(py, positions)?, PyArray1::from_vec(py, depths)))
     }
 
+    /// For copies and pickles.
+    fn __getnewargs__(&self) -> (u32, u32, [f64; 2], [f64; 2], [[f64; 3]; 3], [f64; 3]) {
+        let tsuya::Camera { width, height, focal, principal, rotation, translation } = self.0;
+        (width, height, focal, principal, rotation, translation)
+    }
+
     fn __repr__(&self) -> String {
         let [x, y, z] = self.0.centre();
         format!("Camera({} x {} at {x:.4}, {y:.4}, {z:.4})", self.0.width, self.0.height)
@@ -154,6 +160,10 @@ impl PointLight {
     #[getter]
     fn intensity<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_slice(py, &self.0.intensity)
+    }
+    /// For copies and pickles.
+    fn __getnewargs__(&self) -> ([f64; 3], [f64; 3]) {
+        (self.0.position, self.0.intensity)
     }
     fn __repr__(&self) -> String {
         let tsuya::PointLight { position: [x, y, z], intensity: [r, g, b] } = self.0;

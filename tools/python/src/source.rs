@@ -3,7 +3,7 @@
 use crate::errors::raise;
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
-use pyo3::types::PyBytes;
+use pyo3::types::{PyByteArray, PyBytes, PyMemoryView};
 use std::io::{Cursor, Read, Seek};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -22,10 +22,14 @@ pub enum Source {
 }
 
 impl Source {
-    /// A path, `bytes`, or anything with `read()`.
+    /// A path, bytes (or a bytearray or memoryview, copied), or anything with `read()`.
     pub fn new(given: &Bound<'_, PyAny>) -> PyResult<Self> {
         if let Ok(bytes) = given.cast::<PyBytes>() {
             return Ok(Source::Bytes(bytes.as_bytes().into()));
+        }
+        if given.is_instance_of::<PyByteArray>() || given.is_instance_of::<PyMemoryView>() {
+            let bytes = given.py().get_type::<PyBytes>().call1((given,))?;
+            return Source::new(&bytes);
         }
         if let Ok(path) = given.extract() {
             return Ok(Source::Path(path));

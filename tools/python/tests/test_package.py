@@ -7,6 +7,7 @@ import io
 import json
 import os
 import pathlib
+import pickle
 import subprocess
 import sys
 import tempfile
@@ -100,13 +101,16 @@ class Decoding(Folder):
         self.assertEqual((part.camera.width, part.camera.height), (40, 25))
         small = asset.view(2).photograph(reduction=1)
         self.assertEqual(small.radiance.shape[:2], tuple(-(-side // 2) for side in whole.radiance.shape[:2]))
+        self.assertEqual([photograph.index for photograph in asset.photographs(k for k in (1,))], [1])
+        for value in (whole.camera, asset.views[0].light):
+            self.assertEqual(pickle.loads(pickle.dumps(value)), value)
         names = [photograph.name for photograph in asset.photographs([asset.views[0].name, -1])]
         self.assertEqual(sorted(names), sorted([asset.views[0].name, asset.views[-1].name]))
 
     def test_a_path_bytes_and_a_stream_are_one_file(self):
         path = VECTORS / "dome-small.tsuya"
         data = path.read_bytes()
-        for given in (str(path), data, io.BytesIO(data)):
+        for given in (str(path), data, bytearray(data), memoryview(data), io.BytesIO(data)):
             asset = tsuya.open(given)
             self.assertEqual(asset.file_bytes, len(data))
             np.testing.assert_array_equal(asset.view(0).photograph().mask, tsuya.open(path).view(0).photograph().mask)
@@ -302,6 +306,9 @@ class Faults(Folder):
             (KeyError, "none", lambda: tsuya.open(file).view(0).photograph()["none"]),
             (ValueError, "region", lambda: tsuya.open(file).view(0).photograph(region=(0, 0, 999, 9))),
             (ValueError, "reduction", lambda: tsuya.open(file).view(0).photograph(reduction=9)),
+            (ValueError, "reduction", lambda: tsuya.open(file).photographs(reduction=-1)),
+            (ValueError, "region", lambda: tsuya.open(file).view(0).photograph(region=(-1, 0, 5, 5))),
+            (ValueError, "position_bits", lambda: tsuya.encode(SAMPLES / "unpolarised", position_bits=3)),
             (ValueError, "quality", lambda: tsuya.encode(SAMPLES / "dome", quality=50, psnr=40)),
             (ValueError, "hold_out", lambda: tsuya.encode(SAMPLES / "dome", hold_out=1)),
             (ValueError, "profile", lambda: tsuya.encode(SAMPLES / "dome", profile="none")),
